@@ -1,0 +1,87 @@
+"""Array aliases and the checks that every record makes of its arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
+
+__all__ = [
+    "BoolArray",
+    "Float32Array",
+    "FloatArray",
+    "IntArray",
+    "Rng",
+    "frozen",
+    "require_finite",
+    "require_range",
+    "require_trailing",
+]
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+IntArray = NDArray[np.integer[Any]]
+BoolArray = NDArray[np.bool_]
+Rng = np.random.Generator
+
+
+def require_trailing(
+    array: NDArray[Any], name: str, trailing: tuple[int | None, ...]
+) -> None:
+    """Raise `ShapeError` unless the last axes have the sizes ``trailing``.
+
+    ``None`` stands for any size; further leading axes are allowed.
+    """
+    shape = array.shape
+    fits = len(shape) >= len(trailing) and all(
+        want is None or want == have
+        for want, have in zip(
+            trailing, shape[len(shape) - len(trailing) :], strict=True
+        )
+    )
+    if not fits:
+        wanted = ", ".join("any" if size is None else str(size) for size in trailing)
+        raise ShapeError(
+            f"shape of {name}", got=shape, expected=f"trailing axes ({wanted})"
+        )
+
+
+def require_finite(array: NDArray[Any], name: str) -> None:
+    """Raise `InputError` if any element is NaN or infinite."""
+    bad = int(array.size - np.count_nonzero(np.isfinite(array)))
+    if bad:
+        raise InputError(
+            name,
+            got=f"{bad} of {array.size} values NaN or infinite",
+            expected="finite numbers",
+        )
+
+
+def require_range(name: str, value: float, low: float, high: float = np.inf) -> None:
+    """Raise `ConfigError` unless the setting lies in [low, high]; NaN never does."""
+    if not low <= value <= high:
+        limit = f"{low:g} to {high:g}" if high < np.inf else f"{low:g} or more"
+        raise ConfigError(name, got=value, expected=limit)
+
+
+def frozen(
+    array: ArrayLike,
+    name: str,
+    trailing: tuple[int | None, ...],
+    dtype: Any = np.float64,
+) -> NDArray[Any]:
+    """Copy to ``dtype``, check the trailing shape, and make it read-only."""
+    try:
+        copy = np.array(array, dtype=dtype)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(
+            name,
+            got=type(array).__name__,
+            expected=f"an array convertible to {np.dtype(dtype).name}",
+        ) from error
+    require_trailing(copy, name, trailing)
+    copy.flags.writeable = False
+    return copy

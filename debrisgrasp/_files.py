@@ -1,0 +1,125 @@
+"""Reading settings, finding shipped data and writing results whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+from contextlib import suppress
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from debrisgrasp.errors import ConfigError, OutputError
+
+__all__ = ["data_path", "read_json", "read_yaml", "write_atomic"]
+
+PathLike = str | os.PathLike[str]
+
+
+def data_path(*parts: str) -> Path:
+    """Path of shipped data, for instance ``data_path("robots", "roman.yaml")``.
+
+    The data lie inside an installed package, and beside the package in a checkout.
+    """
+    package = Path(str(files("debrisgrasp")))
+    installed = package / "data"
+    root = installed if installed.is_dir() else package.parent / "data"
+    return root.joinpath(*parts)
+
+
+def read_yaml(path: PathLike) -> Any:
+    """Content of a YAML file, with safe types only.
+
+    Raises
+    ------
+    ConfigError
+        Naming the file, and the line if it can be read but not parsed.
+    """
+    text = _read_text(path)
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f", line {mark.line + 1}" if mark else ""
+        problem = getattr(error, "problem", None) or str(error)
+        raise ConfigError(
+            f"{path}{line}", got=problem, expected="well-formed YAML"
+        ) from error
+
+
+def read_json(path: PathLike) -> Any:
+    """Content of a JSON file; NaN and infinity are refused, as the format demands.
+
+    Raises
+    ------
+    ConfigError
+        Naming the file, and the line if it can be read but not parsed.
+    """
+    text = _read_text(path)
+    try:
+        return json.loads(text, parse_constant=_refuse_constant)
+    except json.JSONDecodeError as error:
+        raise ConfigError(
+            f"{path}, line {error.lineno}", got=error.msg, expected="well-formed JSON"
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(
+            str(path), got=str(error), expected="well-formed JSON"
+        ) from error
+
+
+def write_atomic(path: PathLike, data: bytes | str) -> None:
+    """Write a file so that readers see the old content or the new, never a part.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written; what was there before is untouched.
+    """
+    target = Path(os.path.realpath(path))
+    content = data.encode() if isinstance(data, str) else data
+    _require_replaceable(target)
+    # In the same folder, because a rename is atomic only within one file system.
+    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.tmp")
+    try:
+        with temporary.open("xb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(target)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink()
+        raise OutputError(path, error.strerror or str(error)) from error
+
+
+def _read_text(path: PathLike) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ConfigError(str(path), got=reason, expected="a readable file") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(
+            str(path),
+            got=f"a byte that is no UTF-8 at offset {error.start}",
+            expected="a text file",
+        ) from error
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name}, which JSON does not have")
+
+
+def _require_replaceable(target: Path) -> None:
+    if target.is_dir():
+        raise OutputError(target, "it is a folder")
+    if target.exists():
+        # A rename would silently replace a device or a write-protected file.
+        if not target.is_file():
+            raise OutputError(target, "it is not a regular file")
+        if not os.access(target, os.W_OK):
+            raise OutputError(target, "it is write-protected")

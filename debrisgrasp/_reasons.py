@@ -1,0 +1,67 @@
+"""Why an object is passed over, and why a plan is empty, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.planning import PassedOver
+from debrisgrasp.segmentation import GroundConfig, GroundReport, Segmentation
+
+__all__ = ["is_ground", "too_small", "why_empty"]
+
+_MOSTLY = 0.9
+"""Share of an object's points in the plane of the ground that makes it ground."""
+
+
+def too_small(points: FloatArray, spacing: float, least: int) -> str | None:
+    """Reason to pass over points (n, 3) of an object that fill few cells, or None.
+
+    Parameters
+    ----------
+    spacing
+        Edge of a cell [m].
+    least
+        Number of cells from which on it is worth a search.
+    """
+    cells = np.unique(np.floor(points / spacing).astype(np.int64), axis=0)
+    if len(cells) >= least:
+        return None
+    return f"too small: {len(cells)} cells of surface seen, {least} are needed"
+
+
+def is_ground(
+    points: FloatArray, report: GroundReport, config: GroundConfig
+) -> str | None:
+    """Reason to pass over points (n, 3) of a ground that was not removed, or None.
+
+    A bare floor is left in the cloud, because its removal would leave nothing, and
+    comes out of segmentation as an object.
+    """
+    plane = report.plane
+    if report.status == "removed" or plane is None or not len(points):
+        return None
+    if report.tilt > config.max_tilt or abs(report.height) > config.max_height:
+        return None
+    is_low = np.abs(points @ plane[:3] + plane[3]) < config.clearance
+    if np.count_nonzero(is_low) < _MOSTLY * len(points):
+        return None
+    return f"it is the ground, which was left in the cloud: {report.reason}"
+
+
+def why_empty(segmentation: Segmentation, passed_over: Sequence[PassedOver]) -> str:
+    """One sentence for a plan without grasps."""
+    if not segmentation.segments:
+        return (
+            f"no object was found in the capture (ground: {segmentation.ground.reason})"
+        )
+    labels: dict[str, list[str]] = {}
+    for passed in passed_over:
+        labels.setdefault(passed.reason, []).append(str(passed.label))
+    reasons = "; ".join(
+        reason if names == ["0"] else f"object {', '.join(names)}: {reason}"
+        for reason, names in labels.items()
+    )
+    return f"no object offers a grasp: {reasons}"

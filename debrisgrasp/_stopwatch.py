@@ -1,0 +1,41 @@
+"""Where the time goes, how much of it is left, and who is told."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+__all__ = ["Progress", "Stopwatch"]
+
+Progress = Callable[[str, float], None]
+"""Called with the name of the stage and the share of it that is done, in [0, 1]."""
+
+
+class Stopwatch:
+    """Times the stages, tells the time left, and passes progress on."""
+
+    def __init__(self, deadline: float | None, progress: Progress) -> None:
+        self.seconds: dict[str, float] = {}
+        self._start = time.monotonic()
+        self._deadline, self._progress = deadline, progress
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time what happens inside, adding up repeated stages."""
+        begin = time.monotonic()
+        self._progress(name, 0.0)
+        yield
+        spent = time.monotonic() - begin
+        self.seconds[name] = self.seconds.get(name, 0.0) + spent
+        self._progress(name, 1.0)
+
+    def report(self, name: str, share: float) -> None:
+        """Tell how much of a stage is done."""
+        self._progress(name, share)
+
+    def is_late(self) -> bool:
+        """Whether the deadline has passed."""
+        if self._deadline is None:
+            return False
+        return time.monotonic() - self._start > self._deadline

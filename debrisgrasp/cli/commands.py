@@ -1,0 +1,279 @@
+"""The commands that work on a capture: demo, plan, segment, select."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import debrisgrasp
+from debrisgrasp.errors import OutputError
+from debrisgrasp.geometry import Bounds
+from debrisgrasp.io import Capture, data_path, parse_camera_pose, save_labels
+from debrisgrasp.io.plan_json import plan_to_json
+
+from .reports import (
+    PICTURE_FORMS,
+    REPORT_FORMS,
+    require_places,
+    write_plan_reports,
+    write_segmentation_picture,
+)
+from .tables import columns, plan_summary
+
+if TYPE_CHECKING:
+    from debrisgrasp.pipeline import PlanningResult
+
+Subparsers = Any  # argparse gives its subparsers no public type
+
+
+def version() -> str:
+    """Text of ``--version``."""
+    return f"debrisgrasp {debrisgrasp.__version__}"
+
+
+def add_demo(subparsers: Subparsers) -> None:
+    """Add ``demo``."""
+    parser = subparsers.add_parser(
+        "demo", help="plan on a bundled capture; writes grasps and reports"
+    )
+    parser.add_argument(
+        "--out-dir",
+        type=Path,
+        default=Path(),
+        metavar="DIR",
+        help="where to write grasps.json, report.png and report.html (default: here)",
+    )
+    parser.add_argument("--seed", type=_seed, default=0, help="default: 0")
+    parser.set_defaults(run=run_demo)
+
+
+def run_demo(arguments: argparse.Namespace) -> int:
+    """Plan on the bundled capture with the shipped robot."""
+    out = arguments.out_dir
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(out, error.strerror or str(error)) from error
+    result = debrisgrasp.plan(
+        Capture.load(data_path("captures", "pile.npz")),
+        seed=arguments.seed,
+        progress=_progress(),
+    )
+    print(plan_summary(result.plan))
+    print(f"\ntook {_seconds(result)}")
+    grasps, reports = out / "grasps.json", [out / "report.png", out / "report.html"]
+    result.save(grasps)
+    write_plan_reports(result, reports, title="debrisgrasp demo")
+    print("wrote " + ", ".join(str(path) for path in (grasps, *reports)))
+    return 0 if result.plan.grasps else 1
+
+
+def add_plan(subparsers: Subparsers) -> None:
+    """Add ``plan``."""
+    parser = subparsers.add_parser(
+        "plan",
+        help="find grasps on the object that is easiest to take",
+        description="Find grasps on the first object of the order that offers one.",
+    )
+    _add_capture(parser)
+    parser.add_argument(
+        "--robot",
+        default="roman",
+        help="a shipped robot, a YAML file, or 'none' for a floating hand "
+        "(default: roman)",
+    )
+    parser.add_argument("--arm", help="use only this arm")
+    parser.add_argument("--gripper", help="use only this hand")
+    parser.add_argument("--prototypes", metavar="DIR", help="folder of prototype files")
+    parser.add_argument(
+        "--region",
+        nargs=6,
+        type=float,
+        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
+        help="seek grasps only in this box, base frame, metres",
+    )
+    parser.add_argument(
+        "--object", type=int, metavar="N", help="seek grasps only on this object"
+    )
+    parser.add_argument("--seed", type=_seed, default=0, help="default: 0")
+    parser.add_argument(
+        "--deadline", type=float, metavar="S", help="settle after so many seconds"
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="grasps as JSON")
+    parser.add_argument(
+        "--report",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="report as .html or .png; may be given twice",
+    )
+    parser.set_defaults(run=run_plan)
+
+
+def run_plan(arguments: argparse.Namespace) -> int:
+    """Plan on the user's capture."""
+    require_places(arguments.report, REPORT_FORMS, arguments.out)
+    box = arguments.region
+    result = debrisgrasp.plan(
+        _load(arguments),
+        robot=arguments.robot,
+        arm=arguments.arm,
+        gripper=arguments.gripper,
+        prototypes=arguments.prototypes,
+        region=None if box is None else Bounds(np.array(box[:3]), np.array(box[3:])),
+        object_label=arguments.object,
+        seed=arguments.seed,
+        deadline=arguments.deadline,
+        progress=None if arguments.json else _progress(),
+    )
+    if arguments.out:
+        result.save(arguments.out)
+    write_plan_reports(result, arguments.report, title=arguments.capture.name)
+    if arguments.json:
+        print(plan_to_json(result.plan))
+    else:
+        print(plan_summary(result.plan))
+        print(f"\ntook {_seconds(result)}")
+        written = [arguments.out] * bool(arguments.out) + arguments.report
+        if written:
+            print("wrote " + ", ".join(str(path) for path in written))
+    return 0 if result.plan.grasps else 1
+
+
+def add_segment(subparsers: Subparsers) -> None:
+    """Add ``segment``."""
+    parser = subparsers.add_parser("segment", help="divide a capture into objects")
+    _add_capture(parser)
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="labels as .npz, one per input point"
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="picture as .png")
+    parser.set_defaults(run=run_segment)
+
+
+def run_segment(arguments: argparse.Namespace) -> int:
+    """Segment, and say what was found."""
+    require_places([arguments.report], PICTURE_FORMS, arguments.out)
+    capture = _load(arguments)
+    segmentation = debrisgrasp.segment(capture)
+    if arguments.out:
+        save_labels(capture, segmentation.labels, arguments.out)
+    if arguments.report:
+        write_segmentation_picture(capture, segmentation, (), arguments.report)
+    ground = segmentation.ground
+    if arguments.json:
+        facts = {
+            "ground": {"status": ground.status, "reason": ground.reason},
+            "objects": [
+                {
+                    "label": s.label,
+                    "points": s.n_points,
+                    "centroid": s.centroid.round(6).tolist(),
+                    "extents": s.extents.round(6).tolist(),
+                }
+                for s in segmentation.segments
+            ],
+        }
+        print(json.dumps(facts, indent=1))
+    else:
+        print(f"ground {ground.status}: {ground.reason}")
+        rows = [
+            [
+                str(s.label),
+                str(s.n_points),
+                *(f"{v:.2f}" for v in s.centroid),
+                " x ".join(f"{100 * v:.0f}" for v in s.extents),
+            ]
+            for s in segmentation.segments
+        ]
+        print(columns(["object", "points", "x", "y", "z", "extents [cm]"], rows))
+    return 0 if segmentation.segments else 1
+
+
+def add_select(subparsers: Subparsers) -> None:
+    """Add ``select``."""
+    parser = subparsers.add_parser(
+        "select", help="the order in which objects would be taken, and why"
+    )
+    _add_capture(parser)
+    parser.add_argument("--report", type=Path, metavar="FILE", help="picture as .png")
+    parser.set_defaults(run=run_select)
+
+
+def run_select(arguments: argparse.Namespace) -> int:
+    """Order the objects, and give the reasons."""
+    require_places([arguments.report], PICTURE_FORMS)
+    capture = _load(arguments)
+    segmentation = debrisgrasp.segment(capture)
+    order = debrisgrasp.select(capture, segmentation)
+    if arguments.report:
+        write_segmentation_picture(capture, segmentation, order, arguments.report)
+    if arguments.json:
+        facts = [
+            {"object": c.label, "cost": round(c.cost, 6), "reason": c.reason}
+            for c in order
+        ]
+        print(json.dumps(facts, indent=1))
+    else:
+        rows = [[str(i), str(c.label), c.reason] for i, c in enumerate(order, start=1)]
+        print(columns(["turn", "object", "because"], rows))
+    return 0 if order else 1
+
+
+def _add_capture(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "capture",
+        type=Path,
+        help="a .npz, .ply or .pcd file, a 16-bit depth .png, or a folder",
+    )
+    parser.add_argument(
+        "--camera-pose",
+        metavar="POSE",
+        help="pose of the camera in the base frame, if the capture has none: a file "
+        "with a 4x4 matrix, x,y,z,roll,pitch,yaw, or 'level' for a stored level frame",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON for machines instead of text"
+    )
+
+
+def _load(arguments: argparse.Namespace) -> Capture:
+    pose = arguments.camera_pose
+    return Capture.load(
+        arguments.capture, camera_pose=None if pose is None else parse_camera_pose(pose)
+    )
+
+
+def _seed(text: str) -> int:
+    """Parse a seed; numpy takes no negative ones."""
+    try:
+        seed = int(text)
+    except ValueError:
+        seed = -1
+    if seed < 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an integer of 0 or more")
+    return seed
+
+
+def _progress() -> debrisgrasp.Progress | None:
+    """Show the stage on one line of the terminal, if there is one."""
+    if not sys.stderr.isatty():
+        return None
+
+    def show(stage: str, share: float) -> None:
+        end = "\r" + " " * 40 + "\r" if share >= 1.0 else ""
+        print(f"\r{stage:<16} {100 * share:4.0f} % {end}", end="", file=sys.stderr)
+
+    return show
+
+
+def _seconds(result: PlanningResult) -> str:
+    stages = result.plan.seconds
+    parts = ", ".join(f"{name} {spent:.2f}" for name, spent in stages.items())
+    return f"{sum(stages.values()):.2f} s ({parts})"

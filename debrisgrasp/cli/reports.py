@@ -1,0 +1,84 @@
+"""Write the pictures and pages that a command was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from debrisgrasp.errors import ConfigError, OutputError
+from debrisgrasp.io import Capture
+from debrisgrasp.segmentation import Candidate, Segmentation
+from debrisgrasp.viz import Report, report_html, report_png, segmentation_png
+
+if TYPE_CHECKING:
+    from debrisgrasp.pipeline import PlanningResult
+
+__all__ = [
+    "PICTURE_FORMS",
+    "REPORT_FORMS",
+    "require_places",
+    "write_plan_reports",
+    "write_segmentation_picture",
+]
+
+REPORT_FORMS = (".html", ".png")
+"""Suffixes of the reports of a plan."""
+PICTURE_FORMS = (".png",)
+"""Suffixes of the picture of a segmentation."""
+
+
+def require_places(
+    reports: Iterable[Path | None], forms: Sequence[str], *others: Path | None
+) -> None:
+    """Raise before any work is done if a result could not be written after it.
+
+    Parameters
+    ----------
+    reports
+        Files whose suffix names their form; None stands for one not asked for.
+    forms
+        The suffixes that reports may have.
+    others
+        Further files to write.
+    """
+    wanted = [path for path in reports if path]
+    for path in wanted:
+        if path.suffix.lower() not in forms:
+            raise ConfigError(
+                "--report",
+                got=str(path),
+                expected="a name that ends in " + " or ".join(forms),
+            )
+    for path in (*wanted, *(path for path in others if path)):
+        if not path.parent.is_dir():
+            raise OutputError(path, f"there is no folder {path.parent}")
+
+
+def write_plan_reports(
+    result: PlanningResult, paths: Sequence[Path], *, title: str
+) -> None:
+    """Write a report per path, in the form that its suffix names."""
+    writers = {".png": report_png, ".html": report_html}
+    for path in paths:
+        report = Report(
+            title=title,
+            capture=result.capture,
+            cloud=result.cloud,
+            segmentation=result.segmentation,
+            plan=result.plan,
+            grippers=result.grippers,
+            robot=result.robot,
+            order=result.order,
+        )
+        writers[path.suffix.lower()](path, report)
+
+
+def write_segmentation_picture(
+    capture: Capture,
+    segmentation: Segmentation,
+    order: Sequence[Candidate],
+    path: Path,
+) -> None:
+    """Write the capture with its objects in colours, numbered if there is an order."""
+    segmentation_png(path, capture, capture.cloud(), segmentation, order=tuple(order))

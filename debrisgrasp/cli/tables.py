@@ -1,0 +1,72 @@
+"""Plain-text tables for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from debrisgrasp.planning import GraspPlan
+
+__all__ = ["columns", "plan_summary"]
+
+
+def columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Align cells in columns; numbers to the right, words to the left."""
+    table = [list(header), *(list(row) for row in rows)]
+    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
+    is_number = [
+        bool(rows) and all(_is_number(row[i]) for row in rows)
+        for i in range(len(header))
+    ]
+    lines = [
+        "  ".join(
+            cell.rjust(width) if right else cell.ljust(width)
+            for cell, width, right in zip(row, widths, is_number, strict=True)
+        ).rstrip()
+        for row in table
+    ]
+    lines.insert(1, "  ".join("-" * width for width in widths))
+    return "\n".join(lines)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
+    """Table of the best grasps, and in words what was ruled out and why."""
+    lines = [f"passed over object {p.label}: {p.reason}" for p in plan.passed_over]
+    if plan.grasps:
+        where = f"object {plan.object_label}" if plan.object_label else "the region"
+        lines.append(f"{len(plan.grasps)} grasps on {where}, best first:")
+        lines.append("")
+        lines.append(_grasp_table(plan, limit))
+    else:
+        lines.append(f"no grasp: {plan.why_empty}")
+    if plan.rejections:
+        lines.append("")
+        lines.append("ruled out on this object:")
+        ordered = sorted(plan.rejections.items(), key=lambda item: (-item[1], item[0]))
+        lines.extend(f"  {count:5d}  {reason}" for reason, count in ordered)
+    return "\n".join(lines)
+
+
+def _grasp_table(plan: GraspPlan, limit: int) -> str:
+    header = ["#", "score", "Q", "S", "C", "R", "arm", "prototype", "preshape"]
+    header += ["opening", "x", "y", "z"]
+    rows = [
+        [
+            str(rank),
+            *(f"{v:.2f}" for v in (g.score, g.Q, g.S, g.C, g.R)),
+            g.arm or "-",
+            g.prototype,
+            g.preshape,
+            f"{g.opening:.3f}",
+            *(f"{v:.3f}" for v in g.T_base_hand.p),
+        ]
+        for rank, g in enumerate(plan.grasps[:limit], start=1)
+    ]
+    return columns(header, rows)

@@ -1,0 +1,110 @@
+"""The exceptions of debrisgrasp.
+
+Every exception carries the facts of its message as attributes, so that a program can
+react to them as well as a person. Facts about the world that a robot must survive (no
+grasp found, pose out of reach) are results, not exceptions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+__all__ = [
+    "CaptureError",
+    "ConfigError",
+    "DebrisGraspError",
+    "FrameMismatchError",
+    "InputError",
+    "MissingExtraError",
+    "OutputError",
+    "ShapeError",
+    "UnknownNameError",
+]
+
+
+class DebrisGraspError(Exception):
+    """Root of all exceptions that debrisgrasp raises on purpose."""
+
+
+class InputError(DebrisGraspError, ValueError):
+    """Something the caller supplied has no honest result.
+
+    Parameters
+    ----------
+    what
+        Which quantity is wrong, in the caller's words.
+    got
+        The value that arrived.
+    expected
+        The limit or form that was needed.
+    mend
+        The next thing to do, as a sentence.
+    """
+
+    def __init__(
+        self, what: str, *, got: object, expected: str, mend: str = ""
+    ) -> None:
+        self.what, self.got, self.expected, self.mend = what, got, expected, mend
+        message = f"{what}: got {got}, expected {expected}."
+        super().__init__(f"{message} {mend}" if mend else message)
+
+
+class ShapeError(InputError):
+    """An array has the wrong shape."""
+
+
+class CaptureError(InputError):
+    """A capture, or the file it comes from, can't be used."""
+
+
+class ConfigError(InputError):
+    """A setting, or a file of settings, is malformed or out of range."""
+
+
+class OutputError(DebrisGraspError, OSError):
+    """A result can't be written; what was there before is left as it was."""
+
+    def __init__(self, path: object, reason: str) -> None:
+        self.path, self.reason = path, reason
+        super().__init__(
+            f"can't write {path}: {reason}. Nothing was changed; "
+            "give another place or make this one writable."
+        )
+
+
+class UnknownNameError(InputError):
+    """A name is not among those that are known."""
+
+    def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
+        self.kind, self.name, self.known = kind, name, tuple(known)
+        near = get_close_matches(str(name), self.known, n=1)
+        super().__init__(
+            f"unknown {kind}",
+            got=repr(name),
+            expected="one of " + (", ".join(self.known) or "none: there are none"),
+            mend=f"Did you mean {near[0]!r}?" if near else "",
+        )
+
+
+class FrameMismatchError(InputError):
+    """Two quantities that meet in one formula live in different frames."""
+
+    def __init__(self, what: str, *, expected_frame: str, got_frame: str) -> None:
+        self.expected_frame, self.got_frame = expected_frame, got_frame
+        super().__init__(
+            f"frame of {what}",
+            got=repr(got_frame),
+            expected=repr(expected_frame),
+            mend=f"Map it first with T_{expected_frame}_{got_frame}.apply(...).",
+        )
+
+
+class MissingExtraError(DebrisGraspError, ImportError):
+    """A feature needs an optional package that is not installed."""
+
+    def __init__(self, feature: str, extra: str) -> None:
+        self.feature, self.extra = feature, extra
+        super().__init__(
+            f"{feature} needs the extra {extra!r}: pip install 'debrisgrasp[{extra}]'"
+        )

@@ -1,0 +1,35 @@
+"""Layer 1: space, cameras and clouds; knows nothing about robots."""
+
+from .camera import Intrinsics
+from .cloud import Bounds, PointCloud
+from .cloud_normals import neighborhood_normals
+from .field import DistanceField, Space
+from .image_normals import depth_normals
+from .neighbors import voxel_downsample
+from .sampling import fibonacci_sphere, perturbed, random_rotations
+from .se3 import SE3
+from .sight import DepthSight, LineOfSight, PanoramicSight
+from .solids import Box, Capsule, Cylinder, Solid, Sphere
+
+__all__ = [
+    "SE3",
+    "Bounds",
+    "Box",
+    "Capsule",
+    "Cylinder",
+    "DepthSight",
+    "DistanceField",
+    "Intrinsics",
+    "LineOfSight",
+    "PanoramicSight",
+    "PointCloud",
+    "Solid",
+    "Space",
+    "Sphere",
+    "depth_normals",
+    "fibonacci_sphere",
+    "neighborhood_normals",
+    "perturbed",
+    "random_rotations",
+    "voxel_downsample",
+]

@@ -1,0 +1,129 @@
+"""The pinhole camera: pixels to points and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import FloatArray, require_finite, require_trailing
+from debrisgrasp.errors import CaptureError
+
+__all__ = ["Intrinsics"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intrinsics:
+    """Pinhole intrinsics in pixels; pixel centres at integer coordinates.
+
+    The camera frame is optical: x right, y down, z forward.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    @classmethod
+    def from_matrix(cls, K: ArrayLike, shape: tuple[int, int]) -> Intrinsics:
+        """Take a 3x3 matrix for an image of ``shape`` (rows, columns).
+
+        Raises
+        ------
+        CaptureError
+            If K is no pinhole matrix, or belongs to an image of another size.
+        """
+        K = np.asarray(K, dtype=np.float64)
+        require_trailing(K, "K", (3, 3))
+        require_finite(K, "K")
+        height, width = shape
+        fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
+        is_pinhole = fx > 0 and fy > 0 and np.allclose(K[2], (0, 0, 1))
+        # Calibrations store a skew of rounding size; a real one would bend the cloud.
+        has_skew = abs(K[0, 1]) > 1e-3 * fx or abs(K[1, 0]) > 1e-3 * fx
+        if not is_pinhole or has_skew:
+            raise CaptureError(
+                "K",
+                got=K.tolist(),
+                expected="[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0",
+                mend="Rectify images of a camera with skew first." if has_skew else "",
+            )
+        if min(height, width) < 2:
+            raise CaptureError(
+                "depth image",
+                got=f"{width} x {height} pixels",
+                expected="at least 2 x 2",
+            )
+        # Fields of view beyond these bounds belong to no depth camera; they are what
+        # a K of another resolution, or in millimetres, looks like.
+        fits = (
+            0 <= cx <= width - 1
+            and 0 <= cy <= height - 1
+            and 0.2 <= fx / width <= 10
+            and 0.2 <= fy / height <= 10
+            and abs(cx / (width - 1) - 0.5) < 0.25
+            and abs(cy / (height - 1) - 0.5) < 0.25
+        )
+        if not fits:
+            raise CaptureError(
+                "K",
+                got=f"fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g}",
+                expected=f"intrinsics of an image of {width} x {height} pixels",
+                mend="Scale K together with the image, or give the K of this stream.",
+            )
+        return cls(
+            fx=float(fx),
+            fy=float(fy),
+            cx=float(cx),
+            cy=float(cy),
+            width=width,
+            height=height,
+        )
+
+    @property
+    def matrix(self) -> FloatArray:
+        """K, shape (3, 3)."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+    def deproject(self, depth: FloatArray) -> FloatArray:
+        """Points of a depth image in the camera frame.
+
+        Parameters
+        ----------
+        depth
+            Metres along the optical axis, shape (height, width).
+
+        Returns
+        -------
+        FloatArray
+            Points [m], shape (height, width, 3); NaN depth gives NaN points.
+        """
+        require_trailing(np.asarray(depth), "depth", (self.height, self.width))
+        x = (np.arange(self.width) - self.cx) / self.fx
+        y = (np.arange(self.height) - self.cy) / self.fy
+        points = np.empty((self.height, self.width, 3))
+        np.multiply(depth, x, out=points[..., 0])
+        np.multiply(depth, y[:, None], out=points[..., 1])
+        points[..., 2] = depth
+        return points
+
+    def project(self, points_cam: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Pixel coordinates (u, v) and depth of points in the camera frame.
+
+        Points at or behind the camera plane get NaN pixel coordinates.
+
+        Returns
+        -------
+        uv, depth
+            Shapes (..., 2) in pixels and (...) in metres.
+        """
+        points = np.asarray(points_cam, dtype=np.float64)
+        require_trailing(points, "points", (3,))
+        z = points[..., 2]
+        safe = np.where(z > 1e-9, z, np.nan)
+        u = self.fx * points[..., 0] / safe + self.cx
+        v = self.fy * points[..., 1] / safe + self.cy
+        return np.stack([u, v], axis=-1), z

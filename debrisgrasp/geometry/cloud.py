@@ -1,0 +1,134 @@
+"""The point cloud that every later stage reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
+from debrisgrasp.errors import FrameMismatchError, InputError, ShapeError
+
+from .se3 import SE3
+
+__all__ = ["Bounds", "PointCloud"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bounds:
+    """An axis-aligned box in space, for instance the region V of a search."""
+
+    lower: FloatArray
+    """Corner with the smallest coordinates [m], shape (3,)."""
+    upper: FloatArray
+    """Corner with the largest coordinates [m], shape (3,)."""
+
+    def __post_init__(self) -> None:
+        lower = frozen(self.lower, "lower corner", (3,))
+        upper = frozen(self.upper, "upper corner", (3,))
+        if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
+            raise InputError(
+                "region", got=[*lower, *upper], expected="six finite coordinates"
+            )
+        if not (lower < upper).all():
+            raise InputError(
+                "region",
+                got=f"lower {lower.tolist()} and upper {upper.tolist()}",
+                expected="lower < upper along each axis",
+                mend="Order: x0 y0 z0 x1 y1 z1, metres in the base frame.",
+            )
+        object.__setattr__(self, "lower", lower)
+        object.__setattr__(self, "upper", upper)
+
+    @classmethod
+    def around(cls, points: ArrayLike, margin: float = 0.0) -> Bounds:
+        """Box around points (n, 3), grown by ``margin`` [m] on every side."""
+        points = np.asarray(points, dtype=np.float64)
+        if not len(points):
+            raise InputError("points to bound", got="none", expected="at least one")
+        pad = max(margin, 1e-6)
+        return cls(points.min(axis=0) - pad, points.max(axis=0) + pad)
+
+    @property
+    def size(self) -> FloatArray:
+        """Edge lengths [m], shape (3,)."""
+        return self.upper - self.lower
+
+    def contains(self, points: FloatArray) -> BoolArray:
+        """Which of the points (..., 3) lie inside or on the border."""
+        inside: BoolArray = np.all(
+            (points >= self.lower) & (points <= self.upper), axis=-1
+        )
+        return inside
+
+    def grown(self, margin: float) -> Bounds:
+        """Return the box with every face moved outwards by ``margin`` [m]."""
+        return Bounds(self.lower - margin, self.upper + margin)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointCloud:
+    """Points measured from one viewpoint; only points that were measured are in it."""
+
+    points: FloatArray
+    """Positions [m], shape (n, 3), finite."""
+    normals: FloatArray
+    """Unit surface normals towards the viewpoint, shape (n, 3); NaN where the
+    neighbourhood of a point does not determine one."""
+    viewpoint: FloatArray
+    """Position of the sensor [m], shape (3,)."""
+    frame: str = "base"
+    """Frame in which all three are expressed."""
+    pixels: IntArray | None = None
+    """Flat index (row * width + column) of the pixel that each point came from, shape
+    (n,), or None for an unorganised cloud."""
+    image_shape: tuple[int, int] | None = None
+    """(height, width) of the depth image, or None for an unorganised cloud."""
+
+    def __post_init__(self) -> None:
+        points = frozen(self.points, "points", (3,))
+        normals = frozen(self.normals, "normals", (3,))
+        if points.ndim != 2 or points.shape != normals.shape:
+            raise ShapeError(
+                "points and normals",
+                got=f"{points.shape} and {normals.shape}",
+                expected="both (n, 3)",
+            )
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "normals", normals)
+        object.__setattr__(self, "viewpoint", frozen(self.viewpoint, "viewpoint", (3,)))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def selected(self, index: BoolArray | IntArray) -> PointCloud:
+        """Keep the points that a mask or an index array names."""
+        pixels = None if self.pixels is None else self.pixels[index]
+        return replace(
+            self,
+            points=self.points[index],
+            normals=self.normals[index],
+            pixels=pixels,
+        )
+
+    def cropped(self, bounds: Bounds) -> PointCloud:
+        """Keep the points inside ``bounds``, which are in the same frame."""
+        return self.selected(bounds.contains(self.points))
+
+    def in_frame(self, T_frame_own: SE3, frame: str) -> PointCloud:
+        """Express the same cloud in another frame."""
+        return replace(
+            self,
+            points=T_frame_own.apply(self.points),
+            normals=T_frame_own.rotate(self.normals),
+            viewpoint=T_frame_own.apply(self.viewpoint),
+            frame=frame,
+        )
+
+    def require_frame(self, frame: str) -> None:
+        """Raise `FrameMismatchError` unless the cloud is expressed in ``frame``."""
+        if self.frame != frame:
+            raise FrameMismatchError(
+                "cloud", expected_frame=frame, got_frame=self.frame
+            )

@@ -1,0 +1,202 @@
+"""Rigid transforms as a value type, batch-first.
+
+``T_a_b`` maps coordinates written in frame b to coordinates written in frame a; it is
+also the pose of b seen from a. Twists are (v, omega) and wrenches (f, tau), linear part
+first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import FloatArray, require_finite, require_trailing
+from debrisgrasp.errors import InputError
+
+from . import so3
+
+__all__ = ["SE3"]
+
+_RIGID_TOLERANCE = 1e-3
+"""How far ``R.T @ R`` may be from the identity: float32 files reach 1e-6, hand-typed
+poses of three decimals 1e-3."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SE3:
+    """One rigid transform, or an array of them."""
+
+    matrix: FloatArray
+    """Homogeneous matrices, shape (..., 4, 4); translation [m]."""
+
+    def __post_init__(self) -> None:
+        matrix = np.asarray(self.matrix, dtype=np.float64)
+        require_trailing(matrix, "homogeneous matrix", (4, 4))
+        matrix = matrix.view()
+        matrix.flags.writeable = False
+        object.__setattr__(self, "matrix", matrix)
+
+    @classmethod
+    def identity(cls) -> SE3:
+        """Return the transform that changes nothing."""
+        return cls(np.eye(4))
+
+    @classmethod
+    def from_parts(cls, R: ArrayLike | None = None, p: ArrayLike | None = None) -> SE3:
+        """Build from rotations (..., 3, 3) and translations (..., 3) [m]."""
+        rotation = np.eye(3) if R is None else np.asarray(R, dtype=np.float64)
+        translation = np.zeros(3) if p is None else np.asarray(p, dtype=np.float64)
+        require_trailing(rotation, "rotation", (3, 3))
+        require_trailing(translation, "translation", (3,))
+        batch = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
+        matrix = np.zeros((*batch, 4, 4))
+        matrix[..., :3, :3] = rotation
+        matrix[..., :3, 3] = translation
+        matrix[..., 3, 3] = 1.0
+        return cls(matrix)
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike, name: str = "transform") -> SE3:
+        """Take a matrix from outside, and check that it is a rigid transform.
+
+        Small errors of rounding are removed by projecting onto the nearest rotation.
+
+        Parameters
+        ----------
+        matrix
+            Homogeneous matrices, shape (..., 4, 4).
+        name
+            What to call it in an error message.
+
+        Raises
+        ------
+        InputError
+            If it is not finite, not rigid, mirrored, or its last row isn't 0 0 0 1.
+        """
+        array = np.asarray(matrix, dtype=np.float64)
+        require_trailing(array, name, (4, 4))
+        require_finite(array, name)
+        if not np.allclose(array[..., 3, :], (0, 0, 0, 1), atol=1e-6):
+            raise InputError(
+                f"last row of {name}",
+                got=array[..., 3, :].tolist(),
+                expected="0 0 0 1",
+                mend="Give it row-major: a transposed matrix fails here.",
+            )
+        R = array[..., :3, :3]
+        error = float(np.max(np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)), initial=0))
+        if error > _RIGID_TOLERANCE:
+            raise InputError(
+                name,
+                got=f"axes that miss orthonormality by {error:.3g}",
+                expected=f"a rigid transform (at most {_RIGID_TOLERANCE:g})",
+                mend="Remove scale and shear from its rotation.",
+            )
+        if np.any(np.linalg.det(R) < 0.0):
+            raise InputError(
+                name,
+                got="a left-handed (mirrored) rotation, determinant -1",
+                expected="a right-handed one, determinant +1",
+                mend="One of its axes points the wrong way.",
+            )
+        u, _, vt = np.linalg.svd(R)
+        return cls.from_parts(u @ vt, array[..., :3, 3])
+
+    @classmethod
+    def exp(cls, twist: ArrayLike) -> SE3:
+        """Transform reached after unit time at body twist (v, omega), (..., 6)."""
+        twist = np.asarray(twist, dtype=np.float64)
+        require_trailing(twist, "twist", (6,))
+        v, omega = twist[..., :3], twist[..., 3:]
+        p = (so3.left_jacobian(omega) @ v[..., None])[..., 0]
+        return cls.from_parts(so3.exp(omega), p)
+
+    def log(self) -> FloatArray:
+        """Twist (v, omega) whose `exp` this is, shape (..., 6); angle at most pi."""
+        omega = so3.log(self.R)
+        v = np.linalg.solve(so3.left_jacobian(omega), self.p[..., None])[..., 0]
+        return np.concatenate([v, omega], axis=-1)
+
+    @property
+    def R(self) -> FloatArray:
+        """Rotations, shape (..., 3, 3)."""
+        return self.matrix[..., :3, :3]
+
+    @property
+    def p(self) -> FloatArray:
+        """Translations [m], shape (..., 3)."""
+        return self.matrix[..., :3, 3]
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the leading axes; ``()`` for a single transform."""
+        return self.matrix.shape[:-2]
+
+    def __matmul__(self, other: SE3) -> SE3:
+        return SE3(self.matrix @ other.matrix)
+
+    def __getitem__(self, index: Any) -> SE3:
+        return SE3(self.matrix[index])
+
+    def inverse(self) -> SE3:
+        """Transform that undoes this one."""
+        Rt = np.swapaxes(self.R, -1, -2)
+        return SE3.from_parts(Rt, -_times(Rt, self.p))
+
+    def apply(self, points: ArrayLike) -> FloatArray:
+        """Map points (..., 3) [m]; leading axes broadcast.
+
+        To put every pose on every point write ``Ts[:, None].apply(points)``.
+        """
+        points = np.asarray(points, dtype=np.float64)
+        require_trailing(points, "points", (3,))
+        return _turned(self.R, points) + self.p
+
+    def rotate(self, vectors: ArrayLike) -> FloatArray:
+        """Turn directions (..., 3) without moving them."""
+        vectors = np.asarray(vectors, dtype=np.float64)
+        require_trailing(vectors, "vectors", (3,))
+        return _turned(self.R, vectors)
+
+    def adjoint(self) -> FloatArray:
+        """Matrix with ``twist_a = T_a_b.adjoint() @ twist_b``, shape (..., 6, 6)."""
+        out = np.zeros((*self.batch, 6, 6))
+        out[..., :3, :3] = out[..., 3:, 3:] = self.R
+        out[..., :3, 3:] = so3.hat(self.p) @ self.R
+        return out
+
+    def map_twist(self, twist: ArrayLike) -> FloatArray:
+        """Twist (v, omega) in frame a of one in frame b, for ``T_a_b``."""
+        twist = np.asarray(twist, dtype=np.float64)
+        require_trailing(twist, "twist", (6,))
+        return _times(self.adjoint(), twist)
+
+    def map_wrench(self, wrench: ArrayLike) -> FloatArray:
+        """Wrench (f, tau) in frame a of one in frame b, for ``T_a_b``.
+
+        The inverse transpose of the adjoint, which keeps power the same in every frame;
+        the equation printed as (7) in the paper lacks the inverse.
+        """
+        wrench = np.asarray(wrench, dtype=np.float64)
+        require_trailing(wrench, "wrench", (6,))
+        dual = np.swapaxes(self.inverse().adjoint(), -1, -2)
+        return _times(dual, wrench)
+
+
+def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Products of matrices (..., i, j) and vectors (..., j); leading axes broadcast."""
+    products: FloatArray = (matrices @ vectors[..., None])[..., 0]
+    return products
+
+
+def _turned(R: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Rotations (..., 3, 3) of vectors (..., 3); leading axes broadcast."""
+    if R.ndim == 2:
+        return vectors @ R.T
+    if R.shape[-3] == 1 and vectors.ndim > 1:
+        # One rotation for a row of vectors: a matrix product, not many tiny ones.
+        return vectors @ np.swapaxes(R[..., 0, :, :], -1, -2)
+    return _times(R, vectors)

@@ -1,0 +1,151 @@
+"""The checks that a `Capture` makes of its arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.errors import CaptureError
+from debrisgrasp.geometry import SE3, Intrinsics
+
+__all__ = ["checked_depth", "checked_image", "checked_points", "checked_pose"]
+
+_FARTHEST_MEDIAN = 50.0
+"""Median depth [m] beyond which an image can't be metres: no depth camera sees so far,
+and millimetres begin at a few hundred."""
+_FARTHEST_CLOUD = 250.0
+"""The same for scanners, which reach farther."""
+_FEWEST_POINTS = 3
+"""Without this many measured points there is no surface."""
+
+
+def checked_depth(depth: object, intrinsics: Intrinsics | None) -> FloatArray:
+    """Depth in metres, NaN where nothing was measured; read-only."""
+    array = np.asarray(depth)
+    _require_floats(array, "depth")
+    if array.ndim != 2:
+        raise CaptureError(
+            "depth", got=f"shape {array.shape}", expected="an image (height, width)"
+        )
+    if intrinsics is None:
+        raise CaptureError("depth", got="no K", expected="intrinsics K of its camera")
+    if array.shape != (intrinsics.height, intrinsics.width):
+        raise CaptureError(
+            "depth",
+            got=f"shape {array.shape}",
+            expected=f"that of its K, ({intrinsics.height}, {intrinsics.width})",
+        )
+    cleaned = np.array(array, dtype=np.float64)
+    if (cleaned < 0).any():
+        raise CaptureError(
+            "depth",
+            got=f"{np.count_nonzero(cleaned < 0)} negative values",
+            expected="metres in front of the camera, 0 or NaN for nothing",
+            mend="Store depth along the optical axis, not a signed coordinate.",
+        )
+    cleaned[~np.isfinite(cleaned) | (cleaned == 0)] = np.nan
+    measured = cleaned[np.isfinite(cleaned)]
+    if measured.size < _FEWEST_POINTS:
+        raise CaptureError(
+            "depth",
+            got=f"{measured.size} measured pixels of {cleaned.size}",
+            expected=f"at least {_FEWEST_POINTS}",
+            mend="Look at the camera: covered, too close, or not streaming.",
+        )
+    _require_metres(float(np.median(measured)), "median depth", _FARTHEST_MEDIAN)
+    cleaned.flags.writeable = False
+    return cleaned
+
+
+def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, FloatArray]:
+    """Points (n, 3) and their viewpoint (3,), both read-only."""
+    array = np.asarray(points)
+    _require_floats(array, "points")
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise CaptureError("points", got=f"shape {array.shape}", expected="(n, 3)")
+    if viewpoint is None:
+        raise CaptureError(
+            "viewpoint",
+            got="none",
+            expected="the position of the sensor in the frame of the points",
+            mend="Give viewpoint=(x, y, z); in PLY write 'comment viewpoint x y z'.",
+        )
+    sight = np.asarray(viewpoint)
+    if sight.dtype.kind not in "fiu" or sight.shape != (3,):
+        raise CaptureError("viewpoint", got=viewpoint, expected="three numbers [m]")
+    sight = np.array(sight, dtype=np.float64)
+    if not np.isfinite(sight).all():
+        raise CaptureError("viewpoint", got=sight.tolist(), expected="finite numbers")
+    copy = np.array(array, dtype=np.float64)
+    measured = copy[np.isfinite(copy).all(axis=-1)]
+    if len(measured) < _FEWEST_POINTS:
+        raise CaptureError(
+            "points",
+            got=f"{len(measured)} finite of {len(copy)}",
+            expected=f"at least {_FEWEST_POINTS}",
+        )
+    ranges = np.linalg.norm(measured - sight, axis=-1)
+    _require_metres(
+        float(np.median(ranges)), "median distance to the viewpoint", _FARTHEST_CLOUD
+    )
+    copy.flags.writeable = sight.flags.writeable = False
+    return copy, sight
+
+
+def checked_image(image: object, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Check ``rgb``, ``mask`` or ``labels`` against the pixels or points; read-only."""
+    array = np.asarray(image)
+    wanted = (*shape, 3) if name == "rgb" else shape
+    if array.shape != wanted:
+        raise CaptureError(
+            name, got=f"shape {array.shape}", expected=f"{wanted}, as the measurement"
+        )
+    fits, expected, dtype = {
+        "rgb": (array.dtype == np.uint8, "uint8", np.uint8),
+        "mask": (array.dtype.kind in "biu", "bool, or integers with 0 = no", np.bool_),
+        "labels": (array.dtype.kind in "iu", "integers", np.int32),
+    }[name]
+    if not fits:
+        raise CaptureError(name, got=f"dtype {array.dtype}", expected=expected)
+    copy: NDArray[Any] = np.array(array, dtype=dtype)
+    copy.flags.writeable = False
+    return copy
+
+
+def checked_pose(pose: object, name: str) -> None:
+    """Raise unless ``pose`` is None or one rigid transform."""
+    if pose is None:
+        return
+    if not isinstance(pose, SE3) or pose.batch:
+        raise CaptureError(
+            name,
+            got=f"a batch {pose.batch}" if isinstance(pose, SE3) else type(pose),
+            expected="one SE3",
+            mend="Build it with SE3.from_matrix(matrix).",
+        )
+    SE3.from_matrix(pose.matrix, name)
+
+
+def _require_floats(array: NDArray[Any], name: str) -> None:
+    if array.dtype.kind == "f":
+        return
+    is_integer = array.dtype.kind in "iu"
+    raise CaptureError(
+        f"dtype of {name}",
+        got=str(array.dtype) + (", most likely millimetres" if is_integer else ""),
+        expected="floating-point metres",
+        mend="Divide by 1000 and store as float32." if is_integer else "",
+    )
+
+
+def _require_metres(median: float, what: str, farthest: float) -> None:
+    if median > farthest:
+        raise CaptureError(
+            what,
+            got=f"{median:.4g} m",
+            expected=f"at most {farthest:g} m",
+            mend="These look like millimetres: divide by 1000.",
+        )

@@ -1,0 +1,96 @@
+"""Where the camera is: poses given as numbers, as a file, or taken from the scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from debrisgrasp._files import read_json, read_yaml
+from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.geometry import SE3, so3
+
+from .arrays_npz import UNREADABLE_ARRAY
+
+__all__ = ["CameraPose", "parse_camera_pose", "pose_from_rows"]
+
+CameraPose = SE3 | Literal["level"]
+"""A measured pose of the camera in the base frame, or ``"level"`` for the frame that
+was derived from the scene."""
+
+_FORMS = "'level', x,y,z,roll,pitch,yaw, or a .npy, .json, .yaml or .txt file"
+
+
+def parse_camera_pose(text: str) -> CameraPose:
+    """Read a camera pose from one word of a command line.
+
+    Parameters
+    ----------
+    text
+        ``level``; or six numbers ``x,y,z,roll,pitch,yaw`` in metres and radians,
+        rotation ``Rz(yaw) Ry(pitch) Rx(roll)`` of the optical frame; or a file with the
+        4x4 matrix, in JSON and YAML also under the key ``T_base_camera``.
+
+    Raises
+    ------
+    ConfigError
+        If it is none of these, or no rigid transform.
+    """
+    if text == "level":
+        return "level"
+    suffix = Path(text).suffix.lower()
+    if suffix in _READERS:
+        return pose_from_rows(_READERS[suffix](Path(text)), f"camera pose in {text}")
+    try:
+        numbers = np.array([float(word) for word in text.split(",")])
+    except ValueError as error:
+        raise ConfigError("camera pose", got=repr(text), expected=_FORMS) from error
+    if numbers.shape != (6,) or not np.isfinite(numbers).all():
+        raise ConfigError("camera pose", got=repr(text), expected=_FORMS)
+    return SE3.from_parts(so3.from_rpy(numbers[3:]), numbers[:3])
+
+
+def pose_from_rows(rows: Any, name: str) -> SE3:
+    """Pose from a 4x4 matrix, its 16 numbers, or a mapping with ``T_base_camera``."""
+    if isinstance(rows, dict):
+        if "T_base_camera" not in rows:
+            keys = ", ".join(map(str, rows)) or "nothing"
+            raise ConfigError(name, got=keys, expected="the key T_base_camera")
+        rows = rows["T_base_camera"]
+    try:
+        matrix = np.array(rows, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(name, got=rows, expected="a 4x4 matrix") from error
+    if matrix.shape not in ((4, 4), (16,)):
+        raise ConfigError(name, got=f"shape {matrix.shape}", expected="a 4x4 matrix")
+    try:
+        return SE3.from_matrix(matrix.reshape(4, 4), name)
+    except InputError as error:
+        raise ConfigError(
+            error.what, got=error.got, expected=error.expected, mend=error.mend
+        ) from error
+
+
+def _read_npy(path: Path) -> Any:
+    return _read_array(path, lambda: np.load(path, allow_pickle=False))
+
+
+def _read_txt(path: Path) -> Any:
+    return _read_array(path, lambda: np.loadtxt(path, ndmin=2))
+
+
+def _read_array(path: Path, read: Any) -> Any:
+    try:
+        return read()
+    except UNREADABLE_ARRAY as error:
+        raise ConfigError(str(path), got=str(error), expected="a 4x4 matrix") from error
+
+
+_READERS = {
+    ".npy": _read_npy,
+    ".txt": _read_txt,
+    ".json": read_json,
+    ".yaml": read_yaml,
+    ".yml": read_yaml,
+}

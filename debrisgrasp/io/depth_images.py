@@ -1,0 +1,163 @@
+"""Captures as 16-bit depth PNG with a camera file beside it, alone or in a folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import read_json, read_yaml
+from debrisgrasp.errors import CaptureError, ConfigError
+from debrisgrasp.geometry import SE3, Intrinsics
+
+from ._fields import CaptureFields
+from .camera_pose import pose_from_rows
+
+__all__ = ["read_depth_png", "read_folder"]
+
+_CAMERA_SUFFIXES = (".json", ".yaml", ".yml")
+_MILLIMETRE = 0.001
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _CameraFile:
+    """Fields of a ROS ``CameraInfo`` that matter here, and two of our own."""
+
+    K: FloatArray
+    size: tuple[int, int] | None
+    """(height, width) of the image that K belongs to."""
+    depth_scale: float
+    """Metres for each unit of the depth image."""
+    T_base_camera: SE3 | None
+
+
+def read_folder(folder: Path, camera_file: Path | None) -> CaptureFields:
+    """Read ``depth.png`` with its camera, and rgb, mask and labels if there."""
+    depth = folder / "depth.png"
+    if not depth.is_file():
+        images = sorted(folder.glob("*depth*.png"))
+        if len(images) != 1:
+            present = sorted(entry.name for entry in folder.iterdir())
+            raise CaptureError(
+                "folder",
+                got=", ".join(present[:20]) or "nothing",
+                expected="depth.png (or one *depth*.png) and camera.json or .yaml",
+            )
+        depth = images[0]
+    result = read_depth_png(depth, camera_file)
+    for suffix in (".png", ".jpg", ".jpeg"):
+        for stem in ("rgb", "color"):
+            if "rgb" not in result and (folder / (stem + suffix)).is_file():
+                result["rgb"] = _read_image(folder / (stem + suffix), "RGB")
+    if (folder / "mask.png").is_file():
+        result["mask"] = _read_image(folder / "mask.png", None)
+    if (folder / "labels.png").is_file():
+        result["labels"] = _read_image(folder / "labels.png", None)
+    return result
+
+
+def read_depth_png(path: Path, camera_file: Path | None) -> CaptureFields:
+    """Read a 16-bit depth image, in millimetres unless its camera file has a scale."""
+    camera = _read_camera(camera_file or _camera_beside(path))
+    raw = _read_image(path, None)
+    if raw.ndim != 2 or raw.dtype.kind not in "iu" or raw.dtype.itemsize < 2:
+        raise CaptureError(
+            "depth image",
+            got=f"{raw.dtype} of shape {raw.shape}",
+            expected="one channel of 16 bits",
+            mend="An image for viewing is not depth: export the raw stream.",
+        )
+    if camera.size is not None and camera.size != raw.shape:
+        raise CaptureError(
+            "depth image",
+            got=f"{raw.shape[1]} x {raw.shape[0]} pixels",
+            expected=f"{camera.size[1]} x {camera.size[0]}, as its camera file says",
+            mend="Scale K together with the image, or give the file of this stream.",
+        )
+    shape = (int(raw.shape[0]), int(raw.shape[1]))
+    result: CaptureFields = {
+        "depth": raw.astype(np.float64) * camera.depth_scale,
+        "intrinsics": Intrinsics.from_matrix(camera.K, shape),
+    }
+    if camera.T_base_camera is not None:
+        result["T_base_camera"] = camera.T_base_camera
+    return result
+
+
+def _camera_beside(depth: Path) -> Path:
+    stems = (depth.stem, "camera", "camera_info")
+    names = [stem + suffix for stem in stems for suffix in _CAMERA_SUFFIXES]
+    for name in names:
+        if (depth.parent / name).is_file():
+            return depth.parent / name
+    raise CaptureError(
+        "camera of the depth image",
+        got="no camera file beside it",
+        expected="one of " + ", ".join(names),
+        mend="Write there the fields of CameraInfo: width, height, K.",
+    )
+
+
+def _read_camera(path: Path) -> _CameraFile:
+    content = read_json(path) if path.suffix.lower() == ".json" else read_yaml(path)
+    if not isinstance(content, dict):
+        raise ConfigError(
+            str(path), got=type(content).__name__, expected="a mapping with K"
+        )
+    flat = content.get("K", content.get("k"))
+    if flat is None:
+        keys = ", ".join(map(str, content)) or "nothing"
+        raise ConfigError(f"keys of {path}", got=keys, expected="K (or k) among them")
+    K = _numbers(flat, f"K in {path}")
+    if K.size != 9:
+        raise ConfigError(f"K in {path}", got=f"{K.size} numbers", expected="9")
+    distortion = _numbers(content.get("D", content.get("d")) or [], f"D in {path}")
+    if np.any(np.abs(distortion) > 1e-6):
+        raise ConfigError(
+            f"D in {path}",
+            got=distortion.tolist(),
+            expected="no distortion",
+            mend="Rectify the image, or leave D out to accept the error.",
+        )
+    scale = _numbers(content.get("depth_scale", _MILLIMETRE), f"depth_scale in {path}")
+    if scale.size != 1 or not 0 < scale.item() <= 1:
+        raise ConfigError(
+            f"depth_scale in {path}", got=scale.tolist(), expected="metres in (0, 1]"
+        )
+    size = None
+    if "width" in content and "height" in content:
+        size = (content["height"], content["width"])
+    pose = None
+    if "T_base_camera" in content:
+        pose = pose_from_rows(content, f"T_base_camera in {path}")
+    return _CameraFile(K.reshape(3, 3), size, scale.item(), pose)
+
+
+def _numbers(values: Any, name: str) -> FloatArray:
+    try:
+        return np.array(values, dtype=np.float64).ravel()
+    except (TypeError, ValueError) as error:
+        raise ConfigError(name, got=values, expected="numbers") from error
+
+
+def _read_image(path: Path, mode: str | None) -> NDArray[Any]:
+    try:
+        with Image.open(path) as image:
+            return np.array(image.convert(mode) if mode else image)
+    except (
+        OSError,
+        SyntaxError,  # how Pillow reports a broken PNG chunk
+        ValueError,
+        UnidentifiedImageError,
+        Image.DecompressionBombError,
+    ) as error:
+        raise CaptureError(
+            f"image {path.name}",
+            got=str(error) or type(error).__name__,
+            expected="a whole image file",
+        ) from error

@@ -1,0 +1,156 @@
+"""Plans as JSON, the same plan always as the same bytes."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._files import read_json, write_atomic
+from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.planning.plan import Grasp, GraspPlan, PassedOver
+
+__all__ = ["SCHEMA", "load_plan", "plan_to_dict", "plan_to_json", "save_plan"]
+
+SCHEMA = "debrisgrasp/grasps/1"
+_DIGITS = 9
+
+
+def plan_to_dict(plan: GraspPlan) -> dict[str, Any]:
+    """Plan as JSON values; numbers rounded to 1e-9, times left out."""
+    region = plan.region
+    return {
+        "schema": SCHEMA,
+        "frame": "base",
+        "robot": plan.robot,
+        "seed": plan.seed,
+        "object": plan.object_label,
+        "region": None
+        if region is None
+        else {"lower": _rounded(region.lower), "upper": _rounded(region.upper)},
+        "grasps": [_grasp_to_dict(grasp) for grasp in plan.grasps],
+        "why_empty": plan.why_empty,
+        "rejections": {reason: int(n) for reason, n in plan.rejections.items()},
+        "passed_over": [
+            {"object": passed.label, "reason": passed.reason}
+            for passed in plan.passed_over
+        ],
+    }
+
+
+def plan_to_json(plan: GraspPlan) -> str:
+    """Plan as the text of its file."""
+    return json.dumps(plan_to_dict(plan), indent=1, allow_nan=False) + "\n"
+
+
+def save_plan(plan: GraspPlan, path: str | os.PathLike[str]) -> None:
+    """Write a plan, whole or not at all."""
+    write_atomic(path, plan_to_json(plan))
+
+
+def load_plan(path: str | os.PathLike[str]) -> GraspPlan:
+    """Read a plan back.
+
+    Raises
+    ------
+    ConfigError
+        Naming the file and the field that is missing or wrong.
+    """
+    content = read_json(path)
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        got = content.get("schema") if isinstance(content, dict) else type(content)
+        raise ConfigError(f"schema of {Path(path)}", got=got, expected=SCHEMA)
+    try:
+        return _plan_from_dict(content)
+    except KeyError as error:
+        raise ConfigError(
+            f"{path}", got=f"no field {error}", expected=f"the fields of {SCHEMA}"
+        ) from error
+    except InputError as error:
+        raise ConfigError(
+            f"{path}: {error.what}",
+            got=error.got,
+            expected=error.expected,
+            mend=error.mend,
+        ) from error
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ConfigError(
+            f"{path}", got=str(error), expected=f"values as in {SCHEMA}"
+        ) from error
+
+
+def _grasp_to_dict(grasp: Grasp) -> dict[str, Any]:
+    joints = grasp.joints
+    return {
+        "pose": _rounded(grasp.T_base_hand.matrix),
+        "gripper": grasp.gripper,
+        "preshape": grasp.preshape,
+        "opening": _rounded(grasp.opening),
+        "width": _rounded(grasp.width),
+        "prototype": grasp.prototype,
+        "Q": _rounded(grasp.Q),
+        "S": _rounded(grasp.S),
+        "C": _rounded(grasp.C),
+        "R": _rounded(grasp.R),
+        "score": _rounded(grasp.score),
+        "approach": {
+            "pregrasp": _rounded(grasp.T_base_pregrasp.matrix),
+            "distance": _rounded(grasp.approach_distance),
+        },
+        "arm": grasp.arm,
+        "joints": None
+        if joints is None
+        else {name: _rounded(value) for name, value in joints.items()},
+        "object": grasp.object_label,
+    }
+
+
+def _plan_from_dict(content: dict[str, Any]) -> GraspPlan:
+    region = content["region"]
+    return GraspPlan(
+        grasps=tuple(_grasp_from_dict(grasp) for grasp in content["grasps"]),
+        object_label=int(content["object"]),
+        region=None
+        if region is None
+        else Bounds(np.array(region["lower"]), np.array(region["upper"])),
+        robot=str(content["robot"]),
+        seed=int(content["seed"]),
+        rejections={str(k): int(n) for k, n in content["rejections"].items()},
+        passed_over=tuple(
+            PassedOver(int(passed["object"]), str(passed["reason"]))
+            for passed in content["passed_over"]
+        ),
+        why_empty=content["why_empty"],
+    )
+
+
+def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
+    joints = content["joints"]
+    return Grasp(
+        T_base_hand=SE3.from_matrix(content["pose"], "pose"),
+        T_base_pregrasp=SE3.from_matrix(content["approach"]["pregrasp"], "pregrasp"),
+        gripper=str(content["gripper"]),
+        preshape=str(content["preshape"]),
+        opening=float(content["opening"]),
+        width=float(content["width"]),
+        prototype=str(content["prototype"]),
+        S=float(content["S"]),
+        C=float(content["C"]),
+        R=float(content["R"]),
+        score=float(content["score"]),
+        arm=content["arm"],
+        joints=None
+        if joints is None
+        else {str(name): float(value) for name, value in joints.items()},
+        object_label=int(content["object"]),
+    )
+
+
+def _rounded(values: ArrayLike) -> Any:
+    # Adding zero turns -0.0, which would be other bytes for the same plan, into 0.0.
+    return (np.round(np.asarray(values, dtype=np.float64), _DIGITS) + 0.0).tolist()

@@ -1,0 +1,301 @@
+"""A serial chain of joints: forward kinematics and Jacobian for batches of postures."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import BoolArray, FloatArray, Rng, frozen, require_trailing
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.geometry import SE3
+
+from .serial import LaneFrames, SerialForm
+from .urdf import MOVABLE_KINDS, UrdfJoint, UrdfTree
+
+__all__ = ["KinematicChain"]
+
+_FULL_TURN = 2.0 * np.pi - 1e-3
+"""A revolute joint whose range [rad] reaches this can take any direction."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class KinematicChain:
+    """The movable joints between two links, in order from base to tip."""
+
+    base: str
+    """Link that targets are expressed in."""
+    tip: str
+    """Link that is brought to the target."""
+    joint_names: tuple[str, ...]
+    is_revolute: BoolArray
+    """True for revolute and continuous joints, False for prismatic; shape (d,)."""
+    lower: FloatArray
+    """Smallest joint values [rad or m], shape (d,); -inf for continuous joints."""
+    upper: FloatArray
+    """Largest joint values [rad or m], shape (d,); +inf for continuous joints."""
+    axes: FloatArray
+    """Joint axes in base with all joints at zero, shape (d, 3)."""
+    points: FloatArray
+    """Origins of the joints in base with all joints at zero [m], shape (d, 3)."""
+    T_base_tip_at_zero: SE3
+    """Pose of the tip with all joints at zero."""
+
+    def __post_init__(self) -> None:
+        d = len(self.joint_names)
+        for name, trailing in (
+            ("lower", (d,)),
+            ("upper", (d,)),
+            ("axes", (d, 3)),
+            ("points", (d, 3)),
+        ):
+            array = frozen(getattr(self, name), name, trailing)
+            object.__setattr__(self, name, array)
+        for joint, lower, upper in zip(
+            self.joint_names, self.lower, self.upper, strict=True
+        ):
+            if not lower < upper:
+                raise ConfigError(
+                    f"limits of joint {joint!r}",
+                    got=f"{lower:g} to {upper:g}",
+                    expected="lower < upper",
+                    mend=f"To hold it still pass locked={{{joint!r}: value}}.",
+                )
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: str | Path,
+        base: str,
+        tip: str,
+        locked: Mapping[str, float] | None = None,
+    ) -> KinematicChain:
+        """Take the chain between two links of a URDF file.
+
+        Revolute, continuous and prismatic joints are supported; meshes are not opened.
+
+        Parameters
+        ----------
+        path
+            URDF file.
+        base, tip
+            Names of the links at both ends; base need not be the root, nor above tip.
+        locked
+            Joints of the chain to hold still, and at which value [rad or m].
+
+        Raises
+        ------
+        UnknownNameError
+            If a link or a locked joint does not exist; names near ones.
+        ConfigError
+            If a joint on the way is of an unsupported kind or has no range, or if none
+            can move.
+        """
+        return cls.from_tree(UrdfTree.load(path), base, tip, locked)
+
+    @classmethod
+    def from_tree(
+        cls,
+        tree: UrdfTree,
+        base: str,
+        tip: str,
+        locked: Mapping[str, float] | None = None,
+    ) -> KinematicChain:
+        """Take the chain between two links of a robot already read."""
+        locked = dict(locked or {})
+        tree.require_link(base, "base link")
+        tree.require_link(tip, "tip link")
+        for name in locked:
+            if name not in tree.joints:
+                raise UnknownNameError(
+                    f"locked joint of {tree.name}", name, tree.joints
+                )
+        moving, T_base_tip = _walked(tree, base, tip, locked)
+        if not moving:
+            raise ConfigError(
+                f"chain from {base!r} to {tip!r}",
+                got="no joint that moves",
+                expected="at least one",
+            )
+        joints = [joint for joint, _, _ in moving]
+        return cls(
+            base=base,
+            tip=tip,
+            joint_names=tuple(joint.name for joint in joints),
+            is_revolute=np.array([joint.kind != "prismatic" for joint in joints]),
+            lower=np.array([joint.lower for joint in joints]),
+            upper=np.array([joint.upper for joint in joints]),
+            axes=np.array([axis for _, axis, _ in moving]),
+            points=np.array([point for _, _, point in moving]),
+            T_base_tip_at_zero=T_base_tip,
+        )
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints d."""
+        return len(self.joint_names)
+
+    @cached_property
+    def form(self) -> SerialForm:
+        """The chain's constants for evaluation in double precision."""
+        return SerialForm.fit(
+            self.is_revolute, self.axes, self.points, self.T_base_tip_at_zero.matrix
+        )
+
+    @cached_property
+    def single_form(self) -> SerialForm:
+        """The same constants for evaluation in single precision."""
+        return self.form.in_single_precision()
+
+    @cached_property
+    def reach(self) -> float:
+        """Distance between first and last joint that no posture exceeds [m]."""
+        return self.form.reach_bound(self.lower, self.upper)
+
+    @cached_property
+    def is_cyclic(self) -> BoolArray:
+        """Joints that can take any direction, so that values wrap; shape (d,)."""
+        return self.is_revolute & (self.upper - self.lower >= _FULL_TURN)
+
+    @cached_property
+    def hash(self) -> str:
+        """Digest of geometry and limits; maps and trajectories are bound to it."""
+        digest = hashlib.sha256("|".join(self.joint_names).encode())
+        for array in (
+            self.is_revolute.astype(np.float64),
+            self.lower,
+            self.upper,
+            self.axes,
+            self.points,
+            self.T_base_tip_at_zero.matrix,
+        ):
+            digest.update(np.round(array, 9).tobytes())
+        return digest.hexdigest()[:16]
+
+    def fk(self, q: ArrayLike) -> SE3:
+        """Pose of the tip in base for postures q (..., d) [rad or m]."""
+        lanes, batch = self._lanes(q)
+        return SE3(self._tip(self.form.frames(lanes)).reshape(*batch, 4, 4))
+
+    def jacobian(self, q: ArrayLike) -> FloatArray:
+        """Body Jacobian: ``twist_tip = J @ dq``, linear first, axes of the tip.
+
+        Parameters
+        ----------
+        q
+            Postures, shape (..., d).
+
+        Returns
+        -------
+        FloatArray
+            Shape (..., 6, d); rows [m/rad or 1] and [1 or 0].
+        """
+        lanes, batch = self._lanes(q)
+        frames = self.form.frames(lanes)
+        J = np.moveaxis(self.form.jacobian(frames), -1, 0)
+        T_first_tip = frames.matrices() @ self.form.T_last_tip
+        R = np.swapaxes(T_first_tip[:, :3, :3], -1, -2)
+        # Move the reference point from the last joint's origin to the tip.
+        lever = T_first_tip[:, :3, 3] - frames.p.T
+        linear = J[:, :3] - np.cross(lever[:, :, None], J[:, 3:], axis=1)
+        body = np.concatenate([R @ linear, R @ J[:, 3:]], axis=1)
+        return body.reshape(*batch, 6, self.n_joints)
+
+    def joint_frames(self, q: ArrayLike) -> SE3:
+        """Pose, in base, of a frame fixed to the link behind each joint.
+
+        At zero it is aligned with base and its origin is the joint's. Shape (..., d).
+        """
+        lanes, batch = self._lanes(q)
+        form, d = self.form, self.n_joints
+        frames = form.frames(lanes)
+        out = np.empty((lanes.shape[1], d, 4, 4))
+        for i in range(d):
+            at_zero = SE3.from_parts(p=self.points[i]).matrix
+            rest = np.linalg.inv(form.frames_at_zero[i]) @ at_zero
+            out[:, i] = form.T_base_first @ frames.matrices(i) @ rest
+        return SE3(out.reshape(*batch, d, 4, 4))
+
+    def clipped(self, q: ArrayLike) -> FloatArray:
+        """Return the nearest postures within the limits; cyclic joints wrap first."""
+        q = np.asarray(q, dtype=np.float64)
+        require_trailing(q, "joint values", (self.n_joints,))
+        is_bounded = np.isfinite(self.lower)
+        ends = np.where(is_bounded, (self.lower, self.upper), 0.0)
+        middle = ends.mean(axis=0)
+        wrapped = q - 2.0 * np.pi * np.round((q - middle) / (2.0 * np.pi))
+        return np.clip(np.where(self.is_cyclic, wrapped, q), self.lower, self.upper)
+
+    def difference(self, q_a: ArrayLike, q_b: ArrayLike) -> FloatArray:
+        """``q_a - q_b`` the short way round for cyclic joints, shape (..., d)."""
+        gap = np.asarray(q_a, dtype=np.float64) - np.asarray(q_b, dtype=np.float64)
+        require_trailing(gap, "joint values", (self.n_joints,))
+        wrapped = gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
+        return np.where(self.is_cyclic, wrapped, gap)
+
+    def sampled(self, n: int, *, rng: Rng) -> FloatArray:
+        """Random postures within the limits, uniform per joint, shape (n, d)."""
+        lower = np.where(np.isfinite(self.lower), self.lower, -np.pi)
+        upper = np.where(np.isfinite(self.upper), self.upper, np.pi)
+        return rng.uniform(lower, upper, size=(n, self.n_joints))
+
+    def vector(self, values: Mapping[str, float]) -> FloatArray:
+        """Joint values in the chain's order; joints not named stand at zero."""
+        return np.array([values.get(name, 0.0) for name in self.joint_names])
+
+    def named(self, q: Sequence[float] | FloatArray) -> dict[str, float]:
+        """Joint values by name, of one posture (d,)."""
+        return dict(zip(self.joint_names, map(float, q), strict=True))
+
+    def _lanes(self, q: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
+        q = np.asarray(q, dtype=np.float64)
+        require_trailing(q, "joint values", (self.n_joints,))
+        return np.ascontiguousarray(q.reshape(-1, self.n_joints).T), q.shape[:-1]
+
+    def _tip(self, frames: LaneFrames) -> FloatArray:
+        form = self.form
+        return form.T_base_first @ frames.matrices() @ form.T_last_tip
+
+
+def _walked(
+    tree: UrdfTree, base: str, tip: str, locked: Mapping[str, float]
+) -> tuple[list[tuple[UrdfJoint, FloatArray, FloatArray]], SE3]:
+    """Return moving joints with axis and origin in base, and the pose of the tip."""
+    up, down = tree.joints_above(base), tree.joints_above(tip)
+    while up and down and up[-1] is down[-1]:
+        up.pop()
+        down.pop()
+    T, moving = SE3.identity(), []
+    for joint, goes_down in [
+        *((j, False) for j in up),
+        *((j, True) for j in down[::-1]),
+    ]:
+        step = joint.T_parent_child(locked.get(joint.name, 0.0))
+        # Walked from child to parent, the same joint turns the other way.
+        axis = joint.axis if goes_down else -joint.axis
+        T_base_joint = T @ joint.T_parent_joint if goes_down else T
+        if joint.kind != "fixed" and joint.name not in locked:
+            _require_supported(joint, tree)
+            moving.append((joint, T_base_joint.rotate(axis), T_base_joint.p))
+        T = T @ (step if goes_down else step.inverse())
+    return moving, T
+
+
+def _require_supported(joint: UrdfJoint, tree: UrdfTree) -> None:
+    if joint.mimics is not None:
+        got = f"a mimic joint, driven by {joint.mimics!r}"
+    elif joint.kind not in MOVABLE_KINDS:
+        got = f"a {joint.kind} joint"
+    else:
+        return
+    raise ConfigError(
+        f"joint {joint.name!r} in a chain of {tree.name}",
+        got=got,
+        expected="one of " + ", ".join(MOVABLE_KINDS) + ", fixed",
+        mend="Choose base and tip so that it lies outside, or lock it at a value.",
+    )

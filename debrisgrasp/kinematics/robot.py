@@ -1,0 +1,188 @@
+"""A robot as planning sees it: a URDF file and one file of settings beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from debrisgrasp._files import data_path, read_yaml
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.geometry import SE3, Solid
+
+from .chain import KinematicChain
+from .robot_file import ArmSpec, RobotFile
+from .solids import solids_of_shape
+from .urdf import UrdfTree
+
+__all__ = ["RobotModel"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RobotModel:
+    """Links and joints of a robot, its arms, and where it keeps what it doesn't use."""
+
+    name: str
+    tree: UrdfTree
+    base: str
+    """Link that every pose and solid is expressed in."""
+    camera: str | None
+    """Optical frame of the depth camera."""
+    arms: Mapping[str, ArmSpec]
+    rest: Mapping[str, float]
+    """Values of the joints that no arm moves [rad or m]."""
+    ignored_collisions: frozenset[frozenset[str]]
+    """Pairs of links that are not tested against each other."""
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> RobotModel:
+        """Load a shipped robot by name, or any robot by the path of its YAML file.
+
+        Raises
+        ------
+        UnknownNameError
+            If no robot of that name is shipped; names those that are.
+        ConfigError
+            If the file or its URDF is malformed; names the field and what it needs.
+        """
+        path = _find(name_or_path)
+        file = RobotFile.parse(read_yaml(path), path)
+        model = cls(
+            name=file.name,
+            tree=UrdfTree.load(path.parent / file.urdf),
+            base=file.base,
+            camera=file.camera,
+            arms=file.arms,
+            rest=file.rest,
+            ignored_collisions=file.ignored_collisions,
+        )
+        model._require_known_names()
+        return model
+
+    def _require_known_names(self) -> None:
+        tree = self.tree
+        links = {"base": self.base}
+        if self.camera is not None:
+            links["camera"] = self.camera
+        for arm in self.arms.values():
+            links[f"tip of arm {arm.name}"] = arm.tip
+            links[f"hand of arm {arm.name}"] = arm.hand
+        for kind, link in links.items():
+            tree.require_link(link, kind)
+        for pair in self.ignored_collisions:
+            for link in pair:
+                tree.require_link(link, "link in ignored_collisions")
+        named = [("rest", self.rest)]
+        for arm in self.arms.values():
+            named += [(f"posture {k!r}", v) for k, v in arm.postures.items()]
+            named.append((f"joints of arm {arm.name}", dict.fromkeys(arm.joints, 0.0)))
+        for where, values in named:
+            for joint in values:
+                if joint not in tree.joints:
+                    raise UnknownNameError(
+                        f"joint in {where} of robot {self.name}", joint, tree.joints
+                    )
+
+    def arm(self, name: str) -> ArmSpec:
+        """Return an arm by name, or raise `UnknownNameError` listing the arms."""
+        if name not in self.arms:
+            raise UnknownNameError(f"arm of robot {self.name}", name, self.arms)
+        return self.arms[name]
+
+    def arms_with(self, gripper: str) -> tuple[str, ...]:
+        """Names of the arms that carry a gripper."""
+        return tuple(n for n, arm in self.arms.items() if arm.gripper == gripper)
+
+    def chain(
+        self, arm: str, locked: Mapping[str, float] | None = None
+    ) -> KinematicChain:
+        """Chain from base to the arm's tip.
+
+        Parameters
+        ----------
+        arm
+            Name of the arm.
+        locked
+            Joints to hold still and their values, beside those that the robot's file
+            leaves out of the arm's joints; for instance ``{"torso_joint": 0.0}``.
+        """
+        spec = self.arm(arm)
+        on_the_way = {joint.name for joint in self.tree.joints_above(spec.tip)}
+        held = {
+            name: self.rest.get(name, 0.0)
+            for name in on_the_way
+            if name not in spec.joints and self.tree.joints[name].kind != "fixed"
+        }
+        return KinematicChain.from_tree(
+            self.tree, self.base, spec.tip, {**held, **(locked or {})}
+        )
+
+    def posture(self, arm: str, name: str) -> dict[str, float]:
+        """Joint values of an arm's named posture."""
+        spec = self.arm(arm)
+        if name not in spec.postures:
+            raise UnknownNameError(
+                f"posture of arm {arm} of robot {self.name}", name, spec.postures
+            )
+        return dict(spec.postures[name])
+
+    def joint_values(
+        self, moved: Mapping[str, float] | None = None
+    ) -> dict[str, float]:
+        """Value of every joint: at rest, arms idle, but for those in ``moved``."""
+        values = dict.fromkeys(self.tree.joints, 0.0) | dict(self.rest)
+        for arm in self.arms.values():
+            values |= self.posture(arm.name, arm.idle)
+        for name in moved or {}:
+            if name not in self.tree.joints:
+                raise UnknownNameError(
+                    f"joint of robot {self.name}", name, self.tree.joints
+                )
+        return values | dict(moved or {})
+
+    def link_poses(self, moved: Mapping[str, float] | None = None) -> dict[str, SE3]:
+        """Pose of every link in the base frame; ``moved`` as in `joint_values`."""
+        poses = self.tree.link_poses(self.joint_values(moved))
+        to_base = poses[self.base].inverse()
+        return {link: to_base @ pose for link, pose in poses.items()}
+
+    def links_solids(
+        self, moved: Mapping[str, float] | None = None
+    ) -> list[tuple[str, Solid]]:
+        """Collision solids of every link, hands included, in the base frame.
+
+        Parameters
+        ----------
+        moved
+            Joint values by name, for instance those of a grasp; arms not named stand in
+            their idle posture, all other joints at rest.
+        """
+        poses = self.link_poses(moved)
+        return [
+            (link, solid.moved(poses[link]))
+            for link, shapes in self.tree.shapes.items()
+            for shape in shapes
+            for solid in solids_of_shape(shape, link, self.tree.path.parent)
+        ]
+
+    def T_base_camera(self, moved: Mapping[str, float] | None = None) -> SE3:
+        """Nominal pose of the camera; a calibration is better where there is one."""
+        if self.camera is None:
+            raise ConfigError(
+                f"camera of robot {self.name}",
+                got="none",
+                expected="an optical frame",
+                mend="Name one under `camera:` in the robot's file.",
+            )
+        return self.link_poses(moved)[self.camera]
+
+
+def _find(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml"):
+        return path
+    shipped = sorted(data_path("robots").glob("*.yaml"))
+    for candidate in shipped:
+        if candidate.stem == str(name_or_path):
+            return candidate
+    raise UnknownNameError("robot", str(name_or_path), [p.stem for p in shipped])

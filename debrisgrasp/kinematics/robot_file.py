@@ -1,0 +1,163 @@
+"""The YAML file that describes a robot, parsed and checked field by field."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from debrisgrasp.errors import ConfigError
+
+__all__ = ["ArmSpec", "RobotFile"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ArmSpec:
+    """One arm: what it moves, what it carries, where it rests."""
+
+    name: str
+    tip: str
+    """Link that is brought to a grasp pose (palm convention)."""
+    gripper: str
+    """Name of the hand model."""
+    hand: str
+    """Link at which the hand begins."""
+    joints: tuple[str, ...]
+    """Joints that planning moves."""
+    postures: Mapping[str, Mapping[str, float]]
+    """Named joint values [rad or m]; joints not named stand at zero."""
+    present: str
+    """Posture the arm is taken to be in when a search starts."""
+    idle: str
+    """Posture while another arm works."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RobotFile:
+    """What a robot's YAML file says."""
+
+    name: str
+    urdf: str
+    base: str
+    camera: str | None
+    rest: Mapping[str, float]
+    arms: Mapping[str, ArmSpec]
+    ignored_collisions: frozenset[frozenset[str]]
+
+    @classmethod
+    def parse(cls, content: Any, path: Path) -> RobotFile:
+        """Check the content of a file; errors name the field and what it needs."""
+        reader = _Reader(content, str(path))
+        reader.allow(
+            "name", "urdf", "base", "camera", "rest", "arms", "ignored_collisions"
+        )
+        arms = reader.mapping("arms")
+        if not arms:
+            raise ConfigError(f"arms in {path}", got="none", expected="at least one")
+        return cls(
+            name=reader.text("name"),
+            urdf=reader.text("urdf"),
+            base=reader.text("base"),
+            camera=reader.text("camera") if reader.has("camera") else None,
+            rest=reader.numbers("rest") if reader.has("rest") else {},
+            arms={name: _arm(str(name), arms[name], path) for name in arms},
+            ignored_collisions=reader.pairs("ignored_collisions"),
+        )
+
+
+def _arm(name: str, content: Any, path: Path) -> ArmSpec:
+    reader = _Reader(content, f"{path}, arm {name}")
+    reader.allow("tip", "gripper", "hand", "joints", "postures", "present", "idle")
+    postures = reader.mapping("postures")
+    within = _Reader(postures, f"{path}, arm {name}, postures")
+    spec = ArmSpec(
+        name=name,
+        tip=reader.text("tip"),
+        gripper=reader.text("gripper"),
+        hand=reader.text("hand"),
+        joints=reader.texts("joints"),
+        postures={key: within.numbers(key) for key in postures},
+        present=reader.text("present"),
+        idle=reader.text("idle"),
+    )
+    for field in ("present", "idle"):
+        if getattr(spec, field) not in spec.postures:
+            raise ConfigError(
+                f"{field} in {reader.where}",
+                got=getattr(spec, field),
+                expected="one of its postures: " + ", ".join(spec.postures),
+            )
+    return spec
+
+
+class _Reader:
+    """Typed access to one mapping of a file, with errors that name the field."""
+
+    def __init__(self, content: Any, where: str) -> None:
+        if not isinstance(content, dict):
+            raise ConfigError(
+                where, got=type(content).__name__, expected="a mapping of fields"
+            )
+        self._content, self.where = content, where
+
+    def allow(self, *fields: str) -> None:
+        for field in self._content:
+            if field not in fields:
+                raise ConfigError(
+                    f"field {field!r} in {self.where}",
+                    got="an unknown field",
+                    expected="one of " + ", ".join(fields),
+                )
+
+    def has(self, field: str) -> bool:
+        return field in self._content
+
+    def _get(self, field: str, kind: type, words: str) -> Any:
+        if field not in self._content:
+            raise ConfigError(f"{field} in {self.where}", got="nothing", expected=words)
+        value = self._content[field]
+        if not isinstance(value, kind):
+            raise ConfigError(
+                f"{field} in {self.where}", got=repr(value), expected=words
+            )
+        return value
+
+    def text(self, field: str) -> str:
+        return str(self._get(field, str, "a name"))
+
+    def mapping(self, field: str) -> dict[str, Any]:
+        return dict(self._get(field, dict, "a mapping"))
+
+    def texts(self, field: str) -> tuple[str, ...]:
+        values = self._get(field, list, "a list of names")
+        if not values or not all(isinstance(value, str) for value in values):
+            raise ConfigError(
+                f"{field} in {self.where}", got=values, expected="a list of names"
+            )
+        return tuple(values)
+
+    def numbers(self, field: str) -> dict[str, float]:
+        values = self.mapping(field)
+        for joint, value in values.items():
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not is_number or not math.isfinite(value):
+                raise ConfigError(
+                    f"{field}.{joint} in {self.where}",
+                    got=repr(value),
+                    expected="a finite number [rad or m]",
+                )
+        return {str(joint): float(value) for joint, value in values.items()}
+
+    def pairs(self, field: str) -> frozenset[frozenset[str]]:
+        if not self.has(field):
+            return frozenset()
+        pairs = self._get(field, list, "a list of [link, link]")
+        for pair in pairs:
+            is_pair = isinstance(pair, list) and len(set(map(str, pair))) == 2
+            if not is_pair or len(pair) != 2:
+                raise ConfigError(
+                    f"{field} in {self.where}", got=pair, expected="[link, link]"
+                )
+        return frozenset(frozenset(map(str, pair)) for pair in pairs)

@@ -1,0 +1,78 @@
+"""Solids of a link's collision geometry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
+
+from .urdf import UrdfShape
+
+__all__ = ["solids_of_shape"]
+
+
+def solids_of_shape(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, ...]:
+    """Solids that contain a collision geometry, in the link's frame.
+
+    Primitives are taken as they are; a mesh is replaced by its bounding box.
+
+    Parameters
+    ----------
+    shape
+        The geometry.
+    link
+        Name of its link, for messages.
+    folder
+        Folder of the URDF, against which relative mesh files are looked up.
+
+    Raises
+    ------
+    ConfigError
+        If a mesh file can't be found or read.
+    """
+    size, T = shape.size, shape.T_link_shape
+    if shape.kind == "box":
+        return (Box(0.5 * np.array(size), T),)
+    if shape.kind == "sphere":
+        return (Sphere(size[0], T.p),)
+    if shape.kind == "cylinder":
+        return (Cylinder(size[0], size[1], T),)
+    if shape.kind == "capsule":
+        return (Capsule(size[0], size[1], T),)
+    return (_mesh_box(shape, link, folder),)
+
+
+def _mesh_box(shape: UrdfShape, link: str, folder: Path) -> Box:
+    import trimesh  # slow to load, and only robots with meshes need it
+
+    path = _mesh_path(shape.file, folder)
+    try:
+        mesh = trimesh.load(path, force="mesh")
+        lower, upper = np.asarray(mesh.bounds) * np.array(shape.size)
+    except Exception as error:  # loaders raise whatever they please
+        raise ConfigError(
+            f"collision mesh of link {link!r}",
+            got=f"{shape.file} ({type(error).__name__} at {path})",
+            expected="a readable mesh file",
+            mend="Put the mesh there, or give the link collision primitives; "
+            "a KinematicChain alone needs no meshes.",
+        ) from error
+    center = SE3.from_parts(p=0.5 * (lower + upper))
+    half = np.maximum(0.5 * np.abs(upper - lower), 1e-4)
+    return Box(half, shape.T_link_shape @ center)
+
+
+def _mesh_path(file: str, folder: Path) -> Path:
+    if file.startswith("package://"):
+        # package://NAME/meshes/a.stl: look for NAME, then for what follows, upwards.
+        inside = file.removeprefix("package://")
+        below = inside.partition("/")[2]
+        for parent in (folder, *folder.parents):
+            for candidate in (parent / inside, parent / below):
+                if candidate.is_file():
+                    return candidate
+        return folder / inside
+    return folder / file.removeprefix("file://")

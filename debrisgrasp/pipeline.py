@@ -1,0 +1,399 @@
+"""The whole chain from a capture to a ranked plan, loaded once and used many times."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._reasons import is_ground, too_small, why_empty
+from debrisgrasp._stopwatch import Progress, Stopwatch
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.geometry import (
+    Bounds,
+    DepthSight,
+    LineOfSight,
+    PanoramicSight,
+    PointCloud,
+)
+from debrisgrasp.io import Capture, measured
+from debrisgrasp.io.plan_json import save_plan
+from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.planning import (
+    GraspPlan,
+    GraspPlanner,
+    GraspScene,
+    ObstacleMap,
+    PassedOver,
+    PlannerConfig,
+    SearchResult,
+)
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
+from debrisgrasp.segmentation import (
+    Candidate,
+    GroundReport,
+    PriorityPoint,
+    Segmentation,
+    SegmentationConfig,
+    SelectionPolicy,
+    region_of_interest,
+    segment_cloud,
+)
+
+__all__ = ["Pipeline", "PipelineConfig", "PlanningResult", "Progress"]
+
+DEFAULT_PRIORITY_POINT = (0.9, 0.0, 1.0)
+"""Above the middle of the workspace, base frame [m]: what lies near and on top comes
+first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PipelineConfig:
+    """Settings of the whole chain; each stage has its own."""
+
+    segmentation: SegmentationConfig = SegmentationConfig()
+    planner: PlannerConfig = PlannerConfig()
+    region_margin: float = 0.05
+    """How far the region V reaches beyond the visible points of the object [m]."""
+    max_objects: int = 5
+    """How many objects to try before giving up."""
+    min_object_points: int = 40
+    """Fewer thinned points (one per cell of the planner's grid) than this are a crumb
+    of segmentation, not an object to grip."""
+
+    def __post_init__(self) -> None:
+        if self.max_objects < 1 or self.region_margin < 0:
+            raise ConfigError(
+                "max_objects, region_margin",
+                got=(self.max_objects, self.region_margin),
+                expected="at least 1, and 0 m or more",
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PlanningResult:
+    """A plan together with all that led to it."""
+
+    plan: GraspPlan
+    capture: Capture
+    cloud: PointCloud
+    segmentation: Segmentation
+    order: tuple[Candidate, ...]
+    robot: RobotModel | None
+    grippers: Mapping[str, GripperModel]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the grasps as JSON (docs/formats.md)."""
+        save_plan(self.plan, path)
+
+
+class Pipeline:
+    """Plans with one robot and one dictionary, capture after capture.
+
+    Parameters
+    ----------
+    robot
+        Name of a shipped robot, the path of a robot's YAML file, or ``"none"`` to plan
+        for a floating hand (R = 1).
+    arm
+        Use only this arm; all of the robot's arms by default.
+    gripper
+        Use only this hand; every hand that an arm carries by default.
+    prototypes
+        Folder of prototype files; the shipped dictionary by default.
+    policy
+        In which order to take the objects; by distance to the priority point (Eq. 1) by
+        default.
+    config
+        Settings of the stages.
+
+    Raises
+    ------
+    UnknownNameError
+        If the robot, arm or gripper is not known; the known ones are listed.
+    ConfigError
+        If a file is malformed, or no prototype fits the chosen hands.
+    """
+
+    def __init__(
+        self,
+        *,
+        robot: str = "roman",
+        arm: str | None = None,
+        gripper: str | None = None,
+        prototypes: str | os.PathLike[str] | None = None,
+        policy: SelectionPolicy | None = None,
+        config: PipelineConfig | None = None,
+    ) -> None:
+        self.config = config or PipelineConfig()
+        self.policy = policy or PriorityPoint.at(*DEFAULT_PRIORITY_POINT)
+        self.robot = None if robot == "none" else RobotModel.load(robot)
+        self.arms = _arms(self.robot, arm, gripper)
+        library = PrototypeLibrary.load(prototypes).select(gripper=gripper)
+        if self.arms:
+            hands = {a.gripper for a in self.arms}
+            library = library.select(
+                names=[p.name for p in library if p.gripper in hands]
+            )
+        generic = library.select(kind="generic")
+        if not len(generic):
+            raise ConfigError(
+                "prototypes",
+                got="no generic one for a hand that is in use",
+                expected="at least one",
+                mend="`debrisgrasp prototype list` shows which hand each is for.",
+            )
+        self.grippers: Mapping[str, GripperModel] = library.grippers
+        self._generic = GraspPlanner(generic, self.config.planner)
+        # Object-specific prototypes are only tried where a mask marks an object.
+        self._specific = GraspPlanner(library, self.config.planner)
+
+    def plan(
+        self,
+        capture: Capture,
+        *,
+        region: Bounds | None = None,
+        object_label: int | None = None,
+        seed: int = 0,
+        deadline: float | None = None,
+        progress: Progress | None = None,
+    ) -> PlanningResult:
+        """Plan grasps on the first object of the order that offers one.
+
+        Parameters
+        ----------
+        capture
+            One depth image or cloud with its pose in the base frame.
+        region
+            Seek grasps only inside this box (base frame), on whatever object is there.
+        object_label
+            Seek grasps only on this object of the segmentation.
+        seed
+            The same seed gives the same plan.
+        deadline
+            Seconds after which the search settles for what it has.
+        progress
+            Called as the work goes on.
+
+        Raises
+        ------
+        CaptureError
+            If the capture has no pose, or the region holds no measured point.
+        UnknownNameError
+            If ``object_label`` is not a label of the segmentation.
+        ConfigError
+            If the seed is negative, or the deadline is not a positive time.
+        """
+        _require_limits(seed, deadline)
+        watch = Stopwatch(deadline, progress or (lambda _stage, _share: None))
+        with watch.stage("cloud"):
+            cloud = capture.cloud()
+            sight = _sight(capture, cloud)
+        with watch.stage("segmentation"):
+            segmentation = segment_cloud(cloud, self.config.segmentation)
+        with watch.stage("selection"):
+            order = self.policy.order(segmentation, cloud)
+            targets = self._targets(segmentation, order, region, object_label)
+            planner = self._generic
+            if capture.mask is not None:
+                planner = self._specific
+                is_marked = capture.mask[measured(capture)]
+                if region is None and object_label is None and is_marked.any():
+                    targets = [self._marked(cloud, segmentation, is_marked)]
+                else:
+                    targets = _masked(targets, is_marked)
+        with watch.stage("obstacles"):
+            obstacles = ObstacleMap.build(cloud, sight, _ground(segmentation))
+        result, target, passed_over = self._first_success(
+            planner, cloud, sight, obstacles, targets, seed, watch, segmentation.ground
+        )
+        label = 0 if target is None else target.label
+        found = () if result is None else result.grasps
+        grasps = tuple(replace(grasp, object_label=label) for grasp in found)
+        plan = GraspPlan(
+            grasps=grasps,
+            object_label=label,
+            region=None if target is None else target.region,
+            robot="none" if self.robot is None else self.robot.name,
+            seed=seed,
+            rejections={} if result is None else result.rejections,
+            passed_over=tuple(passed_over),
+            why_empty=None if grasps else why_empty(segmentation, passed_over),
+            seconds=dict(watch.seconds),
+        )
+        return PlanningResult(
+            plan=plan,
+            capture=capture,
+            cloud=cloud,
+            segmentation=segmentation,
+            order=order,
+            robot=self.robot,
+            grippers=self.grippers,
+        )
+
+    def _targets(
+        self,
+        segmentation: Segmentation,
+        order: Sequence[Candidate],
+        region: Bounds | None,
+        object_label: int | None,
+    ) -> list[_Target]:
+        """List what to seek grasps on, in order."""
+        margin = self.config.region_margin
+        if object_label is not None:
+            chosen = segmentation.segment(object_label)
+            box = region or region_of_interest(chosen, margin=margin)
+            return [_Target(object_label, box, segmentation.labels == object_label)]
+        if region is not None:
+            return [_Target(0, region, segmentation.labels > 0)]
+        return [
+            _Target(
+                candidate.label,
+                region_of_interest(
+                    segmentation.segment(candidate.label), margin=margin
+                ),
+                segmentation.labels == candidate.label,
+            )
+            for candidate in order
+        ]
+
+    def _marked(
+        self, cloud: PointCloud, segmentation: Segmentation, is_marked: BoolArray
+    ) -> _Target:
+        """Take the marked points for one object, however they were segmented.
+
+        A handle is always divided from what it sits on; the mark keeps it whole.
+        """
+        label = int(np.bincount(segmentation.labels[is_marked]).argmax())
+        box = Bounds.around(cloud.points[is_marked], self.config.region_margin)
+        return _Target(label, box, is_marked)
+
+    def _first_success(
+        self,
+        planner: GraspPlanner,
+        cloud: PointCloud,
+        sight: LineOfSight,
+        obstacles: ObstacleMap,
+        targets: Sequence[_Target],
+        seed: int,
+        watch: Stopwatch,
+        ground: GroundReport,
+    ) -> tuple[SearchResult | None, _Target | None, list[PassedOver]]:
+        """Try the targets in turn until one offers a grasp."""
+        passed_over: list[PassedOver] = []
+        rngs = np.random.default_rng(seed).spawn(max(1, len(targets)))
+        tried: tuple[SearchResult, _Target] | None = None
+        n_tried = 0
+        for target, rng in zip(targets, rngs, strict=False):
+            reason = self._unfit(cloud, target, ground)
+            if reason is None and n_tried == self.config.max_objects:
+                reason = f"not tried: the limit of {n_tried} objects was reached"
+            if reason is None and n_tried and watch.is_late():
+                reason = "not tried: the deadline had passed"
+            if reason is not None:
+                passed_over.append(PassedOver(target.label, reason))
+                continue
+            n_tried += 1
+            with watch.stage("scene"):
+                scene = GraspScene.build(
+                    cloud,
+                    target.is_object,
+                    target.region,
+                    sight,
+                    self.config.planner.scene,
+                    ground_plane=obstacles.ground_plane,
+                )
+            result = planner.plan(scene, self.arms, obstacles, rng=rng, watch=watch)
+            if result.grasps:
+                return result, target, passed_over
+            tried = tried or (result, target)
+            passed_over.append(PassedOver(target.label, result.why_empty() or ""))
+        return (*tried, passed_over) if tried else (None, None, passed_over)
+
+    def _unfit(
+        self, cloud: PointCloud, target: _Target, ground: GroundReport
+    ) -> str | None:
+        """Why an object isn't worth a search, or None if it is."""
+        if not target.label:
+            return None
+        config, points = self.config, cloud.points[target.is_object]
+        spacing, least = config.planner.scene.spacing, config.min_object_points
+        reason = too_small(points, spacing, least)
+        return reason or is_ground(points, ground, config.segmentation.ground)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Target:
+    """Where to seek grasps, and on which points."""
+
+    label: int
+    region: Bounds
+    is_object: BoolArray
+
+
+def _masked(targets: Sequence[_Target], is_marked: BoolArray) -> list[_Target]:
+    """Keep of each target the points that are marked."""
+    return [replace(t, is_object=t.is_object & is_marked) for t in targets]
+
+
+def _require_limits(seed: int, deadline: float | None) -> None:
+    """Raise unless seed and deadline mean something."""
+    if seed < 0:
+        raise ConfigError("seed", got=seed, expected="an integer of 0 or more")
+    if deadline is not None and not deadline > 0:
+        raise ConfigError(
+            "deadline",
+            got=f"{deadline} s",
+            expected="a positive number of seconds, or none",
+        )
+
+
+def _arms(
+    robot: RobotModel | None, arm: str | None, gripper: str | None
+) -> tuple[ArmReach, ...]:
+    """Arms of the robot that are in use."""
+    if robot is None:
+        if arm is not None:
+            raise ConfigError(
+                "arm",
+                got=repr(arm),
+                expected="no arm, because the robot is 'none'",
+                mend="Name a robot, or choose the hand by its gripper.",
+            )
+        return ()
+    if arm is not None and arm not in robot.arms:
+        raise UnknownNameError("arm", arm, robot.arms)
+    carried = {name: spec.gripper for name, spec in robot.arms.items()}
+    if gripper is not None and gripper not in carried.values():
+        raise UnknownNameError(
+            f"gripper of {robot.name}", gripper, sorted(carried.values())
+        )
+    if arm is not None and gripper not in (None, carried[arm]):
+        raise ConfigError(
+            f"gripper of the {arm} arm",
+            got=repr(gripper),
+            expected=f"{carried[arm]!r}, which it carries",
+            mend="Choose the arm or the gripper; one follows from the other.",
+        )
+    return tuple(
+        ArmReach(robot, name)
+        for name in carried
+        if arm in (None, name) and gripper in (None, carried[name])
+    )
+
+
+def _sight(capture: Capture, cloud: PointCloud) -> LineOfSight:
+    """Lines of sight of an image, or of a bare cloud."""
+    depth, camera, pose = capture.depth, capture.intrinsics, capture.T_base_camera
+    if depth is None or camera is None or pose is None:
+        return PanoramicSight.from_cloud(cloud)
+    return DepthSight(depth.astype(np.float32), camera, pose)
+
+
+def _ground(segmentation: Segmentation) -> FloatArray | None:
+    """Plane of the ground where there was evidence for one."""
+    ground = segmentation.ground
+    return ground.plane if ground.status == "removed" else None

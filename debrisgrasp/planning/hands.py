@@ -1,0 +1,162 @@
+"""The preshaped hand of every prototype, packed so that all are checked at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+
+from debrisgrasp._arrays import Float32Array, FloatArray, IntArray
+from debrisgrasp.geometry import Bounds, Solid
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
+
+__all__ = ["SPHERE_RADIUS", "HandSpace", "PackedHands", "SpaceOfHand"]
+
+SPHERE_RADIUS = 0.03
+"""Largest sphere of the cover of a hand [m]: wider ones are fewer and stand out more
+over flat sides."""
+
+
+class HandSpace(IntFlag):
+    """What a place in the palm frame means to a hand."""
+
+    PALM = 1
+    """Inside the palm at the final pose."""
+    FINGER = 2
+    """Inside an open finger at the final pose."""
+    APPROACH = 4
+    """Swept by palm or fingers on the way to the final pose."""
+    CLOSING = 8
+    """Between the open fingers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpaceOfHand:
+    """The palm frame around one preshaped hand as a grid of `HandSpace` flags."""
+
+    flags: np.ndarray
+    """Shape (nx, ny, nz), uint8; the outermost layer of cells is empty."""
+    origin: FloatArray
+    """Centre of the first cell [m], palm frame, shape (3,)."""
+    spacing: float
+    """Edge of a cell [m]."""
+
+    @classmethod
+    def of(
+        cls,
+        gripper: GripperModel,
+        preshape: str,
+        opening: float,
+        *,
+        approach: float,
+        tolerance: float,
+        spacing: float = 0.004,
+    ) -> SpaceOfHand:
+        """Fill the grid from the hand's solids, exact at the centre of each cell.
+
+        Parameters
+        ----------
+        approach
+            Length of the straight approach along +z [m].
+        tolerance
+            A place counts as inside a solid from this depth on [m].
+        """
+        fingers = gripper.finger_solids(preshape, opening)
+        closing = gripper.closing_region(preshape, opening)
+        bounds = _union([s.bounds for s in (*gripper.palm, *fingers, closing)])
+        lower = bounds.lower - np.array([0.0, 0.0, approach]) - spacing
+        shape = tuple(int(n) for n in np.ceil((bounds.upper - lower) / spacing) + 2)
+        flags = np.zeros(shape, dtype=np.uint8)
+        hand = cls(flags, lower, spacing)
+        for solids, flag in (
+            (gripper.palm, HandSpace.PALM),
+            (fingers, HandSpace.FINGER),
+            ((closing,), HandSpace.CLOSING),
+        ):
+            for solid in solids:
+                depth = 0.0 if flag is HandSpace.CLOSING else tolerance
+                hand._mark(solid, flag, depth)
+        is_solid = (flags & (HandSpace.PALM | HandSpace.FINGER)) > 0
+        # Seen from the retreated hand, a point lies farther ahead than at the end.
+        for step in range(1, round(approach / spacing) + 1):
+            flags[:, :, :-step][is_solid[:, :, step:]] |= np.uint8(HandSpace.APPROACH)
+        return hand
+
+    def _mark(self, solid: Solid, flag: HandSpace, depth: float) -> None:
+        """Set a flag where a solid is deeper than ``depth`` [m]."""
+        first = np.floor((solid.bounds.lower - self.origin) / self.spacing)
+        last = np.ceil((solid.bounds.upper - self.origin) / self.spacing)
+        axes = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]
+        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        inside = solid.signed_distance(self.origin + cells * self.spacing) < -depth
+        i, j, k = cells[inside].astype(np.int64).T
+        self.flags[i, j, k] |= np.uint8(flag)
+
+    def at(self, points_hand: FloatArray) -> np.ndarray:
+        """Look up the flags at points (n, 3) of the palm frame; 0 far away."""
+        cell = np.rint((points_hand - self.origin) / self.spacing).astype(np.int64)
+        i, j, k = np.clip(cell, 0, np.array(self.flags.shape) - 1).T
+        found: np.ndarray = self.flags[i, j, k]
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PackedHands:
+    """Hands at their open preshape, one for each of p prototypes, in the palm frame."""
+
+    centers: Float32Array
+    """Spheres that cover the hand [m], shape (p, 3, s)."""
+    radii: Float32Array
+    """Their radii [m], shape (p, s); minus infinity where a hand has fewer."""
+    space_index: IntArray
+    """Which of ``spaces`` each prototype's hand has, shape (p,)."""
+    spaces: tuple[SpaceOfHand, ...]
+    """One for each combination of hand, preshape and opening."""
+    grip_points: FloatArray
+    """Middle of the space between the fingers [m], shape (p, 3)."""
+
+    @classmethod
+    def pack(
+        cls, library: PrototypeLibrary, *, approach: float, tolerance: float
+    ) -> PackedHands:
+        """Collect the hand of each prototype of a dictionary."""
+        keys = [(p.gripper, p.preshape, p.opening) for p in library]
+        unique = list(dict.fromkeys(keys))
+        spaces = tuple(
+            SpaceOfHand.of(
+                library.grippers[name],
+                preshape,
+                opening,
+                approach=approach,
+                tolerance=tolerance,
+            )
+            for name, preshape, opening in unique
+        )
+        covers = [
+            library.grippers[name].sphere_cover(preshape, opening, SPHERE_RADIUS)
+            for name, preshape, opening in unique
+        ]
+        grips = [
+            library.grippers[n].closing_region(pre, w).T_frame_solid.p
+            for n, pre, w in unique
+        ]
+        index = np.array([unique.index(key) for key in keys])
+        most = max(len(center) for center, _ in covers)
+        centers = np.zeros((len(unique), 3, most), np.float32)
+        radii = np.full((len(unique), most), -np.inf, np.float32)
+        for i, (center, radius) in enumerate(covers):
+            centers[i, :, : len(center)], radii[i, : len(radius)] = center.T, radius
+        return cls(
+            centers=centers[index],
+            radii=radii[index],
+            space_index=index,
+            spaces=spaces,
+            grip_points=np.array(grips)[index],
+        )
+
+
+def _union(boxes: Iterable[Bounds]) -> Bounds:
+    lower, upper = zip(*((b.lower, b.upper) for b in boxes), strict=True)
+    return Bounds(np.min(lower, axis=0), np.max(upper, axis=0))

@@ -1,0 +1,82 @@
+"""What a search returns: grasps, best first, or the reasons why there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from debrisgrasp.geometry import SE3, Bounds
+
+__all__ = ["Grasp", "GraspPlan", "PassedOver"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Grasp:
+    """One way to grip the object, in the base frame."""
+
+    T_base_hand: SE3
+    """Palm pose when the fingers close."""
+    T_base_pregrasp: SE3
+    """Palm pose at which the straight approach starts."""
+    gripper: str
+    preshape: str
+    opening: float
+    """Distance between the finger pads during the approach [m]."""
+    width: float
+    """Distance between the finger pads when closed on the object [m]."""
+    prototype: str
+    S: float
+    """Shape suitability in [0, 1] (Eq. 5)."""
+    C: float
+    """Freedom from collision in [0, 1]: 1 clear, 0 in collision."""
+    R: float
+    """Reachability: 1 if the arm takes the pose without collision, else 0."""
+    score: float
+    """What the list is sorted by, best first."""
+    arm: str | None = None
+    joints: Mapping[str, float] | None = None
+    """Joint positions [rad or m] that take the pose; None for a floating hand."""
+    object_label: int = 0
+    """Label of the object in the segmentation."""
+
+    @property
+    def Q(self) -> float:
+        """Grasp quality Q = S R C (Eq. 2)."""
+        return self.S * self.R * self.C
+
+    @property
+    def approach_distance(self) -> float:
+        """Length of the straight approach [m]."""
+        step = self.T_base_hand.p - self.T_base_pregrasp.p
+        return float((step @ step) ** 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class PassedOver:
+    """An object that was tried and left, and why."""
+
+    label: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GraspPlan:
+    """Ranked grasps on one object, or why there are none."""
+
+    grasps: tuple[Grasp, ...]
+    """Best first; empty when nothing was found."""
+    object_label: int
+    """The object that the grasps are for; 0 if none was chosen."""
+    region: Bounds | None
+    """The volume V in which grasps were sought, base frame."""
+    robot: str
+    """Name of the robot, or ``"none"`` for a floating hand."""
+    seed: int
+    rejections: Mapping[str, int] = field(default_factory=dict)
+    """How many candidate poses each reason ruled out."""
+    passed_over: tuple[PassedOver, ...] = ()
+    """Objects that were tried first, in order, each with its reason."""
+    why_empty: str | None = None
+    """One sentence that says why there is no grasp; None if there is one."""
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    """Time spent in each stage; not part of the saved plan."""

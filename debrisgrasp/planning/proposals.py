@@ -1,0 +1,154 @@
+"""Moves of the Markov chain: small ones around a pose, and jumps led by the data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray, IntArray, Rng, require_range
+from debrisgrasp.geometry import so3
+from debrisgrasp.prototypes import PackedPrototypes
+
+from .annealing import Walkers
+from .scene import GraspScene
+
+__all__ = ["GlobalMove", "LocalMove", "MixtureMove"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalMove:
+    """A Gaussian step in position and rotation, symmetric by construction.
+
+    Both widths shrink linearly over the run, from a coarse look around to the accuracy
+    at which a grasp is executed.
+    """
+
+    position: tuple[float, float] = (0.02, 0.003)
+    """Standard deviation per axis at the start and the end [m]."""
+    rotation: tuple[float, float] = (0.15, 0.02)
+    """Standard deviation per axis at the start and the end [rad]."""
+
+    def __post_init__(self) -> None:
+        for name in ("position", "rotation"):
+            for sigma in getattr(self, name):
+                require_range(f"LocalMove.{name}", sigma, 0.0)
+
+    def moved(self, Ts: FloatArray, progress: float, rng: Rng) -> FloatArray:
+        """Step from each pose (k, 4, 4) at ``progress`` in [0, 1] of the run."""
+        sigma_p, sigma_r = (
+            start + (end - start) * progress
+            for start, end in (self.position, self.rotation)
+        )
+        stepped = Ts.copy()
+        stepped[:, :3, 3] += sigma_p * rng.standard_normal((len(Ts), 3))
+        turn = so3.exp(sigma_r * rng.standard_normal((len(Ts), 3)))
+        stepped[:, :3, :3] = Ts[:, :3, :3] @ turn
+        return stepped
+
+
+class GlobalMove:
+    """Put a random point of the prototype on a random point of the object.
+
+    The normals are aligned; half of the time the prototype's long axis (y of the hand)
+    is aligned too with the direction in which the object runs there, otherwise the spin
+    is uniform. Where the object gives a good match such poses are likely, so the
+    density of the proposals grows with the quality; as in the matcher behind the paper
+    it is taken to be proportional to it.
+    """
+
+    def __init__(
+        self,
+        scene: GraspScene,
+        prototypes: PackedPrototypes,
+        *,
+        aligned_share: float = 0.5,
+        spin_sigma: float = 0.15,
+        steepest_ascent: float = 0.3,
+        tries: int = 3,
+    ) -> None:
+        cloud = scene.cloud
+        self._anchors = cloud.points[scene.target]
+        self._normals = cloud.normals[scene.target]
+        self._tangents = scene.tangents
+        self._prototypes = prototypes
+        self._n_points = prototypes.mask.sum(axis=1)
+        self._aligned_share, self._spin_sigma = aligned_share, spin_sigma
+        self._steepest_ascent, self._tries = steepest_ascent, tries
+
+    def sample(self, prototype: IntArray, rng: Rng) -> FloatArray:
+        """Draw one pose for each of the prototypes (k,), shape (k, 4, 4).
+
+        Of a few tries each, the first whose palm doesn't face upwards is taken: a hand
+        that comes from below the object meets the ground.
+        """
+        k = len(prototype)
+        Ts = self._draw(np.repeat(prototype, self._tries), rng)
+        Ts = Ts.reshape(k, self._tries, 4, 4)
+        is_level = Ts[..., 2, 2] <= self._steepest_ascent
+        found: FloatArray = Ts[np.arange(k), np.argmax(is_level, axis=1)]
+        return found
+
+    def _draw(self, prototype: IntArray, rng: Rng) -> FloatArray:
+        k = len(prototype)
+        anchor = rng.integers(len(self._anchors), size=k)
+        index = rng.integers(self._n_points[prototype])
+        point = self._prototypes.points[prototype, index]
+        normal = self._prototypes.normals[prototype, index]
+        along = np.broadcast_to(np.array([0.0, 1.0, 0.0]), normal.shape)
+        own_frame = _frame(normal, along)
+        R = self._target_frames(anchor, rng) @ np.swapaxes(own_frame, -1, -2)
+        Ts = np.zeros((k, 4, 4))
+        Ts[:, 3, 3] = 1.0
+        Ts[:, :3, :3] = R
+        Ts[:, :3, 3] = self._anchors[anchor] - (R @ point[..., None])[..., 0]
+        return Ts
+
+    def _target_frames(self, index: IntArray, rng: Rng) -> FloatArray:
+        """Frames (normal, tangent, binormal) on the object, spun about the normal."""
+        frame = _frame(self._normals[index], self._tangents[index])
+        is_aligned = rng.random(index.shape) < self._aligned_share
+        flip = np.pi * rng.integers(2, size=index.shape)
+        spin = np.where(
+            is_aligned,
+            flip + self._spin_sigma * rng.standard_normal(index.shape),
+            rng.uniform(0.0, 2 * np.pi, index.shape),
+        )
+        cos, sin = np.cos(spin)[:, None], np.sin(spin)[:, None]
+        axis, y, z = np.moveaxis(frame, -1, 0)
+        return np.stack([axis, cos * y + sin * z, cos * z - sin * y], axis=-1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MixtureMove:
+    """Each walker takes a global move with a falling probability, else a local one."""
+
+    local: LocalMove
+    jump: GlobalMove
+    prototype: IntArray
+    """Which prototype each walker places, shape (k,)."""
+    global_share: tuple[float, float]
+    """Probability of a global move at the start and at the end of the run."""
+
+    def __call__(
+        self, walkers: Walkers, progress: float, rng: Rng
+    ) -> tuple[FloatArray, FloatArray]:
+        """See `annealing.Proposal`."""
+        start, end = self.global_share
+        share = start + (end - start) * progress
+        is_global = rng.random(walkers.log_quality.shape) < share
+        candidates = self.local.moved(walkers.Ts_base_hand, progress, rng)
+        candidates[is_global] = self.jump.sample(self.prototype[is_global], rng)
+        # A step around the pose is symmetric; jumps find good poses in proportion.
+        return candidates, is_global.astype(np.float64)
+
+
+def _frame(axis: FloatArray, hint: FloatArray) -> FloatArray:
+    """Right-handed frames (..., 3, 3): x along ``axis``, y near ``hint``."""
+    y = hint - (hint * axis).sum(-1, keepdims=True) * axis
+    length = np.linalg.norm(y, axis=-1, keepdims=True)
+    spare = np.where(np.abs(axis[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    other = np.cross(axis, spare)
+    other = other / np.linalg.norm(other, axis=-1, keepdims=True)
+    y = np.where(length > 1e-3, y / np.maximum(length, 1e-3), other)
+    return np.stack([axis, y, np.cross(axis, y)], axis=-1)

@@ -1,0 +1,211 @@
+"""The scene of one search: thinned cloud, the object in it, and the space around."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from debrisgrasp._arrays import (
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+    require_range,
+)
+from debrisgrasp.errors import CaptureError, ShapeError
+from debrisgrasp.geometry import (
+    Bounds,
+    DistanceField,
+    LineOfSight,
+    PointCloud,
+    voxel_downsample,
+)
+
+__all__ = ["GraspScene", "SceneConfig"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneConfig:
+    """How finely the scene is represented."""
+
+    spacing: float = 0.01
+    """Edge of a grid cell, and distance between thinned points [m]. Smaller finds
+    smaller objects and costs time and memory with the cube."""
+    truncation: float = 0.05
+    """Distances saturate here [m]; must exceed the radius of the hand's spheres."""
+    hand_reach: float = 0.30
+    """How far around V the hand and its approach may be [m]."""
+    tangent_radius: float = 0.06
+    """Neighbourhood that tells along which direction the object runs [m]."""
+    ground_roughness: float = 0.02
+    """How far below its plane the ground may lie [m]."""
+    max_target_points: int = 4000
+    """More points of the object than this add nothing to the proposals."""
+
+    def __post_init__(self) -> None:
+        require_range("SceneConfig.spacing", self.spacing, 0.001, 0.1)
+        require_range("SceneConfig.truncation", self.truncation, self.spacing)
+        require_range("SceneConfig.hand_reach", self.hand_reach, 0.0, 2.0)
+        require_range("SceneConfig.tangent_radius", self.tangent_radius, self.spacing)
+        require_range("SceneConfig.ground_roughness", self.ground_roughness, 0.0)
+        require_range("SceneConfig.max_target_points", self.max_target_points, 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraspScene:
+    """What grasps are matched against, in the base frame."""
+
+    cloud: PointCloud
+    """All measured points within reach of V, one per cell; every one an obstacle."""
+    is_target: BoolArray
+    """Which of them belong to the object and lie in V, shape (n,)."""
+    region: Bounds
+    """The volume V (section 5.2 of the paper)."""
+    field: DistanceField
+    clearance: Float32Array
+    """Distance from the centre of each cell of the field to the nearest obstacle, the
+    ground included [m]; negative in the ground. Flat, like ``field.gap``."""
+    ground_plane: FloatArray | None
+    """(a, b, c, d) with a x + b y + c z + d the height over the ground [m]; None where
+    there is no evidence of one."""
+    table: Float32Array
+    """Rows of ``field.table``, then 1 for a target point or 0, then padding to 32
+    bytes; shape (n + 1, 8)."""
+    target: IntArray
+    """Indices of target points that have a normal: where proposals may start."""
+    tangents: FloatArray
+    """Unit direction in which the object runs at each of ``target``, shape (t, 3)."""
+
+    @classmethod
+    def build(
+        cls,
+        cloud: PointCloud,
+        is_object: BoolArray,
+        region: Bounds,
+        sight: LineOfSight,
+        config: SceneConfig,
+        *,
+        ground_plane: FloatArray | None = None,
+    ) -> GraspScene:
+        """Prepare a scene.
+
+        Parameters
+        ----------
+        cloud
+            The capture in the base frame, not thinned.
+        is_object
+            Which of its points belong to the object sought, shape (n,).
+        region
+            The volume V.
+        sight
+            Tells free from unknown space.
+        ground_plane
+            (a, b, c, d) with a x + b y + c z + d the height over the ground [m], if
+            there is evidence of one: what lies below is solid.
+
+        Raises
+        ------
+        CaptureError
+            If no point of the object lies in V.
+        """
+        cloud.require_frame("base")
+        if is_object.shape != (len(cloud),):
+            raise ShapeError(
+                "object mask", got=is_object.shape, expected=f"({len(cloud)},)"
+            )
+        around = region.grown(config.hand_reach)
+        near = np.flatnonzero(around.contains(cloud.points))
+        wanted = is_object[near] & region.contains(cloud.points[near])
+        if not wanted.any():
+            raise CaptureError(
+                "region",
+                got="no measured point of the object inside it",
+                expected="at least one",
+                mend="Move or widen the region, or choose another object.",
+            )
+        # Thinned apart, or a cell that both touch would lose one of them.
+        target, others = near[wanted], near[~wanted]
+        kept = np.concatenate(
+            [
+                part[voxel_downsample(cloud.points[part], config.spacing)]
+                for part in (target, others)
+                if len(part)
+            ]
+        )
+        thinned = cloud.selected(kept)
+        is_target = np.isin(kept, target, assume_unique=True)
+        field = DistanceField.build(
+            thinned,
+            around,
+            sight,
+            spacing=config.spacing,
+            truncation=config.truncation,
+        )
+        table = np.zeros((len(thinned) + 1, 8), dtype=np.float32)
+        table[:, :6] = field.table
+        table[:-1, 6] = is_target
+        usable = np.flatnonzero(is_target & np.isfinite(thinned.normals[:, 0]))
+        stride = max(1, -(-len(usable) // config.max_target_points))
+        usable = usable[::stride]
+        tangents = _tangents(
+            thinned.points[is_target],
+            thinned.points[usable],
+            thinned.normals[usable],
+            config.tangent_radius,
+        )
+        return cls(
+            cloud=thinned,
+            is_target=is_target,
+            region=region,
+            field=field,
+            clearance=_with_ground(field, ground_plane, config.ground_roughness),
+            ground_plane=ground_plane,
+            table=table,
+            target=usable,
+            tangents=tangents,
+        )
+
+    @property
+    def centroid(self) -> FloatArray:
+        """Mean of the object's visible points, one per cell [m], shape (3,)."""
+        mean: FloatArray = self.cloud.points[self.is_target].mean(axis=0)
+        return mean
+
+
+def _with_ground(
+    field: DistanceField, plane: FloatArray | None, roughness: float
+) -> Float32Array:
+    """Lower the distances of cells near and below the ground."""
+    if plane is None:
+        return field.gap
+    x, y, z = (
+        plane[axis] * (field.origin[axis] + field.spacing * np.arange(n))
+        for axis, n in enumerate(field.shape)
+    )
+    height = x[:, None, None] + y[:, None] + z + (plane[3] + roughness)
+    lowered: Float32Array = np.minimum(field.gap, height.ravel().astype(np.float32))
+    return lowered
+
+
+def _tangents(
+    surface: FloatArray, points: FloatArray, normals: FloatArray, radius: float
+) -> FloatArray:
+    """Direction along which the surface extends most around each point, (t, 3)."""
+    if not len(points):
+        return np.zeros((0, 3))
+    tree = cKDTree(surface)
+    k = min(48, len(surface))
+    found = tree.query(points, k=np.arange(1, k + 1), distance_upper_bound=radius)
+    distance, index = np.asarray(found[0]), np.asarray(found[1])
+    weight = np.isfinite(distance).astype(np.float64)
+    offset = surface[np.minimum(index, len(surface) - 1)] - points[:, None]
+    offset -= (offset * normals[:, None]).sum(-1, keepdims=True) * normals[:, None]
+    scatter = np.einsum("nk,nki,nkj->nij", weight, offset, offset)
+    _, vectors = np.linalg.eigh(scatter)
+    tangent = vectors[..., -1]
+    tangent = tangent - (tangent * normals).sum(-1, keepdims=True) * normals
+    length = np.linalg.norm(tangent, axis=-1, keepdims=True)
+    fallback = np.cross(normals, np.roll(np.eye(3)[0], 1))
+    return np.where(length > 1e-6, tangent / np.maximum(length, 1e-6), fallback)

@@ -1,0 +1,260 @@
+"""From a scene to distinct candidate poses: anneal, thin, refine, inspect."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
+from debrisgrasp.geometry import SE3
+from debrisgrasp.prototypes import PrototypeLibrary
+
+from .annealing import Schedule, Walkers, anneal
+from .clearance import HandClearance
+from .config import PlannerConfig
+from .hands import PackedHands
+from .inspection import inspect
+from .modes import distinct
+from .proposals import GlobalMove, MixtureMove
+from .quality import GraspQuality
+from .reach import Arm
+from .scene import GraspScene
+from .similarity import ShapeSimilarity
+
+__all__ = ["Candidates", "GraspSearch", "Watch"]
+
+
+class Watch(Protocol):
+    """Keeps the time of a search; what the time is, its owner decides."""
+
+    def stage(self, name: str) -> AbstractContextManager[None]:
+        """Surround one stage of the work."""
+        ...
+
+    def report(self, name: str, share: float) -> None:
+        """Take note that a share of a stage is done."""
+        ...
+
+    def is_late(self) -> bool:
+        """Whether the search has to end with what it has."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Poses that survive a stage of the search, one row each."""
+
+    Ts: FloatArray
+    prototype: IntArray
+    S: FloatArray
+    C: FloatArray
+    score: FloatArray
+
+    @classmethod
+    def scored_by(cls, walkers: Walkers, prototype: IntArray) -> Candidates:
+        """Take the best state of every walker, with Q-hat for a score."""
+        nothing = np.full(len(prototype), np.nan)
+        value = np.exp(walkers.best_log_quality)
+        return cls(walkers.best_Ts_base_hand, prototype, nothing, nothing, value)
+
+    def __getitem__(self, keep: BoolArray | IntArray) -> Candidates:
+        return Candidates(
+            self.Ts[keep],
+            self.prototype[keep],
+            self.S[keep],
+            self.C[keep],
+            self.score[keep],
+        )
+
+
+class GraspSearch:
+    """Searches with one dictionary of prototypes and the hands that carry them."""
+
+    def __init__(self, library: PrototypeLibrary, config: PlannerConfig) -> None:
+        self._packed = library.packed()
+        self._hands = PackedHands.pack(
+            library,
+            approach=config.clearance.approach,
+            tolerance=config.inspection.tolerance,
+        )
+        self.gripper_of = np.array([p.gripper for p in library])
+        """Name of the hand of each prototype, shape (p,)."""
+        self._config = config
+
+    def run(
+        self,
+        scene: GraspScene,
+        arms: Sequence[Arm],
+        watch: Watch,
+        ledger: Counter[str],
+        *,
+        rng: Rng,
+    ) -> Candidates:
+        """Find distinct poses whose Q-hat is high enough, best score first.
+
+        Parameters
+        ----------
+        arms
+            Poses that none of them can reach for certain are not looked at.
+        ledger
+            Takes the count of poses that each reason rules out.
+        """
+        with watch.stage("search"):
+            states = self._annealed(scene, arms, watch, rng)
+            modes = self._refined(scene, arms, self._modes(states), watch, rng)
+            if arms and not len(modes.Ts):
+                ledger["no arm gets that far"] += self._n_too_far(
+                    scene, arms, watch, rng
+                )
+        with watch.stage("inspection"):
+            return self._inspected(scene, modes, ledger)
+
+    def _quality(
+        self, scene: GraspScene, arms: Sequence[Arm], prototype: IntArray
+    ) -> GraspQuality:
+        """Q-hat of walkers that place these prototypes (k,)."""
+        config = self._config
+        return GraspQuality(
+            ShapeSimilarity(
+                scene, self._packed, config.similarity, config.search_points
+            ),
+            HandClearance(scene, self._hands, config.clearance),
+            prototype,
+            lambda Ts, which: self._may_reach(arms, Ts, which),
+        )
+
+    def _annealed(
+        self, scene: GraspScene, arms: Sequence[Arm], watch: Watch, rng: Rng
+    ) -> Candidates:
+        """Best state of every walker."""
+        config = self._config
+        n_prototypes = len(self.gripper_of)
+        prototype = np.repeat(np.arange(n_prototypes), config.walkers)
+        quality = self._quality(scene, arms, prototype)
+        jump = GlobalMove(scene, self._packed)
+        Ts = jump.sample(prototype, rng)
+
+        def on_sweep(index: int, _walkers: Walkers) -> bool:
+            watch.report("search", (index + 1) / config.schedule.sweeps)
+            return not watch.is_late()
+
+        walkers = anneal(
+            Walkers.at(Ts, quality(Ts, np.full(len(Ts), -np.inf))),
+            MixtureMove(config.local, jump, prototype, config.global_share),
+            quality,
+            config.schedule,
+            rng=rng,
+            on_sweep=on_sweep,
+        )
+        return Candidates.scored_by(walkers, prototype)
+
+    def _n_too_far(
+        self, scene: GraspScene, arms: Sequence[Arm], watch: Watch, rng: Rng
+    ) -> int:
+        """How many distinct poses would fit if an arm could get there."""
+        found = self._modes(self._annealed(scene, (), watch, rng))
+        return int((~self._may_reach(arms, found.Ts, found.prototype)).sum())
+
+    def _may_reach(
+        self, arms: Sequence[Arm], Ts: FloatArray, prototype: IntArray
+    ) -> BoolArray:
+        """Which poses an arm with the right hand may reach; all if there is no arm."""
+        if not arms:
+            return np.ones(len(Ts), dtype=bool)
+        found = np.zeros(len(Ts), dtype=bool)
+        for arm in arms:
+            mine = np.flatnonzero(self.gripper_of[prototype] == arm.gripper)
+            if len(mine):
+                found[mine] |= arm.may_reach(SE3(Ts[mine]))
+        return found
+
+    def _modes(self, found: Candidates) -> Candidates:
+        """Thin the states to distinct poses of each prototype."""
+        config = self._config
+        # Refinement and the exact scores may still lift what is a little too low.
+        found = found[found.score >= 0.7 * config.minimum_score]
+        kept = distinct(
+            found.Ts,
+            found.prototype,
+            found.score,
+            distance=config.mode_distance / 2,
+            angle=config.mode_angle / 2,
+            limit=4 * config.max_ranked,
+        )
+        return found[kept]
+
+    def _refined(
+        self,
+        scene: GraspScene,
+        arms: Sequence[Arm],
+        found: Candidates,
+        watch: Watch,
+        rng: Rng,
+    ) -> Candidates:
+        """Climb from every pose by small steps of which only improvements are taken."""
+        config = self._config
+        if not len(found.Ts):
+            return found
+
+        def step(
+            walkers: Walkers, progress: float, rng: Rng
+        ) -> tuple[FloatArray, FloatArray]:
+            Ts = config.refinement.moved(walkers.Ts_base_hand, progress, rng)
+            return Ts, np.zeros(len(Ts))
+
+        # So cold that even the smallest loss is practically never accepted.
+        frozen = Schedule(sweeps=config.refinement_sweeps, hot=1e-6, cold=1e-6)
+        walkers = anneal(
+            Walkers.at(found.Ts, np.log(found.score)),
+            step,
+            self._quality(scene, arms, found.prototype),
+            frozen,
+            rng=rng,
+            on_sweep=lambda _index, _walkers: not watch.is_late(),
+        )
+        return Candidates.scored_by(walkers, found.prototype)
+
+    def _inspected(
+        self, scene: GraspScene, found: Candidates, ledger: Counter[str]
+    ) -> Candidates:
+        """Score with every point and the exact solids; count what falls out."""
+        config = self._config
+        if not len(found.Ts):
+            return found
+        similarity = ShapeSimilarity(
+            scene, self._packed, config.similarity, config.final_points
+        )
+        S = similarity(found.Ts, found.prototype)[0].astype(np.float64)
+        clearance = HandClearance(scene, self._hands, config.clearance)
+        C = clearance.exposure(found.Ts, found.prototype)
+        look = inspect(scene, self._hands, found.Ts, found.prototype)
+        ok = np.ones(len(S), dtype=bool)
+        for reason, applies in look.reasons(config.inspection).items():
+            ledger[reason] += int(applies.sum())
+            ok &= ~applies
+        quality = S * C
+        is_poor = ok & (quality < config.minimum_score)
+        ledger["the shape fits too poorly"] += int(is_poor.sum())
+        score = quality * self._lever_factor(scene, found)
+        kept = Candidates(found.Ts, found.prototype, S, C, score)[ok & ~is_poor]
+        best = distinct(
+            kept.Ts,
+            self.gripper_of[kept.prototype],
+            kept.score,
+            distance=config.mode_distance,
+            angle=config.mode_angle,
+            limit=config.max_ranked,
+        )
+        return kept[best]
+
+    def _lever_factor(self, scene: GraspScene, found: Candidates) -> FloatArray:
+        """Discount for gripping away from the object's middle, in (0, 1]."""
+        grip = SE3(found.Ts).apply(self._hands.grip_points[found.prototype])
+        lever = np.linalg.norm((grip - scene.centroid)[:, :2], axis=1)
+        factor: FloatArray = 1.0 / (1.0 + (lever / self._config.lever_scale) ** 2)
+        return factor

@@ -1,0 +1,182 @@
+"""Reading settings field by field, with errors that name file, field and range."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.geometry import SE3, so3
+
+__all__ = ["MAX_LENGTH", "Fields"]
+
+MAX_LENGTH = 1.0
+"""Longest length in a file of hands and prototypes [m]; above it, it is millimetres."""
+
+_METRES = "Lengths are in metres: 50 mm is 0.05."
+
+
+class Fields:
+    """The fields of one section of a file.
+
+    Every reader takes the field's name and returns its checked value; a field without
+    default is required. `finish` refuses the fields that nobody has asked for.
+    """
+
+    def __init__(self, content: object, file: str, section: str = "") -> None:
+        self.file, self.section = file, section
+        if not isinstance(content, Mapping):
+            raise ConfigError(
+                self.where(),
+                got=_shown(content),
+                expected="a mapping of field names to values",
+            )
+        self._content = content
+        self._known: set[str] = set()
+
+    def where(self, name: str | None = None) -> str:
+        """Return file and dotted field, as messages call them."""
+        field = ".".join(part for part in (self.section, name) if part)
+        return f"{self.file}, field {field}" if field else self.file
+
+    def __contains__(self, name: str) -> bool:
+        self._known.add(name)
+        return name in self._content
+
+    def raw(self, name: str) -> Any:
+        """Value of a required field, unchecked."""
+        self._known.add(name)
+        if name not in self._content:
+            raise ConfigError(
+                self.where(name),
+                got="nothing: it is missing",
+                expected="a value",
+                mend=f"Present are: {', '.join(map(str, self._content)) or 'none'}.",
+            )
+        return self._content[name]
+
+    def text(self, name: str, default: str | None = None) -> str:
+        """Read text that is not empty."""
+        if default is not None and name not in self:
+            return default
+        value = self.raw(name)
+        if not isinstance(value, str) or not value.strip():
+            raise ConfigError(self.where(name), got=_shown(value), expected="text")
+        return value.strip()
+
+    def choice(
+        self, name: str, known: Iterable[str], default: str | None = None
+    ) -> str:
+        """One of the known words."""
+        value, known = self.text(name, default), tuple(known)
+        if value not in known:
+            raise UnknownNameError(f"value in {self.where(name)}", value, known)
+        return value
+
+    def number(
+        self, name: str, low: float, high: float, *, default: float | None = None
+    ) -> float:
+        """Read a finite number within [low, high]."""
+        if default is not None and name not in self:
+            return default
+        value = _number(self.raw(name), self.where(name), f"{low:g} to {high:g}")
+        if not low <= value <= high:
+            raise ConfigError(
+                self.where(name),
+                got=value,
+                expected=f"a number in {low:g} to {high:g}",
+                mend=_METRES if high <= MAX_LENGTH < value else "",
+            )
+        return value
+
+    def length(self, name: str, low: float, high: float = MAX_LENGTH) -> float:
+        """Read a length [m] within [low, high]."""
+        return self.number(name, low, high)
+
+    def numbers(
+        self,
+        name: str,
+        count: int | None = None,
+        default: Iterable[float] | None = None,
+    ) -> FloatArray:
+        """Read a list of finite numbers, shape (count,)."""
+        if default is not None and name not in self:
+            return np.array(list(default), dtype=np.float64)
+        value = self.raw(name)
+        if not isinstance(value, list) or (count is not None and len(value) != count):
+            wanted = "a list" if count is None else f"a list of {count}"
+            raise ConfigError(
+                self.where(name), got=_shown(value), expected=f"{wanted} numbers"
+            )
+        return np.array([_number(item, self.where(name), "any") for item in value])
+
+    def position(self, name: str = "position") -> FloatArray:
+        """Position [m], shape (3,); the origin if it isn't given."""
+        position = self.numbers(name, 3, (0.0, 0.0, 0.0))
+        if np.abs(position).max() > MAX_LENGTH:
+            raise ConfigError(
+                self.where(name),
+                got=position.tolist(),
+                expected=f"coordinates within {MAX_LENGTH:g} m of the origin",
+                mend=_METRES,
+            )
+        return position
+
+    def pose(self) -> SE3:
+        """Pose from ``position`` [m] and ``rpy`` [rad] or ``rpy_deg``."""
+        if "rpy" in self and "rpy_deg" in self:
+            raise ConfigError(
+                self.where("rpy"), got="rpy and rpy_deg", expected="one of the two"
+            )
+        radians = self.numbers(
+            "rpy", 3, np.deg2rad(self.numbers("rpy_deg", 3, (0,) * 3))
+        )
+        return SE3.from_parts(so3.from_rpy(radians), self.position())
+
+    def child(self, name: str) -> Fields:
+        """Read a required section."""
+        return Fields(self.raw(name), self.file, self._inside(name))
+
+    def children(self, name: str) -> Iterator[Fields]:
+        """Read the sections of a list, empty if it isn't given."""
+        value = self.raw(name) if name in self else []
+        if not isinstance(value, list):
+            raise ConfigError(self.where(name), got=_shown(value), expected="a list")
+        for index, item in enumerate(value):
+            yield Fields(item, self.file, f"{self._inside(name)}[{index}]")
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the fields, for sections whose fields are free."""
+        for name in self._content:
+            if not isinstance(name, str):
+                raise ConfigError(self.where(), got=_shown(name), expected="a name")
+        return tuple(self._content)
+
+    def finish(self) -> None:
+        """Refuse fields that nobody has asked for: they are typing errors."""
+        for name in self._content:
+            if name not in self._known:
+                raise UnknownNameError(
+                    f"field in {self.where()}", name, sorted(self._known)
+                )
+
+    def _inside(self, name: str) -> str:
+        return f"{self.section}.{name}" if self.section else name
+
+
+def _number(value: Any, where: str, wanted: str) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    number = float(value) if is_number else np.nan
+    if not np.isfinite(number):
+        raise ConfigError(
+            where, got=_shown(value), expected=f"a finite number ({wanted})"
+        )
+    return number
+
+
+def _shown(value: object) -> str:
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."

@@ -1,0 +1,168 @@
+"""Whether a hand can really take the shape of a prototype."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.geometry.solids import Solid
+
+from .gripper import GripperModel
+from .prototype import GraspPrototype
+from .surfaces import sample
+
+__all__ = ["Finding", "check", "contact_opening"]
+
+PENETRATION_TOLERANCE = 0.002
+"""How deep the open hand may reach into the shape [m]."""
+WIDTH_TOLERANCE = 0.01
+"""How far the width may be from the opening at which the fingers rest on the shape [m]:
+fingers that touch with their inner links stand wider than the shape is thick."""
+CENTERING_TOLERANCE = 0.02
+"""How much earlier one side may touch than the other [m]."""
+MIN_CLEARANCE = 0.01
+"""How much wider than closed the hand should be during the approach [m]."""
+
+_DENSE = 6e4
+"""Points per square metre for tests of contact: 4 mm apart."""
+_COARSE_STEP = 0.01
+"""How far the pads close between two tests of contact [m]; less than a finger is thick,
+so that none jumps across the shape."""
+_CONTACT_ACCURACY = 5e-4
+"""To what accuracy the contact is then narrowed down [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something about a prototype that won't work."""
+
+    prototype: str
+    problem: str
+    """What is wrong, with figures."""
+
+    def __str__(self) -> str:
+        return self.problem
+
+
+def check(prototype: GraspPrototype, gripper: GripperModel) -> tuple[Finding, ...]:
+    """List what is wrong with a prototype; an empty list is a sound one.
+
+    The open hand must not reach into the shape, the hand must be open wider than it
+    closes, and on closing the fingers of both sides must come to rest on the shape at
+    about its ``width``.
+    """
+    problems = []
+    depth, where = _penetration(prototype, gripper)
+    if depth > PENETRATION_TOLERANCE:
+        problems.append(
+            f"the open hand reaches {1e3 * depth:.0f} mm into the shape at "
+            f"{np.round(where, 3).tolist()}; move the shape or open wider"
+        )
+    widths = gripper.preshape(prototype.preshape).widths
+    if not widths[0] <= prototype.width <= widths[1]:
+        problems.append(
+            f"width {prototype.width:g} m is outside the {widths[0]:g} to "
+            f"{widths[1]:g} m of preshape {prototype.preshape}"
+        )
+    if prototype.opening < prototype.width + MIN_CLEARANCE:
+        problems.append(
+            f"the opening of {prototype.opening:g} m leaves less than "
+            f"{1e3 * MIN_CLEARANCE:.0f} mm around the width of {prototype.width:g} m"
+        )
+    problems += _closing_problems(prototype, gripper)
+    return tuple(Finding(prototype.name, problem) for problem in problems)
+
+
+def contact_opening(
+    prototype: GraspPrototype, gripper: GripperModel, side: int
+) -> float | None:
+    """Distance between the pads [m] at which one side first touches the shape.
+
+    Parameters
+    ----------
+    side
+        -1 for the fingers on the thumb side, +1 for those on the side of the pair.
+
+    Returns
+    -------
+    float or None
+        None if they close past the shape.
+    """
+    surface = _surface(prototype)
+
+    def touches(opening: float) -> bool:
+        solids = gripper.finger_solids(prototype.preshape, opening, side)
+        return _depths(prototype, solids, surface)[0] > 0
+
+    n_steps = 1 + int(np.ceil(prototype.opening / _COARSE_STEP))
+    free = prototype.opening
+    for opening in np.linspace(prototype.opening, 0.0, n_steps):
+        if touches(float(opening)):
+            break
+        free = float(opening)
+    else:
+        return None
+    touching = float(opening)
+    while free - touching > _CONTACT_ACCURACY:
+        middle = (free + touching) / 2
+        free, touching = (free, middle) if touches(middle) else (middle, touching)
+    return free
+
+
+def _closing_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[str]:
+    problems, contacts = [], []
+    for side, name in ((-1, "thumb"), (1, "pair")):
+        contact = contact_opening(prototype, gripper, side)
+        if contact is None:
+            problems.append(f"the fingers of the {name} side close past the shape")
+        else:
+            contacts.append(contact)
+    if len(contacts) == 2:
+        # The first side to touch pushes the object, or the arm gives way, until the
+        # other touches too: the mean is where they hold.
+        rest = float(np.mean(contacts))
+        if abs(rest - prototype.width) > WIDTH_TOLERANCE:
+            problems.append(
+                f"the fingers come to rest at {1e3 * rest:.0f} mm, "
+                f"the width says {1e3 * prototype.width:.0f} mm"
+            )
+        if abs(contacts[0] - contacts[1]) > CENTERING_TOLERANCE:
+            problems.append(
+                f"the thumb side touches at {1e3 * contacts[0]:.0f} mm and the pair "
+                f"at {1e3 * contacts[1]:.0f} mm: the shape is off the middle"
+            )
+    return problems
+
+
+def _penetration(
+    prototype: GraspPrototype, gripper: GripperModel
+) -> tuple[float, FloatArray]:
+    """Depth of the open hand in the shape [m], and where, in the palm frame."""
+    solids = gripper.solids(prototype.preshape, prototype.opening)
+    return _depths(prototype, solids, _surface(prototype))
+
+
+def _surface(prototype: GraspPrototype) -> FloatArray:
+    shape = prototype.definition.shape
+    points, _ = sample(shape.patches(), shape.parts(), _DENSE)
+    return prototype.definition.T_hand_shape.apply(points)
+
+
+def _depths(
+    prototype: GraspPrototype, solids: Sequence[Solid], surface: FloatArray
+) -> tuple[float, FloatArray]:
+    """Greatest depth of the surface in the solids, or of solids in the shape."""
+    in_solids = -np.min([solid.signed_distance(surface) for solid in solids], axis=0)
+    # Solids that lie wholly inside the shape have none of its surface in them.
+    corners = np.concatenate([solid.mesh()[0] for solid in solids])
+    definition = prototype.definition
+    own = definition.T_hand_shape.inverse().apply(corners)
+    in_shape = -np.min(
+        [part.signed_distance(own) for part in definition.shape.parts()], axis=0
+    )
+    depths, points = np.append(in_solids, in_shape), np.vstack([surface, corners])
+    deepest = int(np.argmax(depths))
+    return float(depths[deepest]), points[deepest]

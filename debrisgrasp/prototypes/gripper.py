@@ -1,0 +1,193 @@
+"""Hands: their solids in the palm frame for every preshape and opening."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import data_path
+from debrisgrasp.errors import InputError, UnknownNameError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry.solids import Box, Solid, SphereSet
+
+from .hand_file import read_hand
+from .hand_kinematics import Finger, Preshape
+
+__all__ = ["GripperModel", "known_grippers"]
+
+_SWEEP_STEP = 0.012
+"""How far the pads may close between two positions of a sweep [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GripperModel:
+    """One hand; everything it returns is in its palm frame ``hand``.
+
+    Origin on the palm face, +z out of the palm (approach), +x the closing axis from the
+    thumb side to the side of the finger pair, y across the fingers.
+    """
+
+    name: str
+    description: str
+    mass: float
+    """[kg]."""
+    max_force: float
+    """Largest force at the fingers [N]."""
+    palm: tuple[Solid, ...]
+    """Solids that do not move."""
+    fingers: tuple[Finger, ...]
+    preshapes: Mapping[str, Preshape]
+
+    @classmethod
+    def load(cls, name_or_path: str | os.PathLike[str]) -> GripperModel:
+        """Read a shipped hand by its name, or any hand from its YAML file.
+
+        Raises
+        ------
+        UnknownNameError
+            If no hand of that name is shipped; it lists those that are.
+        ConfigError
+            If the file is malformed; it names file, field and range.
+        """
+        path = Path(name_or_path)
+        if path.suffix.lower() not in (".yaml", ".yml"):
+            known = known_grippers()
+            if str(name_or_path) not in known:
+                raise UnknownNameError("gripper", str(name_or_path), known)
+            path = data_path("grippers", f"{name_or_path}.yaml")
+        return cls(**read_hand(path))
+
+    def preshape(self, name: str) -> Preshape:
+        """Preshape of that name; an unknown one raises `UnknownNameError`."""
+        if name not in self.preshapes:
+            raise UnknownNameError(f"preshape of {self.name}", name, self.preshapes)
+        return self.preshapes[name]
+
+    @property
+    def opening_range(self) -> tuple[float, float]:
+        """Distances between the pads that every preshape reaches [m]."""
+        low = max(float(shape.openings[-1]) for shape in self.preshapes.values())
+        high = min(float(shape.openings[0]) for shape in self.preshapes.values())
+        return max(low, 0.0), high
+
+    def opening_to_command(self, preshape: str, opening: float) -> float:
+        """Return the closing command at which the pads are ``opening`` [m] apart."""
+        shape = self.preshape(preshape)
+        low, high = max(float(shape.openings[-1]), 0.0), float(shape.openings[0])
+        # Half a micrometre lets the ends of the range survive a round trip.
+        if not low - 5e-7 <= opening <= high + 5e-7:
+            raise InputError(
+                f"opening of {self.name}, preshape {preshape}",
+                got=f"{opening:g} m",
+                expected=f"{low:g} to {high:.4g} m",
+            )
+        return float(np.interp(-opening, -shape.openings, shape.commands))
+
+    def command_to_opening(self, preshape: str, command: float) -> float:
+        """Distance between the pads [m] at a command; negative when they cross."""
+        shape = self.preshape(preshape)
+        return float(np.interp(command, shape.commands, shape.openings))
+
+    def joint_values(self, preshape: str, opening: float) -> dict[str, float]:
+        """Value of every joint, named ``<finger>_<joint>`` [rad or m]."""
+        values = self._values(preshape, opening)
+        return {
+            name: value
+            for finger in self.fingers
+            for name, value in finger.joint_values(values).items()
+        }
+
+    def solids(self, preshape: str, opening: float) -> tuple[Solid, ...]:
+        """Palm and fingers with the pads ``opening`` [m] apart."""
+        return self.palm + self.finger_solids(preshape, opening)
+
+    def finger_solids(
+        self, preshape: str, opening: float, side: int | None = None
+    ) -> tuple[Solid, ...]:
+        """Solids of the fingers, or of those on one side: -1 thumb, +1 pair."""
+        values = self._values(preshape, opening)
+        return tuple(
+            solid
+            for finger in self.fingers
+            if side in (None, finger.side)
+            for solid in finger.solids(values)
+        )
+
+    def sphere_cover(
+        self, preshape: str, opening: float, max_radius: float = 0.02
+    ) -> SphereSet:
+        """Spheres that contain palm and fingers.
+
+        Returns
+        -------
+        centers, radii
+            Shapes (s, 3) and (s,) [m].
+        """
+        return _cover(self.solids(preshape, opening), max_radius)
+
+    def closing_sweep(
+        self, preshape: str, opening: float, width: float, max_radius: float = 0.02
+    ) -> SphereSet:
+        """Spheres that the fingers sweep while the pads close to ``width`` [m].
+
+        The position at ``opening`` isn't among them: `sphere_cover` holds it. Between
+        two positions the pads close by at most 12 mm.
+        """
+        n_steps = max(1, int(np.ceil((opening - width) / _SWEEP_STEP)))
+        covers = [
+            _cover(self.finger_solids(preshape, step), max_radius)
+            for step in np.linspace(opening, width, n_steps + 1)[1:]
+        ]
+        centers, radii = zip(*covers, strict=True)
+        return np.concatenate(centers), np.concatenate(radii)
+
+    def pad_positions(self, preshape: str, opening: float) -> FloatArray:
+        """Where the pads are [m], shape (fingers, 3), in the order of `fingers`."""
+        values = self._values(preshape, opening)
+        return np.stack([finger.pad_position(values) for finger in self.fingers])
+
+    def fingertip_reach(self, preshape: str, opening: float) -> float:
+        """How far the fingers stand out in front of the palm [m]."""
+        solids = self.finger_solids(preshape, opening)
+        return max(float(solid.bounds.upper[2]) for solid in solids)
+
+    def closing_region(self, preshape: str, opening: float) -> Box:
+        """Volume between the fingers, from the palm to their tips.
+
+        An object is only gripped if some of it lies in here: within the reach of the
+        fingers along z, between the pads along x, and as far across as the outermost
+        fingers stand.
+        """
+        last_links = [
+            solid
+            for finger in self.fingers
+            for solid in finger.solids(self._values(preshape, opening))[-1:]
+        ]
+        reach = self.fingertip_reach(preshape, opening)
+        lower = min(float(solid.bounds.lower[1]) for solid in last_links)
+        upper = max(float(solid.bounds.upper[1]) for solid in last_links)
+        half = np.array([opening / 2, (upper - lower) / 2, reach / 2])
+        center = SE3.from_parts(None, [0.0, (upper + lower) / 2, reach / 2])
+        return Box(np.maximum(half, 1e-4), center)
+
+    def _values(self, preshape: str, opening: float) -> dict[str, float]:
+        command = self.opening_to_command(preshape, opening)
+        return self.preshape(preshape).values(command)
+
+
+def known_grippers() -> tuple[str, ...]:
+    """Names of the hands that ship with the package."""
+    return tuple(sorted(path.stem for path in data_path("grippers").glob("*.yaml")))
+
+
+def _cover(solids: tuple[Solid, ...], max_radius: float) -> SphereSet:
+    covers = [solid.sphere_cover(max_radius) for solid in solids]
+    return (
+        np.concatenate([centers for centers, _ in covers]),
+        np.concatenate([radii for _, radii in covers]),
+    )

@@ -1,0 +1,262 @@
+"""The YAML file of a hand: read, checked, and turned into chains."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypedDict
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import read_yaml
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry.solids import Box, Capsule, Cylinder, Solid, Sphere
+
+from ._fields import MAX_LENGTH, Fields
+from .hand_kinematics import Finger, HandJoint, HandLink, Preshape
+
+__all__ = ["HandContent", "read_hand"]
+
+_SIDES = {"thumb": -1, "pair": 1}
+_COMMAND_STEPS = 401
+"""Commands at which the opening is tabulated: the error of interpolating in between
+stays below a micrometre for fingers of 20 cm."""
+_OPENING_SLACK = 1e-5
+"""How far pads may move apart between two commands [m]: rounded tables."""
+
+
+class HandContent(TypedDict):
+    """What the file of a hand says; the fields are those of `GripperModel`."""
+
+    name: str
+    description: str
+    mass: float
+    max_force: float
+    palm: tuple[Solid, ...]
+    fingers: tuple[Finger, ...]
+    preshapes: Mapping[str, Preshape]
+
+
+def read_hand(path: str | os.PathLike[str]) -> HandContent:
+    """Read and check the file of a hand.
+
+    Raises
+    ------
+    ConfigError
+        Naming file, field and range.
+    """
+    fields = Fields(read_yaml(path), Path(path).name)
+    base = fields.child("base")
+    T_hand_base = base.pose()
+    base.finish()
+    chains = _chains(fields.child("chains"))
+    fingers = tuple(
+        _finger(child, chains, T_hand_base) for child in fields.children("fingers")
+    )
+    if {finger.side for finger in fingers} != set(_SIDES.values()):
+        raise ConfigError(
+            fields.where("fingers"),
+            got=[finger.name for finger in fingers],
+            expected="at least one finger on each side: thumb and pair",
+        )
+    content = HandContent(
+        name=fields.text("name"),
+        description=fields.text("description", "-"),
+        mass=fields.number("mass", 0.0, 100.0),
+        max_force=fields.number("max_force", 0.0, 1e5),
+        palm=tuple(solid.moved(T_hand_base) for solid in _solids(fields, "palm")),
+        fingers=fingers,
+        preshapes=_preshapes(fields.child("preshapes"), fingers),
+    )
+    fields.finish()
+    return content
+
+
+def _solids(fields: Fields, name: str) -> tuple[Solid, ...]:
+    return tuple(_solid(child) for child in fields.children(name))
+
+
+def _solid(fields: Fields) -> Solid:
+    kind = fields.choice("type", ("box", "cylinder", "capsule", "sphere"))
+    T_link_solid = fields.pose()
+    solid: Solid
+    if kind == "box":
+        size = fields.numbers("size", 3)
+        if not ((size > 0) & (size <= MAX_LENGTH)).all():
+            raise ConfigError(
+                fields.where("size"),
+                got=size.tolist(),
+                expected=f"three edge lengths above 0 and up to {MAX_LENGTH:g} m",
+            )
+        solid = Box(size / 2, T_link_solid)
+    elif kind == "sphere":
+        solid = Sphere(fields.length("radius", 1e-4), T_link_solid.p)
+    else:
+        round_solid = Cylinder if kind == "cylinder" else Capsule
+        solid = round_solid(
+            fields.length("radius", 1e-4), fields.length("length", 1e-4), T_link_solid
+        )
+    fields.finish()
+    return solid
+
+
+def _joint(fields: Fields) -> HandJoint | None:
+    if "joint" not in fields:
+        return None
+    joint = fields.child("joint")
+    axis = joint.numbers("axis", 3)
+    norm = float(np.linalg.norm(axis))
+    if norm < 1e-6:
+        raise ConfigError(
+            joint.where("axis"), got=axis.tolist(), expected="an axis of some length"
+        )
+    kind = joint.choice("type", ("revolute", "prismatic"), "revolute")
+    result = HandJoint(
+        joint.text("name"),
+        axis / norm,
+        joint.number("sign", -1.0, 1.0, default=1.0),
+        kind == "prismatic",
+    )
+    joint.finish()
+    return result
+
+
+def _link(fields: Fields) -> tuple[HandLink, FloatArray | None]:
+    pad = fields.position("pad") if "pad" in fields else None
+    fields.text("name", "link")
+    link = HandLink(fields.pose(), _joint(fields), _solids(fields, "solids"))
+    fields.finish()
+    return link, pad
+
+
+def _chains(fields: Fields) -> dict[str, tuple[tuple[HandLink, ...], FloatArray]]:
+    chains = {}
+    for name in fields.names():
+        links_and_pads = [_link(child) for child in fields.children(name)]
+        pad = links_and_pads[-1][1] if links_and_pads else None
+        if pad is None:
+            raise ConfigError(
+                fields.where(name),
+                got="no pad in the last link" if links_and_pads else "no link",
+                expected="links, the last with pad: [x, y, z], where it meets objects",
+            )
+        chains[name] = (tuple(link for link, _ in links_and_pads), pad)
+    return chains
+
+
+def _finger(
+    fields: Fields,
+    chains: Mapping[str, tuple[tuple[HandLink, ...], FloatArray]],
+    T_hand_base: SE3,
+) -> Finger:
+    chain = fields.text("chain")
+    if chain not in chains:
+        raise UnknownNameError(f"chain in {fields.where('chain')}", chain, chains)
+    links, pad = chains[chain]
+    root = HandLink(
+        T_hand_base @ fields.pose(), _joint(fields), _solids(fields, "solids")
+    )
+    finger = Finger(
+        fields.text("name"),
+        _SIDES[fields.choice("side", _SIDES)],
+        (root, *links),
+        pad,
+    )
+    fields.finish()
+    return finger
+
+
+def _preshapes(fields: Fields, fingers: tuple[Finger, ...]) -> dict[str, Preshape]:
+    preshapes = {
+        name: _preshape(name, fields.child(name), fingers) for name in fields.names()
+    }
+    if not preshapes:
+        raise ConfigError(fields.where(), got="none", expected="at least one preshape")
+    return preshapes
+
+
+def _preshape(name: str, fields: Fields, fingers: tuple[Finger, ...]) -> Preshape:
+    commands, joints = _closing_table(fields.child("closing"))
+    if "fixed" in fields:
+        fixed = fields.child("fixed")
+        for joint in fixed.names():
+            joints[joint] = np.full_like(commands, fixed.number(joint, -10.0, 10.0))
+    _require_joints(fields, fingers, joints)
+    openings = _openings(fingers, joints)
+    if not (np.diff(openings) <= _OPENING_SLACK).all():
+        raise ConfigError(
+            fields.where("closing"),
+            got="pads that move apart on the way",
+            expected="joint values that close the hand from the first command on",
+        )
+    largest = float(openings[0])
+    widths = fields.numbers("widths", 2)
+    if not 0 < widths[0] < widths[1] <= largest + 1e-3:
+        raise ConfigError(
+            fields.where("widths"),
+            got=widths.tolist(),
+            expected=f"0 < smallest < largest <= {largest:.3f} m, the full opening",
+        )
+    fields.finish()
+    return Preshape(
+        name,
+        (float(widths[0]), float(widths[1])),
+        commands,
+        joints,
+        np.minimum.accumulate(openings),
+    )
+
+
+def _closing_table(fields: Fields) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Commands, with all that the file lists among them, and joint values at each."""
+    listed = fields.numbers("command")
+    if len(listed) < 2 or not (np.diff(listed) > 0).all():
+        raise ConfigError(
+            fields.where("command"),
+            got=listed.tolist(),
+            expected="at least two commands, rising",
+        )
+    commands = np.union1d(listed, np.linspace(listed[0], listed[-1], _COMMAND_STEPS))
+    joints = {
+        name: np.interp(commands, listed, fields.numbers(name, len(listed)))
+        for name in fields.names()
+        if name != "command"
+    }
+    return commands, joints
+
+
+def _require_joints(
+    fields: Fields, fingers: tuple[Finger, ...], joints: Mapping[str, FloatArray]
+) -> None:
+    driven = {
+        link.joint.variable
+        for finger in fingers
+        for link in finger.links
+        if link.joint is not None
+    }
+    for name in joints:
+        if name not in driven:
+            raise UnknownNameError(f"joint in {fields.where()}", name, sorted(driven))
+    if missing := sorted(driven - set(joints)):
+        raise ConfigError(
+            fields.where(),
+            got=f"no values of {', '.join(missing)}",
+            expected="every joint among closing or fixed",
+        )
+
+
+def _openings(
+    fingers: tuple[Finger, ...], joints: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Distance along x between the mean pads of both sides, shape (c,)."""
+    x = {
+        side: np.mean(
+            [f.pad_position(joints)[..., 0] for f in fingers if f.side == side], axis=0
+        )
+        for side in _SIDES.values()
+    }
+    openings: FloatArray = np.asarray(x[1] - x[-1])
+    return openings

@@ -1,0 +1,118 @@
+"""Fingers as small kinematic chains, so that a new hand is a text file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.geometry.solids import Solid
+
+__all__ = ["Finger", "HandJoint", "HandLink", "JointValues", "Preshape"]
+
+JointValues = Mapping[str, float | FloatArray]
+"""Value of each joint variable [rad or m], all of one shape (...)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandJoint:
+    """What moves a link."""
+
+    variable: str
+    """Name of the value that drives it; joints of several fingers may share one."""
+    axis: FloatArray
+    """Unit axis in the joint's own frame, shape (3,)."""
+    sign: float = 1.0
+    """-1 where a finger mirrors the value."""
+    is_prismatic: bool = False
+
+    def motion(self, value: float | FloatArray) -> SE3:
+        """Displacement at a value (...) of the variable."""
+        along = np.asarray(value)[..., None] * self.sign * self.axis
+        if self.is_prismatic:
+            return SE3.from_parts(None, along)
+        return SE3.from_parts(so3.exp(along))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandLink:
+    """A rigid piece of a finger, and the joint before it."""
+
+    T_parent_link: SE3
+    """Pose in the link before at value 0 of the joint."""
+    joint: HandJoint | None
+    solids: tuple[Solid, ...]
+    """In the frame of the link."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finger:
+    """A chain of links from the hand frame to the pad."""
+
+    name: str
+    side: int
+    """Where along the closing axis it stands: -1 thumb side, +1 pair side."""
+    links: tuple[HandLink, ...]
+    """From the root on; the root's parent is the hand frame."""
+    pad: FloatArray
+    """Where the last link meets an object, in its frame [m], shape (3,)."""
+
+    def link_poses(self, values: JointValues) -> tuple[SE3, ...]:
+        """Poses of the links in the hand frame, each of the values' batch shape."""
+        poses, T_hand_link = [], SE3.identity()
+        for link in self.links:
+            T_hand_link = T_hand_link @ link.T_parent_link
+            if link.joint is not None:
+                T_hand_link = T_hand_link @ link.joint.motion(
+                    values[link.joint.variable]
+                )
+            poses.append(T_hand_link)
+        return tuple(poses)
+
+    def pad_position(self, values: JointValues) -> FloatArray:
+        """Where the pad is in the hand frame [m], shape (..., 3)."""
+        return self.link_poses(values)[-1].apply(self.pad)
+
+    def solids(self, values: Mapping[str, float]) -> tuple[Solid, ...]:
+        """Solids of all links in the hand frame."""
+        return tuple(
+            solid.moved(T_hand_link)
+            for link, T_hand_link in zip(
+                self.links, self.link_poses(values), strict=True
+            )
+            for solid in link.solids
+        )
+
+    def joint_values(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Value of every joint by its own name, ``<finger>_<variable>``."""
+        return {
+            f"{self.name}_{link.joint.variable}": link.joint.sign
+            * float(values[link.joint.variable])
+            for link in self.links
+            if link.joint is not None
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Preshape:
+    """How the fingers stand before they close, and how they close."""
+
+    name: str
+    widths: tuple[float, float]
+    """Smallest and largest object that the preshape takes [m]."""
+    commands: FloatArray
+    """Closing commands from open to closed, in the units of the hand, shape (c,)."""
+    joints: Mapping[str, FloatArray]
+    """Value of every joint variable at each command [rad or m], shapes (c,)."""
+    openings: FloatArray
+    """Distance between opposing pads at each command [m], shape (c,), falling."""
+
+    def values(self, command: float) -> dict[str, float]:
+        """Value of every joint variable at one command."""
+        return {
+            name: float(np.interp(command, self.commands, table))
+            for name, table in self.joints.items()
+        }

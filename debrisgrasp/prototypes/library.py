@@ -1,0 +1,188 @@
+"""The dictionary of prototypes: load, choose, save, pack."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from debrisgrasp._files import data_path
+from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
+from debrisgrasp.geometry.sampling import fibonacci_sphere
+
+from .gripper import GripperModel, known_grippers
+from .prototype import (
+    DEFAULT_DENSITY,
+    KINDS,
+    GraspPrototype,
+    PackedPrototypes,
+    PrototypeDefinition,
+)
+from .prototype_file import read_prototype, write_prototype
+
+__all__ = ["N_VIEWS", "PrototypeLibrary"]
+
+N_VIEWS = 400
+"""Directions of view; the nearest of them is 4 degrees off on average."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PrototypeLibrary:
+    """A dictionary of prototypes with one density and one set of views."""
+
+    prototypes: tuple[GraspPrototype, ...]
+    grippers: Mapping[str, GripperModel]
+    """The hands that they are for, and perhaps more."""
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        grippers: Mapping[str, GripperModel] | None = None,
+        density: float = DEFAULT_DENSITY,
+    ) -> PrototypeLibrary:
+        """Read all prototypes of a folder, or one file; None reads the shipped ones.
+
+        Parameters
+        ----------
+        grippers
+            Hands by name; None takes those that ship.
+        density
+            Points per square metre of surface.
+
+        Raises
+        ------
+        ConfigError
+            If a file is malformed, a name is given twice, or there is no file.
+        UnknownNameError
+            For a hand, preshape, shape or field that doesn't exist.
+        """
+        if grippers is None:
+            grippers = {name: GripperModel.load(name) for name in known_grippers()}
+        definitions: dict[str, PrototypeDefinition] = {}
+        sources: dict[str, Path] = {}
+        for file in _files(data_path("prototypes") if path is None else Path(path)):
+            definition = read_prototype(file, grippers)
+            if definition.name in definitions:
+                raise ConfigError(
+                    f"{file.name}, field name",
+                    got=repr(definition.name),
+                    expected=f"a new name: {sources[definition.name].name} has it",
+                )
+            definitions[definition.name] = definition
+            sources[definition.name] = file
+        return cls.build(definitions.values(), grippers, density=density)
+
+    @classmethod
+    def build(
+        cls,
+        definitions: Iterable[PrototypeDefinition],
+        grippers: Mapping[str, GripperModel],
+        *,
+        density: float = DEFAULT_DENSITY,
+    ) -> PrototypeLibrary:
+        """Sample the shapes of definitions that were made in a program."""
+        directions = fibonacci_sphere(N_VIEWS)
+        prototypes = tuple(
+            GraspPrototype.build(definition, directions, density)
+            for definition in definitions
+        )
+        return cls(prototypes, grippers)
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Write one file for each prototype, named after it."""
+        try:
+            Path(folder).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(folder, error.strerror or str(error)) from error
+        for prototype in self.prototypes:
+            write_prototype(
+                prototype.definition, Path(folder) / f"{prototype.name}.yaml"
+            )
+
+    def __iter__(self) -> Iterator[GraspPrototype]:
+        return iter(self.prototypes)
+
+    def __len__(self) -> int:
+        return len(self.prototypes)
+
+    def __getitem__(self, name: str) -> GraspPrototype:
+        for prototype in self.prototypes:
+            if prototype.name == name:
+                return prototype
+        raise UnknownNameError("prototype", name, self.names)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all prototypes, in order."""
+        return tuple(prototype.name for prototype in self.prototypes)
+
+    def select(
+        self,
+        *,
+        gripper: str | None = None,
+        names: Iterable[str] | None = None,
+        kind: str | None = None,
+    ) -> PrototypeLibrary:
+        """Keep the prototypes of a hand, of some names, or of a kind.
+
+        Raises
+        ------
+        UnknownNameError
+            For a hand, a kind or a name that isn't in the dictionary.
+        """
+        if gripper is not None and gripper not in self.grippers:
+            raise UnknownNameError("gripper", gripper, self.grippers)
+        if kind is not None and kind not in KINDS:
+            raise UnknownNameError("kind of prototype", kind, KINDS)
+        chosen = self.prototypes
+        if names is not None:
+            chosen = tuple(self[name] for name in names)
+        kept = tuple(
+            prototype
+            for prototype in chosen
+            if gripper in (None, prototype.gripper) and kind in (None, prototype.kind)
+        )
+        return PrototypeLibrary(kept, self.grippers)
+
+    def packed(self) -> PackedPrototypes:
+        """Lay all prototypes out in arrays, padded to the largest."""
+        if not self.prototypes:
+            raise ConfigError(
+                "prototypes", got="none", expected="at least one", mend=_CHOOSE_MORE
+            )
+        directions = self.prototypes[0].visible.directions
+        counts = [len(prototype.points) for prototype in self.prototypes]
+        p, m = len(counts), max(counts)
+        points, normals = np.zeros((p, m, 3)), np.zeros((p, m, 3))
+        is_visible = np.zeros((p, len(directions), m), dtype=bool)
+        for row, (prototype, n) in enumerate(zip(self.prototypes, counts, strict=True)):
+            points[row, :n] = prototype.points
+            normals[row, :n] = prototype.normals
+            is_visible[row, :, :n] = prototype.visible.is_visible
+        mask = np.arange(m) < np.array(counts)[:, None]
+        return PackedPrototypes(
+            self.prototypes, points, normals, mask, directions, is_visible
+        )
+
+
+_CHOOSE_MORE = "The choice of hand, names and kind leaves nothing."
+
+
+def _files(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    if not path.is_dir():
+        raise ConfigError(
+            str(path), got="no such file or folder", expected="a folder of prototypes"
+        )
+    files = sorted([*path.glob("*.yaml"), *path.glob("*.yml")])
+    if not files:
+        raise ConfigError(
+            str(path), got="no .yaml file in it", expected="one file per prototype"
+        )
+    return files

@@ -1,0 +1,84 @@
+"""Which points of a shape a camera sees from which side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+
+from .parts import Part
+
+__all__ = ["GRAZING_ANGLE", "VisibilityTable", "nearest_view", "visible_points"]
+
+GRAZING_ANGLE = np.deg2rad(80.0)
+"""Surface seen at a larger angle from its normal counts as hidden: depth cameras
+return little or nothing from it."""
+
+_LIFT = 1e-4
+"""Rays start this far above the surface [m], so that it doesn't hide itself."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VisibilityTable:
+    """Visible points for each of many directions of view."""
+
+    directions: FloatArray
+    """Unit vectors from the shape to a distant camera, in the frame of the points,
+    shape (d, 3)."""
+    is_visible: BoolArray
+    """Shape (d, m)."""
+
+    def seen_from(self, direction: ArrayLike) -> BoolArray:
+        """Visible points for the nearest of the views, (..., 3) -> (..., m)."""
+        seen: BoolArray = self.is_visible[nearest_view(self.directions, direction)]
+        return seen
+
+
+def nearest_view(directions: FloatArray, query: ArrayLike) -> IntArray:
+    """Index of the direction (d, 3) with the smallest angle to each query (..., 3)."""
+    index: IntArray = np.argmax(
+        np.asarray(query, dtype=np.float64) @ directions.T, axis=-1
+    )
+    return index
+
+
+def visible_points(
+    points: FloatArray,
+    normals: FloatArray,
+    parts: Sequence[Part],
+    directions: FloatArray,
+) -> BoolArray:
+    """Decide for each direction which points of the body are seen.
+
+    A point is seen if it faces the camera by less than the grazing angle and no part
+    of the body stands in between.
+
+    Parameters
+    ----------
+    points, normals
+        Of the surface [m], shapes (m, 3).
+    parts
+        The body, in the same frame.
+    directions
+        Unit vectors towards the camera, shape (d, 3).
+
+    Returns
+    -------
+    BoolArray
+        Shape (d, m).
+    """
+    seen: BoolArray = directions @ normals.T > np.cos(GRAZING_ANGLE)
+    # A convex body hides nothing that faces the camera.
+    if len(parts) == 1 and parts[0].bore is None:
+        return seen
+    view, point = np.nonzero(seen)
+    origins = points[point] + _LIFT * normals[point]
+    is_hidden = np.zeros(len(view), dtype=bool)
+    for part in parts:
+        is_hidden |= part.blocks(origins, directions[view])
+    seen[view, point] = ~is_hidden
+    return seen

@@ -1,0 +1,117 @@
+"""From patches that were joined into objects to a `Segmentation`."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
+
+from .segmentation import (
+    GroundReport,
+    PatchGraph,
+    Segmentation,
+    SegmentEdges,
+    measured_segments,
+)
+
+__all__ = ["assembled"]
+
+_CLEAR_RISE = 0.01
+"""Mean difference of height at a contact [m] above which one segment lies higher."""
+
+
+def assembled(
+    points: FloatArray,
+    is_candidate: BoolArray,
+    graph: PatchGraph | None,
+    ground: GroundReport,
+    *,
+    min_points: int,
+    method: Literal["singulation", "lccp"],
+) -> Segmentation:
+    """Give objects their labels by size, drop specks, and measure what is left.
+
+    Parameters
+    ----------
+    points
+        The whole cloud [m], shape (n, 3).
+    is_candidate
+        Which of its points may belong to objects, shape (n,); ``graph`` is over them.
+    graph
+        Patches and objects; None if there are no candidates.
+    min_points
+        Objects with fewer points are specks of noise: label 0.
+    """
+    labels = np.zeros(len(points), dtype=np.int32)
+    patches = np.zeros(len(points), dtype=np.int32)
+    edges = SegmentEdges(
+        labels=np.empty((0, 2), dtype=np.int32),
+        convexity=np.empty(0),
+        contact_length=np.empty(0),
+        upper=np.empty(0, dtype=np.int32),
+    )
+    if graph is not None:
+        object_label = _numbered_by_size(points[is_candidate], graph, min_points)
+        patch_label = object_label[graph.patch_object]
+        labels[is_candidate] = patch_label[graph.point_patch]
+        patches[is_candidate] = graph.point_patch + 1
+        edges = _segment_edges(graph, patch_label)
+    return Segmentation(
+        labels=frozen(labels, "labels", (None,), np.int32),
+        segments=measured_segments(points, labels),
+        edges=edges,
+        patches=frozen(patches, "patches", (None,), np.int32),
+        ground=ground,
+        method=method,
+    )
+
+
+def _numbered_by_size(
+    points: FloatArray, graph: PatchGraph, min_points: int
+) -> IntArray:
+    """Label of each object: 1 for the largest, 0 for specks."""
+    own = graph.patch_object[graph.point_patch]
+    count = np.bincount(own)
+    mean = np.stack([np.bincount(own, weights=x) for x in points.T]) / np.maximum(
+        count, 1
+    )
+    # Position settles ties, so that the order of the points can't.
+    order = np.lexsort((mean[2], mean[1], mean[0], -count))
+    label = np.empty(len(count), dtype=np.int32)
+    label[order] = np.arange(1, len(count) + 1)
+    label[count < max(min_points, 1)] = 0
+    return label
+
+
+def _segment_edges(graph: PatchGraph, patch_label: IntArray) -> SegmentEdges:
+    """Contacts between segments, summed over those of their patches."""
+    ends = patch_label[graph.edges].reshape(-1, 2).astype(np.int64)
+    crossing = (ends[:, 0] != ends[:, 1]) & (ends > 0).all(axis=1)
+    ends = ends[crossing]
+    swapped = ends[:, 0] > ends[:, 1]
+    ends.sort(axis=1)
+    length = graph.contact_length[crossing]
+    rise = np.where(swapped, -1.0, 1.0) * graph.rise[crossing] * length
+    pairs, index = np.unique(ends, axis=0, return_inverse=True)
+    index = index.reshape(-1)
+
+    def total(values: FloatArray) -> FloatArray:
+        return np.bincount(index, values, len(pairs)).astype(np.float64)
+
+    contact = np.maximum(total(length), 1e-12)
+    mean_rise = total(rise) / contact
+    upper = np.where(
+        mean_rise > _CLEAR_RISE,
+        pairs[:, 1],
+        np.where(mean_rise < -_CLEAR_RISE, pairs[:, 0], 0),
+    )
+    return SegmentEdges(
+        labels=frozen(pairs, "edge labels", (2,), np.int32),
+        convexity=frozen(
+            total(length * graph.is_convex[crossing]) / contact, "convexity", (None,)
+        ),
+        contact_length=frozen(contact, "contact length", (None,)),
+        upper=frozen(upper, "upper", (None,), np.int32),
+    )

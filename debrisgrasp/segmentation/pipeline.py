@@ -1,0 +1,124 @@
+"""From a cloud to its objects: take the ground away, then divide the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from debrisgrasp._arrays import BoolArray, FloatArray, require_finite
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.geometry import Bounds, PointCloud
+
+from .assembly import assembled
+from .ground import GroundConfig, find_ground
+from .lccp import LccpConfig, lccp
+from .segmentation import PatchGraph, Segmentation
+from .singulation import SingulationConfig, singulate
+
+__all__ = ["SegmentationConfig", "segment_cloud"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentationConfig:
+    """How a cloud is divided into objects."""
+
+    ground: GroundConfig = field(default_factory=GroundConfig)
+    method: SingulationConfig | LccpConfig = field(default_factory=SingulationConfig)
+    """The settings of the method that divides what stands on the ground; their type
+    chooses it."""
+    fallback: LccpConfig = field(default_factory=LccpConfig)
+    """What divides clouds that singulation can't: unorganised ones, and images of no
+    pinhole camera."""
+    min_points: int = 60
+    """Objects with fewer points are specks of noise and get label 0."""
+
+    def __post_init__(self) -> None:
+        if self.min_points < 0:
+            raise ConfigError("min_points", got=self.min_points, expected="0 or more")
+
+
+def segment_cloud(
+    cloud: PointCloud,
+    config: SegmentationConfig | None = None,
+    *,
+    region: Bounds | None = None,
+    is_cropped: bool = False,
+    colors: FloatArray | None = None,
+) -> Segmentation:
+    """Divide a cloud into objects.
+
+    Parameters
+    ----------
+    cloud
+        In the base frame: z up, ground at z = 0. At least one point, all finite.
+    config
+        None takes the defaults, which suit debris at 1 to 4 m.
+    region
+        Region in which removal of the ground is judged, base frame; None takes the
+        ground plan of what stands on it. See `GroundConfig.max_removed_share`.
+    is_cropped
+        Whether the cloud was cut to a region before; the ground then stays.
+    colors
+        One colour in [0, 1] per point, shape (n, 3), if the method weighs them.
+
+    Raises
+    ------
+    InputError
+        If the cloud is empty, has points that are not finite, or is in another frame.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from debrisgrasp.geometry import PointCloud
+    >>> x, y = np.meshgrid(np.linspace(0, 0.2, 41), np.linspace(0, 0.1, 21))
+    >>> top = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 0.3)])
+    >>> up = np.broadcast_to([0.0, 0.0, 1.0], top.shape)
+    >>> board = PointCloud(points=top, normals=up, viewpoint=np.array([0, 0, 1.5]))
+    >>> result = segment_cloud(board)
+    >>> len(result.segments), result.ground.status
+    (1, 'skipped')
+    """
+    config = config or SegmentationConfig()
+    cloud.require_frame("base")
+    if not len(cloud):
+        raise InputError("cloud", got="no points", expected="at least one")
+    require_finite(cloud.points, "points")
+    if colors is not None and colors.shape != cloud.points.shape:
+        raise ShapeError(
+            "colors", got=colors.shape, expected=f"one per point, {cloud.points.shape}"
+        )
+    is_ground, report = find_ground(
+        cloud, config.ground, region=region, is_cropped=is_cropped
+    )
+    standing = ~is_ground
+    graph, method = _divided(cloud, standing, config, colors)
+    return assembled(
+        cloud.points,
+        standing,
+        graph,
+        report,
+        min_points=config.min_points,
+        method=method,
+    )
+
+
+def _divided(
+    cloud: PointCloud,
+    standing: BoolArray,
+    config: SegmentationConfig,
+    colors: FloatArray | None,
+) -> tuple[PatchGraph | None, Literal["singulation", "lccp"]]:
+    """Apply a method to the standing points, and name it."""
+    method = config.method
+    if isinstance(method, SingulationConfig):
+        if not standing.any():
+            return None, "singulation"
+        graph = singulate(cloud, standing, method)
+        if graph is not None:
+            return graph, "singulation"
+        method = config.fallback
+    if not standing.any():
+        return None, "lccp"
+    # Most organised clouds lose points here; the others need not be copied.
+    chosen = cloud if standing.all() else cloud.selected(standing)
+    return lccp(chosen, method, None if colors is None else colors[standing]), "lccp"

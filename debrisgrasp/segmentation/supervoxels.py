@@ -1,0 +1,303 @@
+"""Voxel Cloud Connectivity Segmentation: patches of similar position and orientation.
+
+Papon et al., "Voxel Cloud Connectivity Segmentation - Supervoxels for Point Clouds",
+CVPR 2013. The distance is the plain weighted sum that the point cloud library uses,
+not the root of squares of the paper. Patches grow all at once (each voxel takes the
+best offer of a sweep) rather than one after the other, so that the result depends on
+no order, and every voxel ends up in a patch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import PointCloud
+
+from .voxels import Binning, VoxelGrid, cell_ids, grid_axes, voxelise
+
+__all__ = ["Patches", "SupervoxelConfig", "supervoxels"]
+
+_SETTLED = 0.002
+"""Sweeps end early once a smaller share of the voxels than this changes its patch."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SupervoxelConfig:
+    """How fine the patches are and what makes a point similar to one."""
+
+    voxel_resolution: float = 0.0075
+    """Edge of a voxel [m]; larger is faster and blurs thin parts together."""
+    seed_resolution: float = 0.0225
+    """Distance between the seeds of patches [m], about their size."""
+    color_importance: float = 0.0
+    """Weight of the distance in colour; needs colours with the cloud."""
+    spatial_importance: float = 0.2
+    """Weight of the distance in space, in units of ``seed_resolution``."""
+    normal_importance: float = 2.0
+    """Weight of 1 - |cos| between the normals."""
+    binning: Binning = Binning.METRIC
+    """Shape of the voxels; `Binning.SINGLE_CAMERA` keeps far surfaces whole where the
+    samples lie farther apart than a voxel."""
+    refinements: int = 0
+    """Rounds of reseeding at the patch centres and growing anew."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.voxel_resolution < self.seed_resolution < np.inf:
+            raise ConfigError(
+                "voxel_resolution and seed_resolution",
+                got=f"{self.voxel_resolution} and {self.seed_resolution}",
+                expected="0 < voxel_resolution < seed_resolution [m]",
+            )
+        for name in ("color_importance", "spatial_importance", "normal_importance"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ConfigError(name, got=getattr(self, name), expected="0 or more")
+        if self.refinements < 0:
+            raise ConfigError(
+                "refinements", got=self.refinements, expected="0 or more rounds"
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patches:
+    """Supervoxels of a voxel grid and the graph of those that touch."""
+
+    grid: VoxelGrid
+    owner: IntArray
+    """Patch of each voxel, shape (v,)."""
+    centers: FloatArray
+    """Mean of the voxels of each patch [m], shape (p, 3)."""
+    normals: FloatArray
+    """Unit mean normal of each patch, shape (p, 3); NaN where none is known."""
+    edges: IntArray
+    """Pairs (a, b) with a < b of touching patches, ascending, shape (e, 2)."""
+    contacts: IntArray
+    """How many pairs of voxels touch across each edge, shape (e,)."""
+
+    def __len__(self) -> int:
+        return len(self.centers)
+
+
+def supervoxels(
+    cloud: PointCloud,
+    config: SupervoxelConfig,
+    colors: FloatArray | None = None,
+) -> Patches:
+    """Divide a cloud into patches; no point is left without one.
+
+    Parameters
+    ----------
+    cloud
+        At least one point, z up.
+    colors
+        One colour in [0, 1] per point, shape (n, 3); needed if they have a weight.
+    """
+    if config.color_importance > 0 and colors is None:
+        raise ConfigError(
+            "color_importance",
+            got=config.color_importance,
+            expected="0 for a cloud without colours",
+            mend="Give colors, one per point.",
+        )
+    grid = voxelise(
+        cloud,
+        config.voxel_resolution,
+        config.binning,
+        colors if config.color_importance > 0 else None,
+    )
+    seeds = _seeds(grid, cloud, config)
+    owner = _grown(grid, seeds, config)
+    for _ in range(config.refinements):
+        owner = _grown(grid, _central_voxels(grid, owner), config)
+    centers, normals = _centers_and_normals(grid, owner)
+    edges, contacts = _touching_patches(grid, owner)
+    return Patches(grid, owner, centers, normals, edges, contacts)
+
+
+def _seeds(grid: VoxelGrid, cloud: PointCloud, config: SupervoxelConfig) -> IntArray:
+    """One voxel per coarse cell, nearest to the cell's middle, isolated ones dropped.
+
+    A seed stays if its neighbourhood of half a seed spacing holds at least 5 % of the
+    voxels that a flat surface would.
+    """
+    spacing = config.seed_resolution
+    axes = grid_axes(cloud, level=True)
+    scaled = axes @ (grid.centers - cloud.viewpoint).T / spacing
+    keys = np.floor(scaled)
+    offset = np.square(scaled - keys - 0.5).sum(axis=0)
+    cell, cells = cell_ids(keys.astype(np.int64))
+    order = np.lexsort((offset, cell))
+    seeds = order[np.searchsorted(cell[order], np.arange(cells.shape[1]))]
+    # Voxels per coarse cell stand for the count within half the spacing, whose
+    # disc covers pi/4 of the cell.
+    flat = (spacing / grid.sizes[seeds]) ** 2
+    return np.sort(seeds[np.bincount(cell) > 0.05 * flat])
+
+
+def _features(grid: VoxelGrid, config: SupervoxelConfig) -> Float32Array:
+    """Position in units of the seed spacing, normal, and colour if it counts, (v, f).
+
+    Positions are relative to their mean: single precision would not resolve them far
+    from the origin.
+    """
+    centered = grid.centers - grid.centers.mean(axis=0)
+    parts = [centered / config.seed_resolution, np.nan_to_num(grid.normals)]
+    if grid.colors is not None:
+        parts.append(grid.colors)
+    return np.concatenate(parts, axis=1).astype(np.float32)
+
+
+def _distance(
+    features: Float32Array,
+    means: Float32Array,
+    patch: IntArray,
+    voxel: IntArray,
+    config: SupervoxelConfig,
+) -> Float32Array:
+    """Distance D of voxels to patches, both (k,): weighted sum over the features."""
+    ours, theirs = features[voxel], means[patch]
+    turned = 1 - np.abs(np.einsum("ij,ij->i", ours[:, 3:6], theirs[:, 3:6]))
+    ours -= theirs
+    far = np.sqrt(np.einsum("ij,ij->i", ours[:, :3], ours[:, :3]))
+    total: Float32Array = (
+        np.float32(config.spatial_importance) * far
+        + np.float32(config.normal_importance) * turned
+    )
+    if features.shape[1] > 6:
+        step = np.sqrt(np.einsum("ij,ij->i", ours[:, 6:], ours[:, 6:]))
+        total += np.float32(config.color_importance) * step
+    return total
+
+
+def _grown(grid: VoxelGrid, seeds: IntArray, config: SupervoxelConfig) -> IntArray:
+    """Grow patches from seed voxels over the neighbour graph.
+
+    In every sweep each voxel compares the patch it is in with the offers of patches
+    next to it. After the usual 1.8 seed spacings patches only take what nobody has yet,
+    until no such voxel can be reached; what is left becomes patches of its own.
+
+    Returns
+    -------
+    IntArray
+        Patch of each voxel, numbered from 0 without gaps, shape (v,).
+    """
+    features = _features(grid, config)
+    owner = np.full(len(grid), -1, dtype=np.int32)
+    cost = np.full(len(grid), np.inf, dtype=np.float32)
+    owner[seeds] = np.arange(len(seeds))
+    cost[seeds] = 0.0
+    means = features[seeds]
+    n_sweeps = int(1.8 * config.seed_resolution / config.voxel_resolution) - 1
+    for _ in range(n_sweeps):
+        n_taken = _sweep(grid, features, means, owner, cost, config)
+        if n_taken <= _SETTLED * len(grid):
+            break
+        means = _patch_means(features, owner, len(seeds))
+    while _sweep(grid, features, means, owner, cost, config, only_free=True):
+        pass
+    free = owner < 0
+    if free.any():
+        owner[free] = len(seeds) + _components(grid, free)
+    return np.unique(owner, return_inverse=True)[1]
+
+
+def _sweep(
+    grid: VoxelGrid,
+    features: Float32Array,
+    means: Float32Array,
+    owner: IntArray,
+    cost: Float32Array,
+    config: SupervoxelConfig,
+    *,
+    only_free: bool = False,
+) -> int:
+    """Let every voxel take the best offer of its neighbours' patches, in place.
+
+    Returns how many did.
+    """
+    offering = owner[grid.sources]
+    taking = owner[grid.targets]
+    is_offer = (offering >= 0) & ((taking < 0) if only_free else (offering != taking))
+    patch, voxel = offering[is_offer], grid.targets[is_offer]
+    if not len(patch):
+        return 0
+    offer = _distance(features, means, patch, voxel, config)
+    starts = np.flatnonzero(np.diff(voxel, prepend=-1))
+    best = np.minimum.reduceat(offer, starts)
+    # Of equal offers the patch with the smallest number wins.
+    width = np.diff(starts, append=len(voxel))
+    contender = np.where(offer <= np.repeat(best, width), patch, len(means))
+    winner = np.minimum.reduceat(contender, starts)
+    taker = voxel[starts]
+    takes = best < cost[taker]
+    owner[taker[takes]] = winner[takes]
+    cost[taker[takes]] = best[takes]
+    return int(np.count_nonzero(takes))
+
+
+def _patch_means(
+    features: Float32Array, owner: IntArray, n_patches: int
+) -> Float32Array:
+    """Mean features of each patch with unit normals; voxels of no patch are -1."""
+    # Those go to one patch more, which is dropped again.
+    index = np.where(owner < 0, n_patches, owner)
+    columns = [
+        np.bincount(index, weights=x, minlength=n_patches + 1)[:-1] for x in features.T
+    ]
+    means: FloatArray = np.stack(columns, axis=1).astype(np.float64)
+    normals = means[:, 3:6].copy()
+    # A patch that lost all its voxels offers nothing any more; its mean is moot.
+    means /= np.maximum(np.bincount(index, minlength=n_patches + 1)[:-1, None], 1)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    means[:, 3:6] = normals / np.maximum(length, 1e-12)
+    return means.astype(np.float32)
+
+
+def _centers_and_normals(
+    grid: VoxelGrid, owner: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mean position and unit mean normal (NaN if none is known) of each patch."""
+    count = np.bincount(owner)
+    centers = np.stack([np.bincount(owner, weights=x) for x in grid.centers.T], axis=1)
+    known = np.nan_to_num(grid.normals)
+    normals = np.stack([np.bincount(owner, weights=x) for x in known.T], axis=1)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    unit = np.where(length > 1e-9, normals / np.maximum(length, 1e-9), np.nan)
+    return centers / count[:, None], unit
+
+
+def _central_voxels(grid: VoxelGrid, owner: IntArray) -> IntArray:
+    """Voxel of each patch that is nearest to its centre."""
+    n_patches = int(owner.max()) + 1
+    centers = _centers_and_normals(grid, owner)[0]
+    offset = np.square(grid.centers - centers[owner]).sum(axis=1)
+    order = np.lexsort((offset, owner))
+    return order[np.searchsorted(owner[order], np.arange(n_patches))]
+
+
+def _components(grid: VoxelGrid, chosen: BoolArray) -> IntArray:
+    """Find the connected component of each chosen voxel."""
+    index = np.flatnonzero(chosen)
+    number = np.full(len(grid), -1)
+    number[index] = np.arange(len(index))
+    inside = chosen[grid.sources] & chosen[grid.targets]
+    a, b = number[grid.sources[inside]], number[grid.targets[inside]]
+    graph = coo_array((np.ones(len(a), dtype=bool), (a, b)), shape=(len(index),) * 2)
+    components: IntArray = connected_components(graph, directed=False)[1]
+    return components
+
+
+def _touching_patches(grid: VoxelGrid, owner: IntArray) -> tuple[IntArray, IntArray]:
+    """Edges between patches with touching voxels, and the number of such pairs."""
+    a, b = owner[grid.sources], owner[grid.targets]
+    crossing = a < b
+    n_patches = int(owner.max()) + 1
+    keys, counts = np.unique(
+        a[crossing].astype(np.int64) * n_patches + b[crossing], return_counts=True
+    )
+    return np.stack(np.divmod(keys, n_patches), axis=1), counts

@@ -1,0 +1,62 @@
+"""The report as one page for the browser, which needs nothing but itself."""
+
+from __future__ import annotations
+
+import json
+import os
+from html import escape
+from importlib.resources import files
+
+from debrisgrasp._files import write_atomic
+
+from .payload import payload
+from .report import Report
+
+__all__ = ["report_html"]
+
+
+def report_html(path: str | os.PathLike[str], report: Report) -> None:
+    """Write the report as an interactive page that opens without a network.
+
+    The table of grasps selects what the 3-D view shows: hand, posture of the arm and
+    approach. ``page.html#grasp=3`` opens with the third grasp selected. Equal reports
+    give equal files.
+
+    Parameters
+    ----------
+    path
+        Where to write; an existing file is replaced only when the page is complete.
+    report
+        What to show. A plan without grasps shows the scene and why there is none.
+
+    Raises
+    ------
+    OutputError
+        If the file can't be written.
+    """
+    write_atomic(path, _page(report))
+
+
+def _page(report: Report) -> str:
+    data = json.dumps(payload(report), allow_nan=False, separators=(",", ":"))
+    # Inside a script element only "<" could end it early, whatever names the data hold.
+    data = data.replace("<", "\\u003c")
+    parts = {
+        "title": escape(report.title),
+        "style": _asset("report.css"),
+        "viewer": _asset("viewer.js"),
+        "script": _asset("report.js"),
+        "data": data,
+    }
+    # Split before filling, so that no part is searched for the marks of another.
+    first, *rest = _asset("report.html").split("{{")
+    pieces = [first]
+    for chunk in rest:
+        name, _, text = chunk.partition("}}")
+        pieces += [parts[name], text]
+    return "".join(pieces)
+
+
+def _asset(name: str) -> str:
+    folder = files("debrisgrasp.viz") / "assets"
+    return (folder / name).read_text(encoding="utf-8")

@@ -1,0 +1,71 @@
+"""What a report shows: one capture, its segments, and the plan made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from debrisgrasp._arrays import IntArray
+from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import PointCloud
+from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.planning import GraspPlan
+from debrisgrasp.prototypes import GripperModel
+from debrisgrasp.segmentation import Candidate, Segmentation
+
+__all__ = ["Image", "Report"]
+
+
+class Image(Protocol):
+    """What a report needs of a capture."""
+
+    @property
+    def name(self) -> str:
+        """What to call it."""
+        ...
+
+    @property
+    def rgb(self) -> NDArray[np.uint8] | None:
+        """Colours, shape (height, width, 3), or None if there are none."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Report:
+    """Everything that one report shows."""
+
+    title: str
+    """Heading, for instance the name of the capture."""
+    cloud: PointCloud
+    """All measured points, base frame."""
+    segmentation: Segmentation
+    """Labels of the points of ``cloud``."""
+    plan: GraspPlan
+    grippers: Mapping[str, GripperModel]
+    """The hands that the plan names."""
+    capture: Image | None = None
+    """Where ``cloud`` came from, for its colour image; None if there is none."""
+    robot: RobotModel | None = None
+    """Drawn in the posture of each grasp; None for a floating hand."""
+    order: tuple[Candidate, ...] = ()
+    """Objects in the order in which they would be taken, first to last."""
+
+    def __post_init__(self) -> None:
+        self.cloud.require_frame("base")
+        labels = np.asarray(self.segmentation.labels)
+        if labels.shape != (len(self.cloud),):
+            raise InputError(
+                "segmentation of the report",
+                got=f"labels of shape {labels.shape}",
+                expected=f"one label for each of the {len(self.cloud)} points",
+                mend="Give the segmentation that was made from this very cloud.",
+            )
+
+    @property
+    def labels(self) -> IntArray:
+        """One label per point, shape (n,)."""
+        return np.asarray(self.segmentation.labels)

@@ -1,0 +1,144 @@
+"""Pictures of single products: the segments of a capture, and a sheet of prototypes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import SE3, PointCloud
+from debrisgrasp.prototypes import GraspPrototype, GripperModel
+from debrisgrasp.segmentation import Candidate, Segmentation
+
+from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, HAND_COLORS, INK, MUTED_INK
+from .overlay import label_image
+from .page import Page, Slot, draw_picture, draw_segments, shortened, wrapped
+from .raster import Splats, render
+from .report import Image
+from .scene import merged, point_spacing
+from .view import View
+
+__all__ = ["prototype_png", "segmentation_png"]
+
+_FRAME = 30
+_MOST_LINES = 38
+
+
+def segmentation_png(
+    path: str | os.PathLike[str],
+    capture: Image | None,
+    cloud: PointCloud,
+    segmentation: Segmentation,
+    *,
+    order: Sequence[Candidate] = (),
+) -> None:
+    """Write the picture of a capture with its segments in colours.
+
+    Parameters
+    ----------
+    path
+        Where to write; an existing file is replaced only when the picture is complete.
+    capture
+        Where the cloud came from, for its colour image; None if there is none.
+    cloud, segmentation
+        The points and their labels.
+    order
+        Objects in the order in which they would be taken. The first is outlined, and
+        the reasons stand beside the picture.
+
+    Raises
+    ------
+    OutputError
+        If the file can't be written.
+    """
+    slot = Slot(_FRAME, 92, 1080, 810)
+    width = 1700 if order else 1080 + 2 * _FRAME
+    page = Page(width, 932)
+    image = label_image(cloud, segmentation.labels, capture)
+    n = len(segmentation.segments)
+    name = "Segments" if capture is None else capture.name
+    page.text(_FRAME, 18, shortened(name, 70), 18, weight="bold")
+    ground = f"ground {segmentation.ground.status}: {segmentation.ground.reason}"
+    note = f"{n} segment{'s' * (n != 1)}; {ground}"
+    page.text(_FRAME, 58, shortened(note, 190 if order else 130), 11, color=MUTED_INK)
+    chosen = order[0].label if order else 0
+    draw_segments(page.panel(slot), image, slot, chosen=chosen, order=order)
+    if order:
+        page.text(1130, 58, "Order of removal", 12, weight="bold")
+        lines = [
+            f"{place}: #{item.label}  {item.reason}"
+            for place, item in enumerate(order, start=1)
+        ]
+        page.text(1130, 92, wrapped(lines, 72, _MOST_LINES), 10.5)
+    page.write(path)
+
+
+def prototype_png(
+    path: str | os.PathLike[str],
+    prototypes: Iterable[GraspPrototype],
+    grippers: Mapping[str, GripperModel],
+) -> None:
+    """Write a sheet of prototypes, each with its hand as it approaches from above.
+
+    Parameters
+    ----------
+    path
+        Where to write; an existing file is replaced only when the picture is complete.
+    prototypes
+        What to draw, in this order.
+    grippers
+        The hands they are for.
+
+    Raises
+    ------
+    InputError
+        If there is no prototype.
+    OutputError
+        If the file can't be written.
+    """
+    shown = tuple(prototypes)
+    if not shown:
+        raise InputError("prototypes to draw", got="none", expected="at least one")
+    columns, side = (6, 280) if len(shown) > 6 else (3, 400)
+    columns = min(columns, len(shown))
+    step_x, step_y = side + 16, side + 62
+    rows = -(-len(shown) // columns)
+    page = Page(2 * _FRAME + columns * step_x - 16, 2 * _FRAME + rows * step_y - 16)
+    for place, prototype in enumerate(shown):
+        row, column = divmod(place, columns)
+        slot = Slot(
+            _FRAME + column * step_x, _FRAME + 46 + row * step_y, side, side - 16
+        )
+        name = shortened(prototype.name, side // 9)
+        page.text(slot.x, slot.y - 44, name, 11, color=INK, weight="bold")
+        hand = f"{prototype.gripper} {prototype.preshape}"
+        sizes = f"{1000 * prototype.opening:.0f} → {1000 * prototype.width:.0f} mm"
+        note = shortened(f"{hand}, {sizes}", side // 7)
+        page.text(slot.x, slot.y - 23, note, 9.5, color=MUTED_INK)
+        colors = _drawn_prototype(prototype, grippers[prototype.gripper], slot)
+        draw_picture(page.panel(slot), colors, slot)
+    page.write(path)
+
+
+def _drawn_prototype(
+    prototype: GraspPrototype, gripper: GripperModel, slot: Slot
+) -> FloatArray:
+    """Prototype in its hand, the palm turned to look down."""
+    T_base_hand = SE3.from_parts(np.diag([1.0, -1.0, -1.0]))
+    solids = gripper.solids(prototype.preshape, prototype.opening)
+    hand = merged(solids, HAND_COLORS[0]).moved(T_base_hand)
+    points = T_base_hand.apply(prototype.points)
+    view = View.fitted(
+        np.concatenate([points, hand.vertices]), [-0.4, 0.9, -0.35], slot.size
+    )
+    splats = Splats(
+        points,
+        np.broadcast_to(CHOSEN_COLOR, points.shape),
+        1.15 * point_spacing(points),
+        T_base_hand.rotate(prototype.normals),
+    )
+    picture = render(view, [splats], [hand], background=np.array(BACKGROUND_COLOR))
+    return picture.colors

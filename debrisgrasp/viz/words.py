@@ -1,0 +1,98 @@
+"""A plan in words: what was chosen, and why, and what was ruled out."""
+
+from __future__ import annotations
+
+from debrisgrasp.planning import Grasp, GraspPlan
+
+from .report import Report
+
+__all__ = [
+    "grasp_row",
+    "headline",
+    "object_reason",
+    "passed_over_lines",
+    "percent",
+    "rejection_rows",
+    "summary",
+]
+
+
+def summary(report: Report) -> str:
+    """One line of what was seen and found."""
+    labels = report.labels
+    n_objects = len({int(label) for label in labels[labels > 0]})
+    n_grasps = len(report.plan.grasps)
+    robot = report.plan.robot
+    hand = "floating hand" if robot == "none" else f"robot {robot}"
+    return (
+        f"{_thousands(len(labels))} points, {_counted(n_objects, 'segment')}, "
+        f"{_counted(n_grasps, 'grasp')}, {hand}, seed {report.plan.seed}"
+    )
+
+
+def headline(report: Report) -> str:
+    """Tell the result in one sentence."""
+    plan = report.plan
+    if not plan.grasps and plan.passed_over:
+        n = len(plan.passed_over)
+        return f"No grasp: {_counted(n, 'object')} considered, none offers one"
+    if not plan.grasps:
+        return "No grasp: " + (plan.why_empty or "no reason was recorded")
+    best = plan.grasps[0]
+    return (
+        f"Grip {_named(plan)} with {best.prototype}, "
+        f"{best.gripper} {best.preshape}: Q {best.Q:.2f}"
+    )
+
+
+def object_reason(report: Report) -> str:
+    """Why the chosen object was chosen; empty if nothing is known about it."""
+    label = report.plan.object_label
+    if label <= 0:
+        return ""
+    for place, item in enumerate(report.order, start=1):
+        if item.label == label:
+            return f"Object {label}, number {place} in the order: {item.reason}"
+    return f"Object {label}."
+
+
+def passed_over_lines(plan: GraspPlan) -> list[str]:
+    """One line for each object that was tried first and left."""
+    return [
+        f"Object {item.label} passed over: {item.reason}" for item in plan.passed_over
+    ]
+
+
+def rejection_rows(plan: GraspPlan) -> list[tuple[str, int]]:
+    """Reasons that ruled out candidate poses, most frequent first."""
+    rows = [(reason.replace("_", " "), n) for reason, n in plan.rejections.items()]
+    return sorted(rows, key=lambda row: (-row[1], row[0]))
+
+
+def percent(part: int, whole: int) -> str:
+    """Share of a count, such as ``"12 %"``; ``"<1 %"`` keeps small ones visible."""
+    share = 100.0 * part / max(whole, 1)
+    return "<1\u00a0%" if 0.0 < share < 1.0 else f"{share:.0f}\u00a0%"
+
+
+def grasp_row(rank: int, grasp: Grasp) -> tuple[str, ...]:
+    """Cells of one grasp: rank, prototype, hand, S, C, R, Q, opening, width."""
+    return (
+        str(rank),
+        grasp.prototype,
+        f"{grasp.gripper} {grasp.preshape}",
+        *(f"{value:.2f}" for value in (grasp.S, grasp.C, grasp.R, grasp.Q)),
+        f"{1000 * grasp.opening:.0f} → {1000 * grasp.width:.0f} mm",
+    )
+
+
+def _named(plan: GraspPlan) -> str:
+    return f"object {plan.object_label}" if plan.object_label > 0 else "in the region"
+
+
+def _thousands(n: int) -> str:
+    return f"{n:,}".replace(",", "\u202f")
+
+
+def _counted(n: int, noun: str) -> str:
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"

@@ -1,0 +1,124 @@
+"""Planning from loaded arrays to ranked grasps: time, memory, and what comes out.
+
+Run: python -m tests.benchmarks.plan [--json FILE]
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+import debrisgrasp
+from debrisgrasp.cli.tables import columns
+from debrisgrasp.geometry import DepthSight
+from debrisgrasp.io import data_path
+from debrisgrasp.planning import GraspScene, SceneConfig, SimilarityConfig
+from debrisgrasp.planning.clearance import ClearanceConfig, HandClearance
+from debrisgrasp.planning.hands import PackedHands
+from debrisgrasp.planning.proposals import GlobalMove
+from debrisgrasp.planning.similarity import ShapeSimilarity
+from debrisgrasp.prototypes import PrototypeLibrary
+from debrisgrasp.segmentation import region_of_interest
+
+from .report import arguments, publish
+
+PILES = Path(__file__).parents[3] / "shared" / "data" / "piles"
+
+
+def captures() -> list[debrisgrasp.Capture]:
+    files = sorted(PILES.glob("*.npz")) or [data_path("captures", "pile.npz")]
+    return [debrisgrasp.Capture.load(path) for path in files]
+
+
+def import_seconds() -> float:
+    code = "from time import perf_counter as now; t = now(); import debrisgrasp"
+    code += "; print(now() - t)"
+    runs = [
+        float(subprocess.run([sys.executable, "-c", code], capture_output=True).stdout)
+        for _ in range(5)
+    ]
+    return float(np.median(runs))
+
+
+def evaluations_per_second(capture: debrisgrasp.Capture) -> tuple[float, float]:
+    """Poses a second in S alone, and in S and C, on proposals of the search."""
+    cloud, segmentation = capture.cloud(), debrisgrasp.segment(capture)
+    label = debrisgrasp.select(capture, segmentation)[0].label
+    library = PrototypeLibrary.load().select(kind="generic")
+    packed = library.packed()
+    assert capture.depth is not None
+    assert capture.intrinsics is not None
+    assert capture.T_base_camera is not None
+    depth = capture.depth.astype(np.float32)
+    scene = GraspScene.build(
+        cloud,
+        segmentation.labels == label,
+        region_of_interest(segmentation.segment(label)),
+        DepthSight(depth, capture.intrinsics, capture.T_base_camera),
+        SceneConfig(),
+    )
+    similarity = ShapeSimilarity(scene, packed, SimilarityConfig(), 40)
+    hands = PackedHands.pack(library, approach=0.12, tolerance=0.004)
+    clearance = HandClearance(scene, hands, ClearanceConfig())
+    which = np.repeat(np.arange(len(library)), 40)
+    Ts = GlobalMove(scene, packed).sample(which, np.random.default_rng(0))
+    rates = []
+    for with_clearance in (False, True):
+        begin = time.perf_counter()
+        for _ in range(10):
+            similarity(Ts, which)
+            if with_clearance:
+                clearance(Ts, which, np.zeros(len(Ts)))
+        rates.append(10 * len(Ts) / (time.perf_counter() - begin))
+    return rates[0], rates[1]
+
+
+def main() -> None:
+    options = arguments(__doc__ or "")
+    pipeline = debrisgrasp.Pipeline(robot="roman")
+    loaded = captures()
+    pipeline.plan(loaded[0])  # builds the arms' maps, once per process
+    rows, seconds, offered, executable = [], [], 0, 0
+    for capture in loaded:
+        begin = time.perf_counter()
+        result = pipeline.plan(capture)
+        seconds.append(time.perf_counter() - begin)
+        plan = result.plan
+        offered += len(plan.grasps)
+        executable += sum(g.joints is not None for g in plan.grasps)
+        tried = len(plan.passed_over) + bool(plan.grasps)
+        best = plan.grasps[0] if plan.grasps else None
+        rows.append(
+            [
+                capture.name,
+                str(tried),
+                str(len(plan.grasps)),
+                f"{best.Q:.2f}" if best else "-",
+                best.prototype if best else "-",
+                f"{seconds[-1]:.2f}",
+            ]
+        )
+    print(columns(["capture", "tried", "grasps", "best Q", "prototype", "s"], rows))
+    print()
+    in_S, in_SC = evaluations_per_second(loaded[0])
+    figures = {
+        "seconds_median": float(np.median(seconds)),
+        "seconds_max": float(np.max(seconds)),
+        "seconds_warm": float(np.min(seconds)),
+        "poses_per_second_S": in_S,
+        "poses_per_second_SC": in_SC,
+        "executable_share": executable / max(offered, 1),
+        "grasps_min": float(min(int(row[2]) for row in rows)),
+        "import_seconds": import_seconds(),
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+    publish(figures, options.json)
+
+
+if __name__ == "__main__":
+    main()

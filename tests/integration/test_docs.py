@@ -1,0 +1,171 @@
+"""The documents tell the truth: code runs, links lead somewhere, commands parse."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import debrisgrasp
+from debrisgrasp.cli.main import build_parser
+from debrisgrasp.io import data_path
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, check
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+
+
+def blocks(path: Path, *languages: str) -> list[str]:
+    found = FENCE.findall(path.read_text())
+    return [body for language, body in found if language in languages]
+
+
+def named(*languages: str) -> list[object]:
+    return [
+        pytest.param(body, id=f"{path.stem}-{number}")
+        for path in DOCUMENTS
+        for number, body in enumerate(blocks(path, *languages), start=1)
+    ]
+
+
+def commands() -> list[object]:
+    lines = []
+    for path in DOCUMENTS:
+        for body in blocks(path, "", "sh"):
+            joined = body.replace("\\\n", " ")
+            words = (shlex.split(line, comments=True) for line in joined.splitlines())
+            lines += [line[1:] for line in words if line[:1] == ["debrisgrasp"]]
+    return [pytest.param(line, id=" ".join(line)) for line in lines]
+
+
+def yaml_block(document: str, name: str) -> str:
+    """Return the block that describes the prototype or hand of that name."""
+    for body in blocks(ROOT / "docs" / document, "yaml"):
+        if yaml.safe_load(body).get("name") == name:
+            return body
+    raise LookupError(name)
+
+
+@pytest.fixture(scope="module")
+def grasps_json(tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("plan") / "grasps.json"
+    capture = debrisgrasp.Capture.load(data_path("captures", "pile.npz"))
+    debrisgrasp.plan(capture, robot="none", gripper="camhand").save(path)
+    return path.read_text()
+
+
+@pytest.fixture
+def prelude(tmp_path, monkeypatch, grasps_json) -> dict[str, object]:
+    """What a reader has at hand: the arrays of a capture, and files made earlier on.
+
+    ``depth``, ``K`` and ``T_base_camera`` are those of the bundled capture. The working
+    folder holds it as my_capture.npz, a plan as grasps.json, and the hand and prototype
+    of docs/prototypes.md.
+    """
+    monkeypatch.chdir(tmp_path)
+    with np.load(data_path("captures", "pile.npz")) as archive:
+        arrays = {key: archive[key] for key in ("depth", "K", "T_base_camera")}
+    np.savez("my_capture.npz", **arrays)
+    Path("grasps.json").write_text(grasps_json)
+    Path("parallel_jaw.yaml").write_text(yaml_block("prototypes.md", "parallel_jaw"))
+    Path("jaw_prototypes").mkdir()
+    Path("jaw_prototypes/pipe.yaml").write_text(
+        yaml_block("prototypes.md", "pipe_065")
+        .replace("robotiq_3f", "parallel_jaw")
+        .replace("basic", "parallel")
+        .replace("0.1]", "0.085]")
+    )
+    return dict(arrays)
+
+
+@pytest.mark.parametrize("source", named("python"))
+def test_python_runs(source, prelude):
+    exec(compile(source, "document", "exec"), {"__name__": "document", **prelude})
+
+
+@pytest.mark.parametrize("arguments", commands())
+def test_command_parses(arguments):
+    assert build_parser().parse_args(arguments).run
+
+
+def test_there_are_commands_and_code_to_test():
+    assert len(commands()) > 15
+    assert len(named("python")) > 10
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_somewhere(path):
+    for target in LINK.findall(path.read_text()):
+        if "://" in target:
+            continue
+        file, _, anchor = target.partition("#")
+        document = path.parent / file if file else path
+        assert document.exists(), target
+        if anchor:
+            assert anchor in anchors(document), target
+
+
+def anchors(path: Path) -> set[str]:
+    """Anchors of the headings, as the usual renderers of Markdown make them."""
+    prose = FENCE.sub("", path.read_text())
+    headings = re.findall(r"^#+ (.*)$", prose, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
+
+
+@pytest.mark.parametrize("source", named("json", "yaml"))
+def test_settings_are_well_formed(source):
+    assert isinstance(yaml.safe_load(source), dict)
+
+
+def test_the_prototype_that_is_shown_is_sound(tmp_path):
+    (tmp_path / "pipe_065.yaml").write_text(yaml_block("prototypes.md", "pipe_065"))
+    (prototype,) = PrototypeLibrary.load(tmp_path)
+    assert not check(prototype, GripperModel.load(prototype.gripper))
+
+
+@pytest.mark.usefixtures("prelude")
+def test_the_hand_that_is_shown_closes_on_its_prototype():
+    hand = GripperModel.load("parallel_jaw.yaml")
+    (prototype,) = PrototypeLibrary.load("jaw_prototypes", grippers={hand.name: hand})
+    assert hand.opening_range == pytest.approx((0.0, 0.12))
+    assert not check(prototype, hand)
+
+
+def test_settings_of_the_planner_are_listed_with_their_defaults():
+    rows = re.findall(
+        r"^\| `([\w.]+)` \| ([\d(][^|]*) \|",
+        (ROOT / "docs/planner.md").read_text(),
+        re.M,
+    )
+    listed = {name: ast.literal_eval(value) for name, value in rows}
+    pipeline = debrisgrasp.PipelineConfig()
+    actual = settings(debrisgrasp.PlannerConfig()) | {
+        item.name: getattr(pipeline, item.name)
+        for item in fields(pipeline)
+        if not is_dataclass(getattr(pipeline, item.name))
+    }
+    assert listed == actual
+
+
+def settings(config: object, section: str = "") -> dict[str, object]:
+    """Values of a record and of those inside it, by their dotted names."""
+    found: dict[str, object] = {}
+    for item in fields(config):  # type: ignore[arg-type]  # records only
+        value, name = getattr(config, item.name), section + item.name
+        found |= settings(value, name + ".") if is_dataclass(value) else {name: value}
+    return found
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_modules_that_are_named_exist(path):
+    text = path.read_text()
+    for file in re.findall(r"`(data/[\w/]+(?:\.yaml|/))`", text):
+        assert (ROOT / file).exists(), file

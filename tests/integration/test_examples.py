@@ -1,0 +1,62 @@
+"""Every example runs as a script, without a screen, and says something telling."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from debrisgrasp.io import data_path
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+TELLING = {
+    "01_segment_a_pile": "1. object",
+    "02_plan_and_explain": "it looks like a",
+    "03_plan_a_folder": "best Q",
+}
+
+
+def run(name: str, *arguments: str, cwd: Path) -> str:
+    environment = {key: v for key, v in os.environ.items() if key != "DISPLAY"}
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env=environment | {"MPLCONFIGDIR": str(cwd)},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_example_is_tested():
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == set(TELLING)
+
+
+@pytest.mark.parametrize("name", ["01_segment_a_pile", "02_plan_and_explain"])
+def test_runs_on_the_bundled_capture(name, tmp_path):
+    assert TELLING[name] in run(name, cwd=tmp_path)
+
+
+def test_plans_a_folder(tmp_path):
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    shutil.copy(data_path("captures", "pile.npz"), folder)
+    output = run(
+        "03_plan_a_folder", str(folder), "--reports", str(tmp_path / "r"), cwd=tmp_path
+    )
+    header, _, row = output.splitlines()
+    assert TELLING["03_plan_a_folder"] in header
+    capture, robot, _points, n_segments, _tried, n_grasps, *_ = row.split()
+    assert (capture, robot) == ("pile", "roman")
+    assert int(n_segments) > 1
+    assert int(n_grasps) > 0
+    assert {path.name for path in (tmp_path / "r").iterdir()} == {
+        "pile.html",
+        "pile.png",
+    }

@@ -1,0 +1,85 @@
+"""Clouds and boxes: selection, frames, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from debrisgrasp.errors import FrameMismatchError, InputError, ShapeError
+from debrisgrasp.geometry import SE3, Bounds, PointCloud, so3
+
+
+@pytest.fixture
+def cloud(rng):
+    normals = rng.normal(size=(50, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return PointCloud(
+        rng.uniform(-1, 1, (50, 3)),
+        normals,
+        np.array([0.0, 0.0, 2.0]),
+        frame="camera",
+        pixels=np.arange(50),
+        image_shape=(5, 10),
+    )
+
+
+def test_cropping_keeps_exactly_the_points_inside(cloud):
+    bounds = Bounds(np.array([-0.5, -0.5, -1.0]), np.array([0.5, 1.0, 1.0]))
+    cropped = cloud.cropped(bounds)
+    inside = ((cloud.points >= bounds.lower) & (cloud.points <= bounds.upper)).all(1)
+    assert 0 < len(cropped) < len(cloud)
+    assert_array_equal(cropped.pixels, np.flatnonzero(inside))
+    assert_array_equal(cropped.normals, cloud.normals[inside])
+
+
+def test_a_change_of_frame_moves_points_and_turns_normals(cloud, rng):
+    T_base_camera = SE3.from_parts(so3.exp(rng.normal(size=3)), rng.normal(size=3))
+    moved = cloud.in_frame(T_base_camera, "base")
+    back = moved.in_frame(T_base_camera.inverse(), "camera")
+    assert moved.frame == "base"
+    assert_allclose(back.points, cloud.points, atol=1e-12)
+    assert_allclose(back.normals, cloud.normals, atol=1e-12)
+    assert_allclose(moved.viewpoint, T_base_camera.apply(cloud.viewpoint))
+
+
+def test_a_cloud_in_another_frame_is_refused_with_the_mend(cloud):
+    with pytest.raises(FrameMismatchError, match="T_base_camera"):
+        cloud.require_frame("base")
+
+
+def test_arrays_are_copied_and_read_only(rng):
+    points = rng.normal(size=(4, 3))
+    cloud = PointCloud(points, points, np.zeros(3))
+    points[0] = 99.0
+    assert cloud.points.max() < 99.0
+    with pytest.raises(ValueError, match="read-only"):
+        cloud.points[0] = 0.0
+
+
+def test_points_and_normals_of_different_number_are_refused():
+    with pytest.raises(ShapeError, match="points and normals"):
+        PointCloud(np.zeros((4, 3)), np.zeros((5, 3)), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "message"),
+    [
+        ([0, 0, 0], [1, 0, 1], "lower < upper"),
+        ([0, 0, 2], [1, 1, 1], "lower < upper"),
+        ([0, 0, np.nan], [1, 1, 1], "finite"),
+        ([0, 0, 0], [1, 1, np.inf], "finite"),
+    ],
+)
+def test_boxes_without_volume_are_refused(lower, upper, message):
+    with pytest.raises(InputError, match=message):
+        Bounds(np.array(lower, float), np.array(upper, float))
+
+
+def test_a_box_around_points_contains_them(rng):
+    points = rng.normal(size=(20, 3))
+    bounds = Bounds.around(points, margin=0.1)
+    assert bounds.contains(points).all()
+    assert_allclose(bounds.grown(0.2).size, bounds.size + 0.4)
+    with pytest.raises(InputError, match="at least one"):
+        Bounds.around(np.empty((0, 3)))

@@ -1,0 +1,51 @@
+"""Thinning a cloud by voxels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import voxel_downsample
+
+
+def test_one_point_stays_in_each_occupied_cell_and_it_is_the_most_central(rng):
+    points, size = rng.uniform(-1, 1, (3000, 3)), 0.3
+    kept = voxel_downsample(points, size)
+    cells: dict[tuple[int, ...], list[int]] = {}
+    for index, point in enumerate(points):
+        cells.setdefault(tuple(np.floor(point / size).astype(int)), []).append(index)
+    expected = []
+    for members in cells.values():
+        offset = points[members] - points[members].mean(axis=0)
+        expected.append(members[np.argmin(np.linalg.norm(offset, axis=1))])
+    assert_array_equal(kept, sorted(expected))
+
+
+def test_the_order_of_points_does_not_matter(rng):
+    points = rng.uniform(0, 1, (500, 3))
+    order = rng.permutation(500)
+    # Cells of many points: two points are equally far from their mean.
+    kept, shuffled = voxel_downsample(points, 0.5), voxel_downsample(points[order], 0.5)
+    assert_array_equal(kept, np.sort(order[shuffled]))
+
+
+def test_no_points_stay_no_points():
+    assert voxel_downsample(np.empty((0, 3)), 0.1).shape == (0,)
+
+
+@pytest.mark.parametrize("size", [0.0, -0.1, np.nan])
+def test_voxels_without_size_are_refused(size):
+    with pytest.raises(InputError, match="voxel size"):
+        voxel_downsample(np.zeros((3, 3)), size)
+
+
+def test_more_cells_than_keys_can_number_are_refused():
+    with pytest.raises(InputError, match="larger voxels"):
+        voxel_downsample(np.array([[0.0, 0, 0], [1e6, 0, 0]]), 1e-3)
+
+
+def test_points_that_are_not_finite_are_refused():
+    with pytest.raises(InputError, match="points"):
+        voxel_downsample(np.array([[0.0, 0, np.nan]]), 0.1)

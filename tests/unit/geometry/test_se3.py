@@ -1,0 +1,81 @@
+"""A worked example by hand, and what counts as a rigid transform."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp.geometry import SE3, so3
+
+
+def test_worked_example_of_twist_wrench_and_power():
+    T_a_b = SE3.from_parts(so3.from_rpy(np.array([0.3, -0.2, 0.9])), [0.4, -0.1, 0.25])
+    twist_b = np.array([0.1, -0.2, 0.05, 0.3, 0.4, -0.5])
+    wrench_a = np.array([10.0, -4.0, 25.0, 1.5, -0.7, 0.2])
+    twist_a = T_a_b.map_twist(twist_b)
+    wrench_b = T_a_b.inverse().map_wrench(wrench_a)
+    expected_twist_a = [0.0989235485946, 0.0206780795926, 0.236220095946]
+    expected_twist_a += [-0.187923556784, 0.615641864727, -0.292694091503]
+    expected_wrench_b = [7.98807471883, -2.79905078732, 25.8719148301]
+    expected_wrench_b += [7.20703808852, 1.60262273444, -1.17055643252]
+    assert_allclose(twist_a, expected_twist_a, atol=1e-9)
+    assert_allclose(wrench_b, expected_wrench_b, atol=1e-9)
+    assert_allclose(wrench_a @ twist_a, 6.04065210744, atol=1e-9)
+    assert_allclose(wrench_b @ twist_b, 6.04065210744, atol=1e-9)
+
+
+def test_roll_pitch_yaw_are_applied_about_fixed_axes_in_that_order():
+    quarter = np.pi / 2
+    R = so3.from_rpy(np.array([quarter, 0.0, quarter]))
+    assert_allclose(R @ [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], atol=1e-15)
+    assert_allclose(R @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("axis", np.eye(3))
+def test_half_turns_have_logarithms_of_length_pi(axis):
+    rotvec = so3.log(so3.exp(np.pi * axis))
+    assert_allclose(np.abs(rotvec), np.pi * axis, atol=1e-12)
+
+
+def test_rounded_matrices_are_projected_onto_rotations(rng):
+    exact = SE3.from_parts(so3.exp(rng.normal(size=3)), rng.normal(size=3))
+    taken = SE3.from_matrix(exact.matrix.astype(np.float32))
+    assert_allclose(taken.R @ taken.R.T, np.eye(3), atol=1e-14)
+    assert_allclose(taken.matrix, exact.matrix, atol=1e-6)
+
+
+def matrix_with(**changes: object) -> np.ndarray:
+    matrix = np.eye(4)
+    for place, value in changes.items():
+        matrix[int(place[1]), int(place[2])] = value
+    return matrix
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        (matrix_with(_00=1.1), "orthonormality"),
+        (matrix_with(_00=-1.0), "left-handed"),
+        (matrix_with(_30=0.5), "last row"),
+        (matrix_with(_03=np.nan), "NaN"),
+        (matrix_with(_03=np.inf), "infinite"),
+        (np.zeros((4, 4)), "last row"),
+    ],
+)
+def test_matrices_that_are_not_rigid_are_refused(matrix, message):
+    with pytest.raises(InputError, match=message):
+        SE3.from_matrix(matrix, "T_base_camera")
+
+
+@pytest.mark.parametrize("shape", [(3, 3), (3, 4), (16,), (4, 5)])
+def test_matrices_of_another_shape_are_refused(shape):
+    with pytest.raises(ShapeError, match="T_base_camera"):
+        SE3.from_matrix(np.zeros(shape), "T_base_camera")
+
+
+@pytest.mark.parametrize("method", ["apply", "rotate", "map_twist", "map_wrench"])
+def test_arrays_with_a_wrong_last_axis_are_refused(method):
+    with pytest.raises(ShapeError):
+        getattr(SE3.identity(), method)(np.zeros(4))

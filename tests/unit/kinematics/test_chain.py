@@ -1,0 +1,235 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError, DebrisGraspError, UnknownNameError
+from debrisgrasp.kinematics import KinematicChain
+
+from .robots import ROMAN_URDF, JointText, PinocchioOracle, written
+
+MIXED = (
+    JointText("continuous", axis=(0, 0, 1)),
+    JointText("revolute", rpy=(0.3, -0.2, 0.9), axis=(0, 1, 0.2), lower=-1, upper=2),
+    JointText("prismatic", xyz=(0.1, 0, 0), axis=(1, 1, 0), lower=-0.1, upper=0.4),
+    JointText("fixed", xyz=(0, 0.3, 0.1), rpy=(1, 2, 3)),
+    JointText("revolute", axis=(0, 0, 1)),
+    JointText("revolute", xyz=(0.3, 0, 0), axis=(0, 0, 1)),
+    JointText("revolute", xyz=(0.2, 0, 0), rpy=(1e-6, 0, 0), axis=(0, 0, 1)),
+    JointText("continuous", axis=(1, 0, 0)),
+)
+
+
+@pytest.mark.parametrize("tip", ["right_hand", "left_hand", "right_arm_link5"])
+@pytest.mark.parametrize("base", ["base_link", "torso_link", "left_arm_link3"])
+def test_forward_kinematics_and_jacobian_equal_pinocchio_on_roman(
+    base: str, tip: str, rng: np.random.Generator
+) -> None:
+    chain = KinematicChain.from_urdf(ROMAN_URDF, base, tip)
+    q = chain.sampled(20, rng=rng)
+    oracle = PinocchioOracle(ROMAN_URDF, chain)
+    for row, T in zip(q, chain.fk(q).matrix, strict=True):
+        np.testing.assert_allclose(T, oracle(row)[0], atol=1e-9)
+    if base == "base_link":
+        for row, J in zip(q, chain.jacobian(q), strict=True):
+            np.testing.assert_allclose(J, oracle(row)[1], atol=1e-9)
+
+
+def test_mixed_joints_and_parallel_axes_equal_pinocchio(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    path = written(tmp_path, MIXED)
+    chain = KinematicChain.from_urdf(path, "link0", "link8")
+    assert chain.n_joints == 7
+    oracle = PinocchioOracle(path, chain)
+    q = chain.sampled(20, rng=rng)
+    T, J = chain.fk(q).matrix, chain.jacobian(q)
+    for i, row in enumerate(q):
+        np.testing.assert_allclose(T[i], oracle(row)[0], atol=1e-9)
+        np.testing.assert_allclose(J[i], oracle(row)[1], atol=1e-9)
+
+
+def test_single_precision_form_is_close_to_double(
+    arm: KinematicChain, rng: np.random.Generator
+) -> None:
+    q = arm.sampled(50, rng=rng).T
+    exact = arm.form.frames(q)
+    rough = arm.single_form.frames(q.astype(np.float32))
+    np.testing.assert_allclose(rough.p, exact.p, atol=1e-5)
+
+
+def test_swapping_base_and_tip_inverts_the_pose(rng: np.random.Generator) -> None:
+    there = KinematicChain.from_urdf(ROMAN_URDF, "torso_link", "left_hand")
+    back = KinematicChain.from_urdf(ROMAN_URDF, "left_hand", "torso_link")
+    assert back.joint_names == there.joint_names[::-1]
+    q = there.sampled(10, rng=rng)
+    product = there.fk(q) @ back.fk(q[:, ::-1])
+    np.testing.assert_allclose(
+        product.matrix, np.tile(np.eye(4), (10, 1, 1)), atol=1e-12
+    )
+
+
+def test_batches_of_any_shape_equal_single_postures(
+    arm: KinematicChain, rng: np.random.Generator
+) -> None:
+    q = arm.sampled(6, rng=rng)
+    T, J = arm.fk(q.reshape(2, 3, 8)), arm.jacobian(q.reshape(2, 3, 8))
+    assert T.batch == (2, 3)
+    assert J.shape == (2, 3, 6, 8)
+    for i, row in enumerate(q):
+        np.testing.assert_allclose(T.matrix.reshape(6, 4, 4)[i], arm.fk(row).matrix)
+        np.testing.assert_allclose(J.reshape(6, 6, 8)[i], arm.jacobian(row))
+    assert arm.fk(np.zeros((0, 8))).batch == (0,)
+
+
+def test_joint_frames_carry_the_links(
+    arm: KinematicChain, rng: np.random.Generator
+) -> None:
+    q = arm.sampled(5, rng=rng)
+    frames = arm.joint_frames(q)
+    tip_in_last = np.linalg.inv(arm.joint_frames(np.zeros(8)).matrix[-1]) @ (
+        arm.T_base_tip_at_zero.matrix
+    )
+    np.testing.assert_allclose(
+        frames.matrix[:, -1] @ tip_in_last, arm.fk(q).matrix, atol=1e-12
+    )
+
+
+def test_a_locked_joint_leaves_the_chain_at_its_value(
+    arm: KinematicChain, rng: np.random.Generator
+) -> None:
+    still = KinematicChain.from_urdf(
+        ROMAN_URDF, "base_link", "right_hand", {"torso_joint": 0.4}
+    )
+    q = still.sampled(5, rng=rng)
+    whole = np.concatenate([np.full((5, 1), 0.4), q], axis=1)
+    assert "torso_joint" not in still.joint_names
+    np.testing.assert_allclose(still.fk(q).matrix, arm.fk(whole).matrix, atol=1e-12)
+
+
+def test_hash_changes_with_limits_and_geometry_only(arm: KinematicChain) -> None:
+    again = KinematicChain.from_urdf(ROMAN_URDF, "base_link", "right_hand")
+    other = KinematicChain.from_urdf(ROMAN_URDF, "base_link", "left_hand")
+    assert arm.hash == again.hash != other.hash
+
+
+def test_a_tip_that_does_not_exist_names_a_near_one() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'right_hand'"):
+        KinematicChain.from_urdf(ROMAN_URDF, "base_link", "right_hnd")
+
+
+def test_an_unknown_locked_joint_is_named() -> None:
+    with pytest.raises(UnknownNameError, match="torso_joint"):
+        KinematicChain.from_urdf(
+            ROMAN_URDF, "base_link", "right_hand", {"torso_jont": 0.0}
+        )
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar", "spherical"])
+def test_an_unsupported_joint_says_what_is_supported(tmp_path: Path, kind: str) -> None:
+    path = written(tmp_path, [JointText(), JointText(kind), JointText()])
+    with pytest.raises(ConfigError, match=f"a {kind} joint.*revolute, continuous"):
+        KinematicChain.from_urdf(path, "link0", "link3")
+    # Outside the chain it does no harm.
+    assert KinematicChain.from_urdf(path, "link2", "link3").n_joints == 1
+
+
+def test_a_mimic_joint_in_the_chain_names_its_driver(tmp_path: Path) -> None:
+    mimic = JointText(extra='<mimic joint="joint1" multiplier="2"/>')
+    path = written(tmp_path, [JointText(), mimic])
+    with pytest.raises(ConfigError, match="mimic joint, driven by 'joint1'"):
+        KinematicChain.from_urdf(path, "link0", "link2")
+    locked = KinematicChain.from_urdf(path, "link0", "link2", {"joint2": 0.1})
+    assert locked.joint_names == ("joint1",)
+
+
+def test_zero_width_limits_are_refused_with_a_mend(tmp_path: Path) -> None:
+    path = written(tmp_path, [JointText(), JointText(lower=0.3, upper=0.3)])
+    with pytest.raises(ConfigError, match=r"joint2.*locked=\{'joint2'"):
+        KinematicChain.from_urdf(path, "link0", "link2")
+
+
+def test_a_chain_without_moving_joints_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, [JointText("fixed")])
+    with pytest.raises(ConfigError, match="no joint that moves"):
+        KinematicChain.from_urdf(path, "link0", "link1")
+
+
+def test_missing_meshes_do_not_matter(tmp_path: Path) -> None:
+    mesh = (
+        '<collision><geometry><mesh filename="package://no/where.stl"/>'
+        "</geometry></collision>"
+    )
+    path = written(tmp_path, [JointText()] * 6, collision=mesh)
+    assert KinematicChain.from_urdf(path, "link0", "link6").n_joints == 6
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<robot name='r'><link name='a'>", "well-formed XML"),
+        ("<sdf/>", "<robot>"),
+        ("<robot><link name='a'/><link name='b'/></robot>", "one tree"),
+        (
+            "<robot><link name='a'/><joint name='j' type='fixed'>"
+            "<parent link='a'/><child link='z'/></joint></robot>",
+            "unknown link",
+        ),
+        (
+            "<robot><link name='a'/><link name='b'/><joint name='j' type='fixed'>"
+            "<parent link='a'/></joint></robot>",
+            "no <child>",
+        ),
+        (
+            "<robot><link name='a'/><link name='b'/><joint name='j' type='revolute'>"
+            "<parent link='a'/><child link='b'/><origin xyz='1 2'/></joint></robot>",
+            "3 numbers",
+        ),
+        (
+            "<robot><link name='a'/><link name='b'/><joint name='j' type='revolute'>"
+            "<parent link='a'/><child link='b'/><axis xyz='0 0 0'/></joint></robot>",
+            "a direction",
+        ),
+        (
+            "<robot><link name='a'><collision><geometry><box size='1 1 -1'/>"
+            "</geometry></collision></link></robot>",
+            "above zero",
+        ),
+        (
+            "<robot><link name='a'><collision><geometry><cone radius='1'/>"
+            "</geometry></collision></link></robot>",
+            "<cone>",
+        ),
+    ],
+)
+def test_a_malformed_urdf_is_refused_in_words(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    path = tmp_path / "bad.urdf"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(DebrisGraspError, match=words):
+        KinematicChain.from_urdf(path, "a", "b")
+
+
+def test_a_closed_loop_of_links_is_refused(tmp_path: Path) -> None:
+    joint = (
+        "<joint name='{0}' type='fixed'><parent link='{1}'/><child link='{2}'/></joint>"
+    )
+    loop = joint.format("j", "a", "b") + joint.format("k", "b", "a")
+    path = tmp_path / "loop.urdf"
+    links = "<link name='a'/><link name='b'/><link name='c'/>"
+    path.write_text(f"<robot>{links}{loop}</robot>", encoding="utf-8")
+    with pytest.raises(ConfigError, match="closed loop"):
+        KinematicChain.from_urdf(path, "a", "b")
+
+
+def test_a_urdf_that_does_not_exist_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"none\.urdf"):
+        KinematicChain.from_urdf(tmp_path / "none.urdf", "a", "b")
+
+
+def test_wrong_number_of_joint_values_is_refused(arm: KinematicChain) -> None:
+    with pytest.raises(DebrisGraspError, match="joint values"):
+        arm.fk(np.zeros(7))

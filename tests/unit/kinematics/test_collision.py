@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+from debrisgrasp.errors import ConfigError, ShapeError
+from debrisgrasp.kinematics import ArmCollision, RobotModel
+
+from .robots import ROMAN_URDF, JointText, written
+
+
+@pytest.fixture(scope="module")
+def collision(roman: RobotModel) -> ArmCollision:
+    return ArmCollision.fit(roman, "right")
+
+
+def _pinocchio_hits(collision: ArmCollision, roman: RobotModel, q: np.ndarray) -> bool:
+    """Self-collision by pinocchio's own geometry model, over the same link pairs."""
+    model = pin.buildModelFromUrdf(str(ROMAN_URDF))
+    geometry = pin.buildGeomFromUrdf(model, str(ROMAN_URDF), pin.GeometryType.COLLISION)
+    parts = collision.body.parts
+    links = {frozenset((parts[i].link, parts[j].link)) for i, j in collision.body.pairs}
+    objects = geometry.geometryObjects
+    names = [model.frames[o.parentFrame].name for o in objects]
+    for i in range(len(objects)):
+        for j in range(i):
+            if frozenset((names[i], names[j])) in links:
+                geometry.addCollisionPair(pin.CollisionPair(j, i))
+    values = roman.joint_values(collision.body.chain.named(q))
+    configuration = pin.neutral(model)
+    for name, value in values.items():
+        if model.existJointName(name):
+            configuration[model.joints[model.getJointId(name)].idx_q] = value
+    data, geometry_data = model.createData(), geometry.createData()
+    stop_at_first = True
+    return bool(
+        pin.computeCollisions(
+            model, data, geometry, geometry_data, configuration, stop_at_first
+        )
+    )
+
+
+def test_exact_self_collision_equals_pinocchio_and_spheres_never_miss_it(
+    collision: ArmCollision, roman: RobotModel, rng: np.random.Generator
+) -> None:
+    q = collision.body.chain.sampled(60, rng=rng)
+    hits = collision.hits_itself(q)
+    oracle = np.array([_pinocchio_hits(collision, roman, row) for row in q])
+    np.testing.assert_array_equal(hits, oracle)
+    assert 5 < oracle.sum() < 55
+    assert collision.may_hit_itself(q)[hits].all()
+
+
+def test_a_margin_only_adds_contacts(
+    collision: ArmCollision, roman: RobotModel, rng: np.random.Generator
+) -> None:
+    wide = ArmCollision.fit(roman, "right", self_margin=0.05)
+    q = collision.body.chain.sampled(300, rng=rng)
+    hits, near = collision.hits_itself(q), wide.hits_itself(q)
+    assert near[hits].all()
+    assert near.sum() > hits.sum()
+
+
+def test_contacts_name_the_links(collision: ArmCollision) -> None:
+    # Turned back at the shoulder, the arm runs through the deck.
+    q = collision.body.chain.vector({"right_arm_joint2": 3.1})
+    contacts = collision.self_contacts(q)
+    assert ("right_arm_link6", "chassis_link") in contacts
+    assert collision.hits_itself(q)
+    assert collision.self_contacts(collision.body.chain.vector({})) == ()
+
+
+def test_scene_clearance_is_never_larger_than_the_exact_distance(
+    collision: ArmCollision, roman: RobotModel, rng: np.random.Generator
+) -> None:
+    chain, body = collision.body.chain, collision.body
+    moving = {p.link for p in body.parts if p.segment > 0 and not p.is_hand}
+    for q in chain.sampled(15, rng=rng):
+        obstacle = rng.uniform((-0.5, -1, 0), (1.2, 1, 1.3))
+        clearance = collision.scene_clearance(
+            q, lambda points, at=obstacle: np.linalg.norm(points - at, axis=-1)
+        )
+        exact = min(
+            float(solid.signed_distance(obstacle))
+            for link, solid in roman.links_solids(chain.named(q))
+            if link in moving
+        )
+        assert clearance <= exact + 1e-9
+        assert clearance >= min(exact, 0.0) - 0.11 if exact < 0 else exact - 0.04
+
+
+def test_the_hand_is_left_out_of_the_scene_test(
+    collision: ArmCollision, roman: RobotModel
+) -> None:
+    q = collision.body.chain.vector(roman.posture("right", "ready"))
+    palm = collision.body.chain.fk(q).p
+    clearance = collision.scene_clearance(
+        q, lambda points: np.linalg.norm(points - palm, axis=-1)
+    )
+    assert clearance > 0.03
+
+
+def test_batches_equal_single_postures(
+    collision: ArmCollision, rng: np.random.Generator
+) -> None:
+    q = collision.body.chain.sampled(6, rng=rng)
+
+    def distance(points: np.ndarray) -> np.ndarray:
+        return points[..., 2]
+
+    batch = collision.scene_clearance(q.reshape(2, 3, 8), distance)
+    assert batch.shape == (2, 3)
+    hits = collision.hits_itself(q.reshape(2, 3, 8)).reshape(6)
+    for i, row in enumerate(q):
+        assert collision.scene_clearance(row, distance) == pytest.approx(
+            batch.reshape(6)[i]
+        )
+        assert collision.hits_itself(row) == hits[i]
+    assert collision.hits_itself(q[:0]).shape == (0,)
+    with pytest.raises(ShapeError, match="posture"):
+        collision.self_contacts(q)
+
+
+def test_an_idle_arm_counts(roman: RobotModel, rng: np.random.Generator) -> None:
+    folded = ArmCollision.fit(roman, "right")
+    stretched = ArmCollision.fit(roman, "right", held=roman.posture("left", "ready"))
+    q = folded.body.chain.sampled(400, rng=rng)
+    differs = folded.hits_itself(q) != stretched.hits_itself(q)
+    assert differs.any()
+
+
+def _meshed_robot(folder: Path, mesh: str, scale: str = "1 1 1") -> RobotModel:
+    shape = f'<mesh filename="{mesh}" scale="{scale}"/>'
+    collision = f"<collision><geometry>{shape}</geometry></collision>"
+    written(folder, [JointText()] * 6, collision)
+    arm = {
+        "tip": "link6",
+        "gripper": "none",
+        "hand": "link6",
+        "joints": [f"joint{i}" for i in range(1, 7)],
+        "postures": {"zero": {}},
+        "present": "zero",
+        "idle": "zero",
+    }
+    robot = {"name": "row", "urdf": "row.urdf", "base": "link0", "arms": {"one": arm}}
+    path = folder / "row.yaml"
+    path.write_text(yaml.safe_dump(robot), encoding="utf-8")
+    return RobotModel.load(path)
+
+
+def test_a_collision_mesh_is_covered_by_its_box(tmp_path: Path) -> None:
+    import trimesh
+
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "part.stl")
+    robot = _meshed_robot(tmp_path, "part.stl")
+    solids = robot.links_solids()
+    assert len(solids) == 7
+    np.testing.assert_allclose(solids[0][1].bounds.size, (0.1, 0.2, 0.3))
+    mirrored = _meshed_robot(tmp_path, "part.stl", "-2 1 1").links_solids()
+    np.testing.assert_allclose(mirrored[0][1].bounds.size, (0.2, 0.2, 0.3))
+    ArmCollision.fit(robot, "one")
+
+
+def test_a_missing_collision_mesh_is_named_when_it_is_needed(tmp_path: Path) -> None:
+    robot = _meshed_robot(tmp_path, "package://row/meshes/none.stl")
+    assert robot.chain("one").n_joints == 6
+    with pytest.raises(ConfigError, match=r"none\.stl"):
+        ArmCollision.fit(robot, "one")

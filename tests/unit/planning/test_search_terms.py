@@ -1,0 +1,237 @@
+"""S and C on exact scenes: known answers, laws, and the traps of the paper's terms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import CaptureError, ConfigError, FrameMismatchError, ShapeError
+from debrisgrasp.geometry import SE3, Bounds, Box, DepthSight, PointCloud, so3
+from debrisgrasp.planning.clearance import ClearanceConfig, HandClearance
+from debrisgrasp.planning.hands import HandSpace, PackedHands
+from debrisgrasp.planning.inspection import InspectionConfig, inspect
+from debrisgrasp.planning.scene import GraspScene, SceneConfig
+from debrisgrasp.planning.similarity import ShapeSimilarity, SimilarityConfig
+from debrisgrasp.prototypes import PrototypeLibrary
+from tests.scenes import CAMERA, LOOKING_DOWN_AND_AHEAD, capture_of, lying_pipe
+
+PIPE = lying_pipe()
+TOP_DOWN = SE3.from_parts(so3.from_rpy(np.array([np.pi, 0.0, 0.0])))
+"""Palm facing down, fingers spread along -y of the base: across no pipe along y."""
+
+
+@pytest.fixture(scope="module")
+def library() -> PrototypeLibrary:
+    return PrototypeLibrary.load().select(names=["cylinder_060_tip"])
+
+
+@pytest.fixture(scope="module")
+def hands(library) -> PackedHands:
+    return PackedHands.pack(library, approach=0.12, tolerance=0.004)
+
+
+def scene_of(capture, is_object=None) -> GraspScene:
+    cloud = capture.cloud()
+    sight = DepthSight(capture.depth.astype(np.float32), CAMERA, capture.T_base_camera)
+    if is_object is None:
+        is_object = cloud.points[:, 2] > 0.02
+    region = Bounds.around(cloud.points[is_object], 0.05)
+    floor = np.array([0.0, 0.0, 1.0, 0.0])
+    return GraspScene.build(
+        cloud, is_object, region, sight, SceneConfig(), ground_plane=floor
+    )
+
+
+@pytest.fixture(scope="module")
+def scene() -> GraspScene:
+    return scene_of(capture_of([PIPE]))
+
+
+def good_pose(library, along: float = 0.0) -> SE3:
+    """Palm above the pipe, so that the prototype's cylinder lies on the pipe's axis."""
+    prototype = next(iter(library))
+    depth = prototype.definition.T_hand_shape.p[2]
+    return SE3.from_parts(TOP_DOWN.R, [0.9, along, 0.2 + depth])
+
+
+def similarity_of(scene, library, Ts: SE3) -> np.ndarray:
+    S = ShapeSimilarity(scene, library.select().packed(), SimilarityConfig())
+    matrices = np.atleast_3d(Ts.matrix).reshape(-1, 4, 4)
+    return S(matrices, np.zeros(len(matrices), dtype=int))[0]
+
+
+def test_prototype_on_its_own_shape_scores_high(scene, library):
+    assert similarity_of(scene, library, good_pose(library))[0] > 0.85
+
+
+def test_similarity_falls_as_the_prototype_leaves_the_surface(scene, library):
+    good = good_pose(library)
+    lifted = [
+        good.matrix + 0.01 * k * np.eye(4)[2][:, None] * np.eye(4)[3] for k in range(6)
+    ]
+    scores = similarity_of(scene, library, SE3(np.array(lifted)))
+    assert (np.diff(scores) < 0).all()
+    assert scores[-1] < 0.2
+
+
+def test_a_pose_that_nothing_is_seen_of_scores_zero(scene, library):
+    behind_the_camera = SE3.from_parts(TOP_DOWN.R, [-2.0, 0.0, 3.0])
+    assert similarity_of(scene, library, behind_the_camera)[0] == 0.0
+
+
+def test_seen_through_space_counts_against_a_match(scene, library):
+    """Half beyond the end of the pipe, half of the points hang in free space."""
+    middle, end = good_pose(library), good_pose(library, along=0.3)
+    scores = similarity_of(scene, library, SE3(np.stack([middle.matrix, end.matrix])))
+    assert scores[1] < 0.75 * scores[0]
+
+
+def test_points_of_other_objects_do_not_match(library):
+    capture = capture_of([PIPE])
+    nothing_marked_there = capture.cloud().points[:, 1] > 0.25
+    scene = scene_of(capture, nothing_marked_there)
+    assert similarity_of(scene, library, good_pose(library))[0] < 0.05
+
+
+def test_moving_scene_and_camera_together_changes_no_score(library):
+    motion = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, 0.7])), [0.3, -0.2, 0.1])
+    pose = good_pose(library, 0.05)
+    capture = capture_of([PIPE])
+    cloud = capture.cloud()
+    moved = PointCloud(
+        motion.apply(cloud.points),
+        motion.rotate(cloud.normals),
+        motion.apply(cloud.viewpoint),
+        pixels=cloud.pixels,
+        image_shape=cloud.image_shape,
+    )
+    is_object = cloud.points[:, 2] > 0.02
+    sight = DepthSight(
+        capture.depth.astype(np.float32), CAMERA, motion @ capture.T_base_camera
+    )
+    region = Bounds.around(moved.points[is_object], 0.05)
+    elsewhere = GraspScene.build(moved, is_object, region, sight, SceneConfig())
+    here = similarity_of(scene_of(capture), library, pose)
+    there = similarity_of(elsewhere, library, motion @ pose)
+    # The grid stands still while the scene turns in it: thinning keeps other points.
+    assert there == pytest.approx(here, abs=0.06)
+
+
+def test_order_of_the_points_is_irrelevant(library, rng):
+    capture = capture_of([PIPE])
+    cloud = capture.cloud()
+    order = rng.permutation(len(cloud))
+    sight = DepthSight(capture.depth.astype(np.float32), CAMERA, capture.T_base_camera)
+    is_object = cloud.points[:, 2] > 0.02
+    region = Bounds.around(cloud.points[is_object], 0.05)
+    shuffled = GraspScene.build(
+        cloud.selected(order), is_object[order], region, sight, SceneConfig()
+    )
+    poses = SE3(np.stack([good_pose(library, y).matrix for y in (-0.1, 0.0, 0.1)]))
+    expected = similarity_of(scene_of(capture), library, poses)
+    # Among points of one cell the first is looked up, and that is another one now.
+    assert similarity_of(shuffled, library, poses) == pytest.approx(expected, abs=0.04)
+
+
+def test_scores_of_a_batch_are_those_of_its_parts(scene, library, rng):
+    twists = rng.normal(0, 0.05, (64, 6))
+    poses = good_pose(library) @ SE3.exp(twists)
+    together = similarity_of(scene, library, poses)
+    alone = np.concatenate([similarity_of(scene, library, poses[i]) for i in range(64)])
+    assert np.array_equal(together, alone)
+    assert ((together >= 0) & (together <= 1)).all()
+
+
+def clearance_of(scene, hands, pose: SE3) -> float:
+    C = HandClearance(scene, hands, ClearanceConfig(unknown_cost=0.0))
+    return float(C(pose.matrix[None], np.zeros(1, dtype=int), np.zeros(1))[0])
+
+
+def test_open_hand_around_the_pipe_is_clear(scene, hands, library):
+    assert clearance_of(scene, hands, good_pose(library)) > 0.9
+
+
+def test_hand_in_the_floor_collides(scene, hands):
+    sunk = SE3.from_parts(TOP_DOWN.R, [0.72, 0.0, 0.05])
+    assert clearance_of(scene, hands, sunk) == 0.0
+
+
+def test_a_wall_in_the_way_in_blocks_an_approach_that_ends_clear(hands):
+    sideways = so3.from_rpy(np.array([0.0, np.pi / 2, 0.0]))
+    pose = SE3.from_parts(sideways, [0.75, 0.0, 0.5])
+    # The palm stands 0.11 m behind its face and comes from 0.12 m farther back.
+    wall = Box(np.array([0.004, 0.06, 0.06]), SE3.from_parts(p=[0.56, 0.0, 0.5]))
+    free = capture_of([PIPE], has_floor=False)
+    blocked = capture_of([PIPE, wall], has_floor=False)
+    assert clearance_of(scene_of(free), hands, pose) > 0.9
+    only_pipe = PIPE.signed_distance(blocked.cloud().points) < 0.01
+    scene = scene_of(blocked, only_pipe)
+    assert clearance_of(scene, hands, pose) < 0.5
+    look = inspect(scene, hands, pose.matrix[None], np.zeros(1, dtype=int))
+    assert look.approach_hits[0] > 20
+    assert look.palm_hits[0] + look.finger_hits[0] == 0
+
+
+def test_inspection_names_what_is_wrong(scene, hands, library):
+    good = good_pose(library)
+    lowered, beside, above = (
+        SE3.from_parts(good.R, good.p + np.array(shift))
+        for shift in ((0, 0, -0.1), (0.07, 0, 0), (0, 0, 0.3))
+    )
+    Ts = np.stack([pose.matrix for pose in (good, lowered, beside, above)])
+    look = inspect(scene, hands, Ts, np.zeros(4, dtype=int))
+    reasons = look.reasons(InspectionConfig())
+    assert not any(applies[0] for applies in reasons.values())
+    assert reasons["the palm would hit something"][1]
+    assert reasons["an open finger would hit something"][2]
+    assert reasons["nothing is between the fingers"][3]
+    assert sum(applies.astype(int) for applies in reasons.values()).max() == 1
+
+
+def test_neighbour_between_the_fingers_is_foreign(library, hands):
+    neighbour = lying_pipe(radius=0.012, position=(0.945, 0.0, 0.2))
+    capture = capture_of([PIPE, neighbour])
+    points = capture.cloud().points
+    is_pipe = PIPE.signed_distance(points) < 0.005
+    look = inspect(
+        scene_of(capture, is_pipe),
+        hands,
+        good_pose(library).matrix[None],
+        np.zeros(1, dtype=int),
+    )
+    assert look.foreign[0] > 5
+    assert look.held[0] > 20
+
+
+def test_flags_of_the_hand_agree_with_its_solids(library, hands, rng):
+    prototype = next(iter(library))
+    gripper = library.grippers[prototype.gripper]
+    solids = gripper.solids(prototype.preshape, prototype.opening)
+    points = rng.uniform([-0.15, -0.12, -0.14], [0.15, 0.12, 0.14], (20000, 3))
+    depth = -np.min([s.signed_distance(points) for s in solids], axis=0)
+    flags = hands.spaces[0].at(points)
+    is_inside = (flags & (HandSpace.PALM | HandSpace.FINGER)) > 0
+    half_diagonal = 0.0035
+    assert is_inside[depth > 0.004 + half_diagonal].all()
+    assert not is_inside[depth < 0.004 - half_diagonal].any()
+
+
+def test_scene_without_a_point_of_the_object_is_refused():
+    capture = capture_of([PIPE])
+    cloud = capture.cloud()
+    sight = DepthSight(capture.depth.astype(np.float32), CAMERA, capture.T_base_camera)
+    nowhere = Bounds(np.array([5.0, 5.0, 5.0]), np.array([6.0, 6.0, 6.0]))
+    everything = np.ones(len(cloud), dtype=bool)
+    with pytest.raises(CaptureError, match="region"):
+        GraspScene.build(cloud, everything, nowhere, sight, SceneConfig())
+    region = Bounds.around(cloud.points)
+    with pytest.raises(ShapeError, match="object mask"):
+        GraspScene.build(cloud, everything[:-1], region, sight, SceneConfig())
+    in_camera = cloud.in_frame(LOOKING_DOWN_AND_AHEAD.inverse(), "camera")
+    with pytest.raises(FrameMismatchError):
+        GraspScene.build(in_camera, everything, region, sight, SceneConfig())
+
+
+def test_a_kernel_without_width_is_refused():
+    with pytest.raises(ConfigError, match="sigma"):
+        SimilarityConfig(sigma=0.0)

@@ -1,0 +1,83 @@
+"""Prototypes that a hand can't hold are found out, shipped ones aren't among them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry.sampling import fibonacci_sphere
+from debrisgrasp.prototypes import GraspPrototype, PrototypeLibrary, check
+from debrisgrasp.prototypes.check import contact_opening
+from debrisgrasp.prototypes.shapes import BoxShape
+
+LIBRARY = PrototypeLibrary.load()
+
+
+def changed(name: str, **fields: object) -> GraspPrototype:
+    definition = replace(LIBRARY[name].definition, **fields)
+    return GraspPrototype.build(definition, fibonacci_sphere(8))
+
+
+def moved(name: str, *shift: float) -> GraspPrototype:
+    T = LIBRARY[name].definition.T_hand_shape
+    return changed(name, T_hand_shape=SE3.from_parts(None, shift) @ T)
+
+
+def problems(prototype: GraspPrototype) -> str:
+    findings = check(prototype, LIBRARY.grippers[prototype.gripper])
+    return "\n".join(map(str, findings))
+
+
+@pytest.mark.parametrize("name", LIBRARY.names)
+def test_shipped_prototypes_have_no_findings(name: str) -> None:
+    assert problems(LIBRARY[name]) == ""
+
+
+def test_a_shape_in_the_palm_is_found() -> None:
+    assert "reaches 20 mm into the shape" in problems(
+        moved("cylinder_050_power", 0, 0, 0.025 - 0.02 - 0.042)
+    )
+
+
+def test_a_hand_wholly_inside_the_shape_is_found() -> None:
+    block = BoxShape(width=0.3, length=0.6, height=0.3)
+    inside = changed("cylinder_050_power", shape=block, T_hand_shape=SE3.identity())
+    assert "into the shape" in problems(inside)
+
+
+def test_a_shape_beyond_the_fingers_is_found() -> None:
+    found = problems(moved("cylinder_040_tip", 0, 0, 0.1))
+    assert "fingers of the thumb side close past the shape" in found
+    assert "fingers of the pair side close past the shape" in found
+
+
+def test_a_shape_off_the_middle_is_found() -> None:
+    assert "off the middle" in problems(moved("cylinder_040_tip", 0.015, 0, 0))
+
+
+def test_a_width_that_does_not_fit_the_shape_is_found() -> None:
+    found = problems(changed("cylinder_060_tip", width=0.04))
+    assert "come to rest at 6" in found
+    assert "the width says 40 mm" in found
+
+
+def test_a_width_outside_the_preshape_is_found() -> None:
+    assert "outside the 0.02 to 0.15 m" in problems(
+        changed("cylinder_040_tip", width=0.01)
+    )
+
+
+def test_an_opening_without_clearance_is_found() -> None:
+    assert "leaves less than 10 mm" in problems(
+        changed("cylinder_040_tip", opening=0.045)
+    )
+
+
+def test_fingers_meet_a_bar_between_the_pads_at_its_width() -> None:
+    prototype = LIBRARY["bar_2x4_flat_tip"]
+    gripper = LIBRARY.grippers["robotiq_3f"]
+    contacts = [contact_opening(prototype, gripper, side) for side in (-1, 1)]
+    assert np.allclose(contacts, 0.089, atol=0.003)

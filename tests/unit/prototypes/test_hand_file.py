@@ -1,0 +1,98 @@
+"""A hand from a text file: what it may say, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError, DebrisGraspError
+from debrisgrasp.prototypes import GripperModel
+
+JAW = """\
+name: jaw
+mass: 1.0
+max_force: 100
+base: {}
+palm:
+  - {type: box, size: [0.2, 0.04, 0.06], position: [0, 0, -0.03]}
+chains:
+  jaw:
+    - joint: {name: slide, type: prismatic, axis: [1, 0, 0]}
+      solids: [{type: box, size: [0.01, 0.02, 0.08], position: [0.005, 0, 0.04]}]
+      pad: [0, 0, 0.07]
+fingers:
+  - {name: left, side: thumb, chain: jaw, rpy_deg: [0, 0, 180]}
+  - {name: right, side: pair, chain: jaw}
+preshapes:
+  parallel:
+    widths: [0.001, 0.08]
+    closing: {command: [0, 255], slide: [0.04, 0]}
+"""
+
+
+def load_text(folder: Path, text: str) -> GripperModel:
+    (folder / "jaw.yaml").write_text(text)
+    return GripperModel.load(folder / "jaw.yaml")
+
+
+def test_a_parallel_jaw_is_a_text_file(tmp_path: Path) -> None:
+    jaw = load_text(tmp_path, JAW)
+    assert jaw.opening_range == pytest.approx((0.0, 0.08))
+    assert jaw.opening_to_command("parallel", 0.06) == pytest.approx(63.75)
+    pads = jaw.pad_positions("parallel", 0.06)
+    assert np.allclose(pads, [[-0.03, 0, 0.07], [0.03, 0, 0.07]])
+    assert jaw.fingertip_reach("parallel", 0.06) == pytest.approx(0.08)
+    assert jaw.joint_values("parallel", 0.06) == pytest.approx(
+        {"left_slide": 0.03, "right_slide": 0.03}
+    )
+
+
+def test_round_solids_are_understood(tmp_path: Path) -> None:
+    rounded = JAW.replace(
+        "palm:\n",
+        "palm:\n"
+        "  - {type: sphere, radius: 0.01, position: [0, 0, -0.2]}\n"
+        "  - {type: capsule, radius: 0.01, length: 0.1, position: [0, 0, -0.1]}\n",
+    )
+    palm = load_text(tmp_path, rounded).palm
+    assert len(palm) == 3
+    assert palm[0].bounds.lower[2] == pytest.approx(-0.21)
+
+
+@pytest.mark.parametrize(
+    ("found", "replacement", "message"),
+    [
+        ("size: [0.01, 0.02, 0.08]", "size: [10, 20, 80]", r"solids\[0\].size.*1 m"),
+        ("size: [0.01, 0.02, 0.08]", "size: [0, 0.02, 0.08]", r"size.*above 0"),
+        ("type: box", "type: cone", r"palm\[0\].type.*box, cylinder"),
+        ("chain: jaw", "chain: claw", r"chain.*'claw'.*jaw"),
+        ("side: pair", "side: thumb", r"fingers.*each side"),
+        ("side: pair", "side: left", r"side.*thumb, pair"),
+        ("      pad: [0, 0, 0.07]\n", "", r"chains.jaw.*no pad"),
+        ("[0.04, 0]", "[0, 0.04]", r"parallel.closing.*move apart"),
+        ("[0.04, 0]", "[0.04, 0, 0]", r"closing.slide.*list of 2"),
+        ("[0, 255]", "[255, 0]", r"closing.command.*rising"),
+        ("slide: [0.04, 0]", "glide: [0.04, 0]", r"joint.*'glide'.*slide"),
+        (", slide: [0.04, 0]", "", r"no values of slide"),
+        ("[0.001, 0.08]", "[0.001, 0.2]", r"parallel.widths.*0.080 m"),
+        ("axis: [1, 0, 0]", "axis: [0, 0, 0]", r"joint.axis"),
+        ("mass: 1.0", "mass: heavy", r"field mass.*finite number"),
+        ("mass: 1.0\n", "", r"field mass.*missing"),
+        ("name: jaw\n", "name: jaw\nweight: 3\n", r"field.*'weight'.*mass"),
+        ("  jaw:\n", "  jaw: []\n  other:\n", r"chains.jaw.*no link"),
+        (JAW, "", r"jaw.yaml.*mapping"),
+    ],
+)
+def test_bad_hands_are_refused_with_file_field_and_range(
+    tmp_path: Path, found: str, replacement: str, message: str
+) -> None:
+    assert found in JAW
+    with pytest.raises(DebrisGraspError, match=f"(?s){message}"):
+        load_text(tmp_path, JAW.replace(found, replacement, 1))
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
+        GripperModel.load(tmp_path / "nowhere.yaml")

@@ -1,0 +1,213 @@
+"""The dictionary: what ships, files that are refused, saving and packing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import (
+    ConfigError,
+    DebrisGraspError,
+    OutputError,
+    UnknownNameError,
+)
+from debrisgrasp.prototypes import PrototypeLibrary
+
+SOUND = """\
+name: pipe
+gripper: robotiq_3f
+preshape: basic
+width: 0.05
+shape: {type: cylinder, diameter: 0.05, length: 0.14, position: [0, 0, 0.1]}
+"""
+
+
+@pytest.fixture(scope="module")
+def library() -> PrototypeLibrary:
+    return PrototypeLibrary.load()
+
+
+def load_text(folder: Path, text: str) -> PrototypeLibrary:
+    (folder / "pipe.yaml").write_text(text)
+    return PrototypeLibrary.load(folder)
+
+
+def test_shipped_dictionary_covers_the_widths_of_both_hands(
+    library: PrototypeLibrary,
+) -> None:
+    for name, low, high in (("robotiq_3f", 0.02, 0.13), ("camhand", 0.08, 0.17)):
+        widths = np.sort(
+            [p.width for p in library.select(gripper=name, kind="generic")]
+        )
+        assert widths[0] <= low
+        assert widths[-1] >= high
+        assert np.diff(widths).max() <= 0.04
+    assert len(library.select(gripper="robotiq_3f")) >= 20
+    assert len(library.select(gripper="camhand")) >= 8
+    assert len(library.select(kind="object-specific")) >= 1
+
+
+def test_all_prototypes_have_one_density_and_unit_normals(
+    library: PrototypeLibrary,
+) -> None:
+    for prototype in library:
+        patches = prototype.definition.shape.patches()
+        area = sum(patch.area for patch in patches)
+        # Points where two parts of a handle overlap are inside, and so not sampled.
+        slack = 0.12 if prototype.kind == "object-specific" else 0.02
+        assert len(prototype.points) == pytest.approx(1e4 * area, rel=slack, abs=3)
+        assert np.allclose(np.linalg.norm(prototype.normals, axis=1), 1)
+
+
+def test_symmetric_poses_show_the_same_surface(library: PrototypeLibrary) -> None:
+    bar = library["bar_2x4_flat_tip"]
+    turned = bar.symmetry.elements()[1].apply(bar.points)
+    gap = np.linalg.norm(turned[:, None] - bar.points, axis=-1).min(axis=1)
+    assert gap.max() < 0.012
+
+
+def test_thin_prototypes_show_more_than_one_plane(library: PrototypeLibrary) -> None:
+    for prototype in library:
+        if prototype.definition.shape.__class__.__name__ != "CylinderShape":
+            normals = np.unique(prototype.normals.round(3), axis=0)
+            assert len(normals) >= 3, prototype.name
+
+
+def test_saved_dictionary_loads_back_the_same(
+    library: PrototypeLibrary, tmp_path: Path
+) -> None:
+    library.save(tmp_path / "new")
+    again = PrototypeLibrary.load(tmp_path / "new")
+    assert again.names == library.names
+    for ours, theirs in zip(library, again, strict=True):
+        assert np.allclose(ours.points, theirs.points, atol=1e-9)
+        assert (ours.width, ours.opening, ours.kind) == (
+            theirs.width,
+            theirs.opening,
+            theirs.kind,
+        )
+        assert ours.definition.tags == theirs.definition.tags
+        assert ours.definition.description == theirs.definition.description
+
+
+@pytest.mark.parametrize("rpy", [(20, -40, 170), (90, 90, 0), (0, -90, 30)])
+def test_turned_shapes_are_saved_with_their_turn(
+    tmp_path: Path, rpy: tuple[int, int, int]
+) -> None:
+    turned = SOUND.replace("length: 0.14", f"length: 0.14, rpy_deg: {list(rpy)}")
+    library = load_text(tmp_path, turned)
+    library.save(tmp_path / "new")
+    again = PrototypeLibrary.load(tmp_path / "new")
+    assert np.allclose(library["pipe"].points, again["pipe"].points, atol=1e-6)
+
+
+def test_packed_arrays_hold_every_point_once(library: PrototypeLibrary) -> None:
+    chosen = library.select(names=["handle_025", "cylinder_020_tip", "bar_4x4"])
+    packed = chosen.packed()
+    for row, prototype in enumerate(chosen):
+        mask = packed.mask[row]
+        assert np.array_equal(packed.points[row][mask], prototype.points)
+        assert np.array_equal(packed.normals[row][mask], prototype.normals)
+        assert np.array_equal(
+            packed.is_visible[row][:, mask], prototype.visible.is_visible
+        )
+        assert not packed.is_visible[row][:, ~mask].any()
+    assert packed.points.shape[1] == max(len(p.points) for p in chosen)
+
+
+def test_opening_defaults_to_the_width_with_clearance_up_to_the_hands_limit(
+    tmp_path: Path,
+) -> None:
+    assert load_text(tmp_path, SOUND)["pipe"].opening == pytest.approx(0.09)
+    wide = SOUND.replace("width: 0.05", "width: 0.14")
+    assert load_text(tmp_path, wide)["pipe"].opening == pytest.approx(0.1555, abs=1e-4)
+
+
+def test_visibility_is_in_the_palm_frame(library: PrototypeLibrary) -> None:
+    post = library["post_080_end"]
+    from_palm = post.visible.seen_from(np.array([0.0, 0.0, -1.0]))
+    assert post.points[from_palm][:, 2].max() < post.points[:, 2].min() + 0.01
+
+
+@pytest.mark.parametrize(
+    ("found", "replacement", "message"),
+    [
+        ("width: 0.05", "width: 50", r"field width.*0.02 to 0.15.*50 mm is 0.05"),
+        ("width: 0.05", "width: 0.3", r"pipe.yaml, field width.*0.02 to 0.15"),
+        ("width: 0.05", "width: .nan", r"field width.*finite"),
+        ("width: 0.05", "width: wide", r"field width.*finite number"),
+        ("width: 0.05", "width: true", r"field width.*finite number"),
+        ("width: 0.05\n", "", r"field width.*missing.*Present are: name"),
+        ("width: 0.05", "width: 0.05\nopening: 0.03", r"field opening.*0.05 to 0.155"),
+        (
+            "width: 0.05",
+            "width: 0.05\nwith: 3",
+            r"field in pipe.yaml.*'with'.*opening.*width",
+        ),
+        ("robotiq_3f", "robotiq_2f", r"gripper.*camhand, robotiq_3f"),
+        ("basic", "power", r"preshape.*basic, wide, pinch"),
+        ("type: cylinder", "type: cone", r"shape.type.*bar, box, cylinder"),
+        ("diameter: 0.05", "diameter: 50", r"shape.diameter.*0.005 to 0.3.*metres"),
+        ("diameter: 0.05", "diameter: .inf", r"shape.diameter.*finite"),
+        ("diameter: 0.05, ", "", r"shape.diameter.*missing"),
+        ("diameter: 0.05", "radius: 0.05, diameter: 0.05", r"'radius'.*diameter"),
+        ("[0, 0, 0.1]", "[0, 0, 100]", r"shape.position.*within 1 m.*metres"),
+        ("[0, 0, 0.1]", "[0, 0]", r"shape.position.*list of 3"),
+        ("[0, 0, 0.1]", "[0, 0, .nan]", r"shape.position.*finite"),
+        ("name: pipe", "name: Pipe 1", r"field name.*lower-case"),
+        ("name: pipe", "name: pipe\nkind: special", r"kind.*generic, object-specific"),
+        ("name: pipe", "name: pipe\nsymmetry: yes", r"symmetry.*expected text"),
+        ("name: pipe", "name: pipe\ntags: pipe", r"tags.*list of words"),
+        ("name: pipe", "name: [pipe", r"line 2"),
+        (SOUND, "- 1\n- 2\n", r"pipe.yaml.*mapping"),
+        (SOUND, "", r"pipe.yaml.*mapping"),
+    ],
+)
+def test_bad_files_are_refused_with_file_field_and_range(
+    tmp_path: Path, found: str, replacement: str, message: str
+) -> None:
+    assert found in SOUND
+    with pytest.raises(DebrisGraspError, match=f"(?s){message}"):
+        load_text(tmp_path, SOUND.replace(found, replacement, 1))
+
+
+def test_a_name_given_twice_names_both_files(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(SOUND)
+    (tmp_path / "b.yaml").write_text(SOUND)
+    with pytest.raises(ConfigError, match=r"b\.yaml.*'pipe'.*a\.yaml"):
+        PrototypeLibrary.load(tmp_path)
+
+
+def test_empty_and_missing_folders_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"no \.yaml file"):
+        PrototypeLibrary.load(tmp_path)
+    with pytest.raises(ConfigError, match="no such file or folder"):
+        PrototypeLibrary.load(tmp_path / "nowhere")
+
+
+def test_an_empty_choice_cannot_be_packed(library: PrototypeLibrary) -> None:
+    nothing = library.select(gripper="camhand", kind="object-specific")
+    with pytest.raises(ConfigError, match="leaves nothing"):
+        nothing.packed()
+
+
+def test_unknown_names_list_the_known_ones(library: PrototypeLibrary) -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'bar_4x4'"):
+        library["bar_4x5"]
+    with pytest.raises(UnknownNameError, match="camhand, robotiq_3f"):
+        library.select(gripper="hook")
+    with pytest.raises(UnknownNameError, match="generic, object-specific"):
+        library.select(kind="special")
+    with pytest.raises(UnknownNameError, match="unknown prototype"):
+        library.select(names=["sphere"])
+
+
+def test_a_folder_that_cannot_be_made_is_an_output_error(
+    library: PrototypeLibrary, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("kept")
+    with pytest.raises(OutputError):
+        library.save(tmp_path / "file")
+    assert (tmp_path / "file").read_text() == "kept"

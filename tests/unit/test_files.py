@@ -1,0 +1,96 @@
+"""Settings complain with line numbers; results are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from debrisgrasp._files import data_path, read_json, read_yaml, write_atomic
+from debrisgrasp.errors import ConfigError, OutputError
+
+
+def test_shipped_data_are_found():
+    assert data_path("prototypes").is_dir()
+    assert data_path("robots", "roman.yaml").parent.name == "robots"
+
+
+def test_yaml_and_json_are_read(tmp_path):
+    (tmp_path / "a.yaml").write_text("width: 0.05\nnames: [a, b]\n")
+    (tmp_path / "a.json").write_text('{"width": 0.05, "names": ["a", "b"]}')
+    expected = {"width": 0.05, "names": ["a", "b"]}
+    assert read_yaml(tmp_path / "a.yaml") == expected
+    assert read_json(tmp_path / "a.json") == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.yaml", "a: 1\nb: [1, 2\nc: 3\n", r"a.yaml, line \d"),
+        ("a.yaml", "a: 1\n\tb: 2\n", "a.yaml, line 2"),
+        ("a.yaml", "!!python/object/apply:os.getcwd []", "a.yaml, line 1"),
+        ("a.json", '{"a": 1,\n "b": }', "a.json, line 2"),
+        ("a.json", '{"a": NaN}', "NaN"),
+        ("a.json", "[" * 100_000, "a.json"),
+        ("a.json", "", "a.json, line 1"),
+    ],
+)
+def test_malformed_settings_name_file_and_line(tmp_path, name, text, message):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        (read_yaml if name.endswith("yaml") else read_json)(tmp_path / name)
+
+
+@pytest.mark.parametrize("read", [read_yaml, read_json])
+def test_missing_files_folders_and_binary_files_are_refused(tmp_path, read):
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x81")
+    for name, message in (("none", "No such file"), ("", "folder|directory")):
+        with pytest.raises(ConfigError, match=message):
+            read(tmp_path / name)
+    with pytest.raises(ConfigError, match="UTF-8"):
+        read(tmp_path / "binary")
+
+
+def test_writing_replaces_the_file_and_leaves_nothing_else(tmp_path):
+    path = tmp_path / "plan.json"
+    write_atomic(path, "old")
+    write_atomic(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "plan.json"
+    write_atomic(path, "old")
+
+    def no_space(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", no_space)
+    with pytest.raises(OutputError, match="No space left"):
+        write_atomic(path, "new")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_link_stays_a_link(tmp_path):
+    target, link = tmp_path / "target", tmp_path / "link"
+    target.write_text("old")
+    link.symlink_to(target)
+    write_atomic(link, "new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+
+
+def test_places_that_can_not_be_written_are_refused(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("x")
+    for place in (tmp_path, tmp_path / "none" / "x", tmp_path / "file" / "x"):
+        with pytest.raises(OutputError):
+            write_atomic(place, "new")
+    with pytest.raises(OutputError, match="regular"):
+        write_atomic(Path(os.devnull), "new")
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(OutputError, match="write-protected"):
+        write_atomic(tmp_path / "file", "new")
+    assert (tmp_path / "file").read_text() == "x"
