@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.planning import PassedOver
+from debrisgrasp.geometry import MAX_CELLS, Bounds
+from debrisgrasp.planning import PassedOver, SceneConfig
 from debrisgrasp.segmentation import GroundConfig, GroundReport, Segmentation
 
-__all__ = ["is_ground", "too_small", "why_empty"]
+__all__ = ["is_ground", "too_large", "too_small", "why_empty"]
 
 _MOSTLY = 0.9
 """Share of an object's points in the plane of the ground that makes it ground."""
@@ -30,6 +31,15 @@ def too_small(points: FloatArray, spacing: float, least: int) -> str | None:
     if len(cells) >= least:
         return None
     return f"too small: {len(cells)} cells of surface seen, {least} are needed"
+
+
+def too_large(region: Bounds, config: SceneConfig) -> str | None:
+    """Reason to pass over an object whose region fills too many cells, or None."""
+    size = region.size + 2 * config.hand_reach
+    cells = float(np.prod(size / config.spacing + 3))
+    if cells <= MAX_CELLS:
+        return None
+    return f"too large: {cells / 1e6:.0f} million cells, at most {MAX_CELLS / 1e6:.0f}"
 
 
 def is_ground(

@@ -53,6 +53,8 @@ def plan(
     arm: str | None = None,
     gripper: str | None = None,
     prototypes: str | os.PathLike[str] | None = None,
+    grippers: str | os.PathLike[str] | None = None,
+    policy: SelectionPolicy | None = None,
     region: Bounds | None = None,
     object_label: int | None = None,
     seed: int = 0,
@@ -62,7 +64,13 @@ def plan(
 ) -> PlanningResult:
     """Plan grasps on the easiest object of a capture; see `Pipeline`."""
     pipeline = Pipeline(
-        robot=robot, arm=arm, gripper=gripper, prototypes=prototypes, config=config
+        robot=robot,
+        arm=arm,
+        gripper=gripper,
+        prototypes=prototypes,
+        grippers=grippers,
+        policy=policy,
+        config=config,
     )
     return pipeline.plan(
         capture,

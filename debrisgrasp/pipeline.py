@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray
-from debrisgrasp._reasons import is_ground, too_small, why_empty
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp._reasons import is_ground, too_large, too_small, why_empty
 from debrisgrasp._stopwatch import Progress, Stopwatch
+from debrisgrasp._targets import Target, choose_targets
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import (
     Bounds,
@@ -31,7 +33,7 @@ from debrisgrasp.planning import (
     PlannerConfig,
     SearchResult,
 )
-from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, load_grippers
 from debrisgrasp.segmentation import (
     Candidate,
     GroundReport,
@@ -39,7 +41,6 @@ from debrisgrasp.segmentation import (
     Segmentation,
     SegmentationConfig,
     SelectionPolicy,
-    region_of_interest,
     segment_cloud,
 )
 
@@ -104,6 +105,8 @@ class Pipeline:
         Use only this hand; every hand that an arm carries by default.
     prototypes
         Folder of prototype files; the shipped dictionary by default.
+    grippers
+        Folder of files of further hands; only the shipped hands by default.
     policy
         In which order to take the objects; by distance to the priority point (Eq. 1) by
         default.
@@ -125,6 +128,7 @@ class Pipeline:
         arm: str | None = None,
         gripper: str | None = None,
         prototypes: str | os.PathLike[str] | None = None,
+        grippers: str | os.PathLike[str] | None = None,
         policy: SelectionPolicy | None = None,
         config: PipelineConfig | None = None,
     ) -> None:
@@ -132,7 +136,9 @@ class Pipeline:
         self.policy = policy or PriorityPoint.at(*DEFAULT_PRIORITY_POINT)
         self.robot = None if robot == "none" else RobotModel.load(robot)
         self.arms = _arms(self.robot, arm, gripper)
-        library = PrototypeLibrary.load(prototypes).select(gripper=gripper)
+        library = PrototypeLibrary.load(
+            prototypes, grippers=load_grippers(grippers)
+        ).select(gripper=gripper)
         if self.arms:
             hands = {a.gripper for a in self.arms}
             library = library.select(
@@ -148,8 +154,7 @@ class Pipeline:
             )
         self.grippers: Mapping[str, GripperModel] = library.grippers
         self._generic = GraspPlanner(generic, self.config.planner)
-        # Object-specific prototypes are only tried where a mask marks an object.
-        self._specific = GraspPlanner(library, self.config.planner)
+        self._library = library
 
     def plan(
         self,
@@ -181,7 +186,7 @@ class Pipeline:
         Raises
         ------
         CaptureError
-            If the capture has no pose, or the region holds no measured point.
+            If the capture has no pose, or the region or mask holds no measured point.
         UnknownNameError
             If ``object_label`` is not a label of the segmentation.
         ConfigError
@@ -196,19 +201,29 @@ class Pipeline:
             segmentation = segment_cloud(cloud, self.config.segmentation)
         with watch.stage("selection"):
             order = self.policy.order(segmentation, cloud)
-            targets = self._targets(segmentation, order, region, object_label)
-            planner = self._generic
+            is_marked = None
             if capture.mask is not None:
-                planner = self._specific
                 is_marked = capture.mask[measured(capture)]
-                if region is None and object_label is None and is_marked.any():
-                    targets = [self._marked(cloud, segmentation, is_marked)]
-                else:
-                    targets = _masked(targets, is_marked)
+            targets = choose_targets(
+                cloud,
+                segmentation,
+                order,
+                region=region,
+                object_label=object_label,
+                is_marked=is_marked,
+                margin=self.config.region_margin,
+            )
         with watch.stage("obstacles"):
             obstacles = ObstacleMap.build(cloud, sight, _ground(segmentation))
         result, target, passed_over = self._first_success(
-            planner, cloud, sight, obstacles, targets, seed, watch, segmentation.ground
+            self._generic if is_marked is None else self._specific,
+            cloud,
+            sight,
+            obstacles,
+            targets,
+            seed,
+            watch,
+            segmentation.ground,
         )
         label = 0 if target is None else target.label
         found = () if result is None else result.grasps
@@ -234,42 +249,10 @@ class Pipeline:
             grippers=self.grippers,
         )
 
-    def _targets(
-        self,
-        segmentation: Segmentation,
-        order: Sequence[Candidate],
-        region: Bounds | None,
-        object_label: int | None,
-    ) -> list[_Target]:
-        """List what to seek grasps on, in order."""
-        margin = self.config.region_margin
-        if object_label is not None:
-            chosen = segmentation.segment(object_label)
-            box = region or region_of_interest(chosen, margin=margin)
-            return [_Target(object_label, box, segmentation.labels == object_label)]
-        if region is not None:
-            return [_Target(0, region, segmentation.labels > 0)]
-        return [
-            _Target(
-                candidate.label,
-                region_of_interest(
-                    segmentation.segment(candidate.label), margin=margin
-                ),
-                segmentation.labels == candidate.label,
-            )
-            for candidate in order
-        ]
-
-    def _marked(
-        self, cloud: PointCloud, segmentation: Segmentation, is_marked: BoolArray
-    ) -> _Target:
-        """Take the marked points for one object, however they were segmented.
-
-        A handle is always divided from what it sits on; the mark keeps it whole.
-        """
-        label = int(np.bincount(segmentation.labels[is_marked]).argmax())
-        box = Bounds.around(cloud.points[is_marked], self.config.region_margin)
-        return _Target(label, box, is_marked)
+    @cached_property
+    def _specific(self) -> GraspPlanner:
+        """Planner for where a mask marks an object: with object-specific prototypes."""
+        return GraspPlanner(self._library, self.config.planner)
 
     def _first_success(
         self,
@@ -277,15 +260,15 @@ class Pipeline:
         cloud: PointCloud,
         sight: LineOfSight,
         obstacles: ObstacleMap,
-        targets: Sequence[_Target],
+        targets: Sequence[Target],
         seed: int,
         watch: Stopwatch,
         ground: GroundReport,
-    ) -> tuple[SearchResult | None, _Target | None, list[PassedOver]]:
+    ) -> tuple[SearchResult | None, Target | None, list[PassedOver]]:
         """Try the targets in turn until one offers a grasp."""
         passed_over: list[PassedOver] = []
         rngs = np.random.default_rng(seed).spawn(max(1, len(targets)))
-        tried: tuple[SearchResult, _Target] | None = None
+        tried: tuple[SearchResult, Target] | None = None
         n_tried = 0
         for target, rng in zip(targets, rngs, strict=False):
             reason = self._unfit(cloud, target, ground)
@@ -314,29 +297,18 @@ class Pipeline:
         return (*tried, passed_over) if tried else (None, None, passed_over)
 
     def _unfit(
-        self, cloud: PointCloud, target: _Target, ground: GroundReport
+        self, cloud: PointCloud, target: Target, ground: GroundReport
     ) -> str | None:
         """Why an object isn't worth a search, or None if it is."""
         if not target.label:
             return None
         config, points = self.config, cloud.points[target.is_object]
-        spacing, least = config.planner.scene.spacing, config.min_object_points
-        reason = too_small(points, spacing, least)
-        return reason or is_ground(points, ground, config.segmentation.ground)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Target:
-    """Where to seek grasps, and on which points."""
-
-    label: int
-    region: Bounds
-    is_object: BoolArray
-
-
-def _masked(targets: Sequence[_Target], is_marked: BoolArray) -> list[_Target]:
-    """Keep of each target the points that are marked."""
-    return [replace(t, is_object=t.is_object & is_marked) for t in targets]
+        scene, least = config.planner.scene, config.min_object_points
+        return (
+            too_small(points, scene.spacing, least)
+            or too_large(target.region, scene)
+            or is_ground(points, ground, config.segmentation.ground)
+        )
 
 
 def _require_limits(seed: int, deadline: float | None) -> None:

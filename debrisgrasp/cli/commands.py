@@ -15,6 +15,7 @@ from debrisgrasp.errors import OutputError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, data_path, parse_camera_pose, save_labels
 from debrisgrasp.io.plan_json import plan_to_json
+from debrisgrasp.segmentation import PriorityPoint
 
 from .reports import (
     PICTURE_FORMS,
@@ -87,9 +88,13 @@ def add_plan(subparsers: Subparsers) -> None:
         help="a shipped robot, a YAML file, or 'none' for a floating hand "
         "(default: roman)",
     )
+    _add_priority_point(parser)
     parser.add_argument("--arm", help="use only this arm")
     parser.add_argument("--gripper", help="use only this hand")
     parser.add_argument("--prototypes", metavar="DIR", help="folder of prototype files")
+    parser.add_argument(
+        "--grippers", metavar="DIR", help="folder of files of further hands"
+    )
     parser.add_argument(
         "--region",
         nargs=6,
@@ -118,6 +123,12 @@ def add_plan(subparsers: Subparsers) -> None:
 
 def run_plan(arguments: argparse.Namespace) -> int:
     """Plan on the user's capture."""
+    if arguments.camera_pose == "level" and arguments.robot != "none":
+        print(
+            "note: the origin of the level frame is not the robot's base; joints mean "
+            "nothing there, and --robot none plans for the hand alone",
+            file=sys.stderr,
+        )
     require_places(arguments.report, REPORT_FORMS, arguments.out)
     box = arguments.region
     result = debrisgrasp.plan(
@@ -126,6 +137,8 @@ def run_plan(arguments: argparse.Namespace) -> int:
         arm=arguments.arm,
         gripper=arguments.gripper,
         prototypes=arguments.prototypes,
+        grippers=arguments.grippers,
+        policy=_policy(arguments),
         region=None if box is None else Bounds(np.array(box[:3]), np.array(box[3:])),
         object_label=arguments.object,
         seed=arguments.seed,
@@ -203,6 +216,7 @@ def add_select(subparsers: Subparsers) -> None:
     )
     _add_capture(parser)
     parser.add_argument("--report", type=Path, metavar="FILE", help="picture as .png")
+    _add_priority_point(parser)
     parser.set_defaults(run=run_select)
 
 
@@ -211,7 +225,7 @@ def run_select(arguments: argparse.Namespace) -> int:
     require_places([arguments.report], PICTURE_FORMS)
     capture = _load(arguments)
     segmentation = debrisgrasp.segment(capture)
-    order = debrisgrasp.select(capture, segmentation)
+    order = debrisgrasp.select(capture, segmentation, _policy(arguments))
     if arguments.report:
         write_segmentation_picture(capture, segmentation, order, arguments.report)
     if arguments.json:
@@ -226,6 +240,21 @@ def run_select(arguments: argparse.Namespace) -> int:
     return 0 if order else 1
 
 
+def _add_priority_point(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--priority-point",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "Z"),
+        help="objects near it are taken first, base frame, metres (default: 0.9 0 1)",
+    )
+
+
+def _policy(arguments: argparse.Namespace) -> PriorityPoint | None:
+    point = arguments.priority_point
+    return None if point is None else PriorityPoint.at(*point)
+
+
 def _add_capture(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "capture",
@@ -236,7 +265,18 @@ def _add_capture(parser: argparse.ArgumentParser) -> None:
         "--camera-pose",
         metavar="POSE",
         help="pose of the camera in the base frame, if the capture has none: a file "
-        "with a 4x4 matrix, x,y,z,roll,pitch,yaw, or 'level' for a stored level frame",
+        "with a 4x4 matrix, x,y,z,roll,pitch,yaw, or 'level' for a stored level frame; "
+        "write --camera-pose=-0.1,... where it starts with a minus",
+    )
+    parser.add_argument(
+        "--camera-file", metavar="FILE", help="JSON or YAML camera of a depth PNG"
+    )
+    parser.add_argument(
+        "--viewpoint",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "Z"),
+        help="position of the sensor in the frame of a cloud, metres",
     )
     parser.add_argument(
         "--json", action="store_true", help="print JSON for machines instead of text"
@@ -246,7 +286,10 @@ def _add_capture(parser: argparse.ArgumentParser) -> None:
 def _load(arguments: argparse.Namespace) -> Capture:
     pose = arguments.camera_pose
     return Capture.load(
-        arguments.capture, camera_pose=None if pose is None else parse_camera_pose(pose)
+        arguments.capture,
+        camera_pose=None if pose is None else parse_camera_pose(pose),
+        camera_file=arguments.camera_file,
+        viewpoint=arguments.viewpoint,
     )
 
 

@@ -9,12 +9,12 @@ from typing import Any
 
 from debrisgrasp.prototypes import (
     GraspPrototype,
-    GripperModel,
     PrototypeLibrary,
     check,
+    load_grippers,
 )
-from debrisgrasp.viz import prototype_png
 
+from .reports import write_prototype_sheet
 from .tables import columns
 
 __all__ = ["add"]
@@ -45,12 +45,15 @@ def add(subparsers: Any) -> None:
         action.add_argument(
             "--prototypes", metavar="DIR", help="folder of files (default: shipped)"
         )
+        action.add_argument(
+            "--grippers", metavar="DIR", help="folder of files of further hands"
+        )
         action.add_argument("--json", action="store_true", help="print JSON")
 
 
 def run_list(arguments: argparse.Namespace) -> int:
     """List the dictionary."""
-    prototypes = list(PrototypeLibrary.load(arguments.prototypes))
+    prototypes = _library(arguments)
     if arguments.json:
         print(json.dumps([_facts(p) for p in prototypes], indent=1))
         return 0
@@ -72,8 +75,8 @@ def run_list(arguments: argparse.Namespace) -> int:
 
 def run_show(arguments: argparse.Namespace) -> int:
     """Draw prototypes."""
-    prototypes = _chosen(arguments)
-    prototype_png(arguments.out, prototypes, _grippers(prototypes))
+    library = _chosen(arguments)
+    write_prototype_sheet(arguments.out, library.prototypes, library.grippers)
     if arguments.json:
         print(json.dumps({"wrote": str(arguments.out)}))
     else:
@@ -84,8 +87,8 @@ def run_show(arguments: argparse.Namespace) -> int:
 def run_check(arguments: argparse.Namespace) -> int:
     """Check prototypes against their hands; status 1 if anything is found."""
     prototypes = _chosen(arguments)
-    grippers = _grippers(prototypes)
-    findings = {p.name: check(p, grippers[p.gripper]) for p in prototypes}
+    hands = prototypes.grippers
+    findings = {p.name: check(p, hands[p.gripper]) for p in prototypes}
     n_findings = sum(len(found) for found in findings.values())
     if arguments.json:
         print(json.dumps({n: [str(f) for f in fs] for n, fs in findings.items()}))
@@ -97,13 +100,13 @@ def run_check(arguments: argparse.Namespace) -> int:
     return 1 if n_findings else 0
 
 
-def _chosen(arguments: argparse.Namespace) -> list[GraspPrototype]:
-    library = PrototypeLibrary.load(arguments.prototypes)
-    return list(library.select(names=arguments.names or None))
+def _library(arguments: argparse.Namespace) -> PrototypeLibrary:
+    hands = load_grippers(arguments.grippers)
+    return PrototypeLibrary.load(arguments.prototypes, grippers=hands)
 
 
-def _grippers(prototypes: list[GraspPrototype]) -> dict[str, GripperModel]:
-    return {p.gripper: GripperModel.load(p.gripper) for p in prototypes}
+def _chosen(arguments: argparse.Namespace) -> PrototypeLibrary:
+    return _library(arguments).select(names=arguments.names or None)
 
 
 def _facts(prototype: GraspPrototype) -> dict[str, object]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture
+from debrisgrasp.prototypes import GraspPrototype, GripperModel
 from debrisgrasp.segmentation import Candidate, Segmentation
-from debrisgrasp.viz import Report, report_html, report_png, segmentation_png
 
 if TYPE_CHECKING:
     from debrisgrasp.pipeline import PlanningResult
@@ -19,6 +21,7 @@ __all__ = [
     "REPORT_FORMS",
     "require_places",
     "write_plan_reports",
+    "write_prototype_sheet",
     "write_segmentation_picture",
 ]
 
@@ -59,9 +62,12 @@ def write_plan_reports(
     result: PlanningResult, paths: Sequence[Path], *, title: str
 ) -> None:
     """Write a report per path, in the form that its suffix names."""
-    writers = {".png": report_png, ".html": report_html}
+    if not paths:
+        return
+    viz = _drawing()
+    writers = {".png": viz.report_png, ".html": viz.report_html}
     for path in paths:
-        report = Report(
+        report = viz.Report(
             title=title,
             capture=result.capture,
             cloud=result.cloud,
@@ -81,4 +87,20 @@ def write_segmentation_picture(
     path: Path,
 ) -> None:
     """Write the capture with its objects in colours, numbered if there is an order."""
-    segmentation_png(path, capture, capture.cloud(), segmentation, order=tuple(order))
+    _drawing().segmentation_png(
+        path, capture, capture.cloud(), segmentation, order=tuple(order)
+    )
+
+
+def write_prototype_sheet(
+    path: Path,
+    prototypes: Sequence[GraspPrototype],
+    grippers: Mapping[str, GripperModel],
+) -> None:
+    """Write a picture of prototypes, each with its hand."""
+    _drawing().prototype_png(path, prototypes, grippers)
+
+
+def _drawing() -> ModuleType:
+    """Load what draws only when something is to be drawn; it takes a second."""
+    return import_module("debrisgrasp.viz")

@@ -38,7 +38,11 @@ def _is_number(text: str) -> bool:
 
 def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
     """Table of the best grasps, and in words what was ruled out and why."""
-    lines = [f"passed over object {p.label}: {p.reason}" for p in plan.passed_over]
+    lines = [
+        f"passed over object {p.label}: {p.reason}"
+        for p in plan.passed_over
+        if p.label and plan.grasps
+    ]
     if plan.grasps:
         where = f"object {plan.object_label}" if plan.object_label else "the region"
         lines.append(f"{len(plan.grasps)} grasps on {where}, best first:")

@@ -3,7 +3,7 @@
 from .camera import Intrinsics
 from .cloud import Bounds, PointCloud
 from .cloud_normals import neighborhood_normals
-from .field import DistanceField, Space
+from .field import MAX_CELLS, DistanceField, Space
 from .image_normals import depth_normals
 from .neighbors import voxel_downsample
 from .sampling import fibonacci_sphere, perturbed, random_rotations
@@ -12,6 +12,7 @@ from .sight import DepthSight, LineOfSight, PanoramicSight
 from .solids import Box, Capsule, Cylinder, Solid, Sphere
 
 __all__ = [
+    "MAX_CELLS",
     "SE3",
     "Bounds",
     "Box",

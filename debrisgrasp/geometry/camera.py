@@ -36,10 +36,17 @@ class Intrinsics:
         CaptureError
             If K is no pinhole matrix, or belongs to an image of another size.
         """
+        height, width = shape
+        if min(height, width) < 2:
+            raise CaptureError(
+                "depth image",
+                got=f"{width} x {height} pixels",
+                expected="at least 2 x 2",
+                mend="Is the file empty, or has it been cropped away?",
+            )
         K = np.asarray(K, dtype=np.float64)
         require_trailing(K, "K", (3, 3))
         require_finite(K, "K")
-        height, width = shape
         fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
         is_pinhole = fx > 0 and fy > 0 and np.allclose(K[2], (0, 0, 1))
         # Calibrations store a skew of rounding size; a real one would bend the cloud.
@@ -50,12 +57,6 @@ class Intrinsics:
                 got=K.tolist(),
                 expected="[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0",
                 mend="Rectify images of a camera with skew first." if has_skew else "",
-            )
-        if min(height, width) < 2:
-            raise CaptureError(
-                "depth image",
-                got=f"{width} x {height} pixels",
-                expected="at least 2 x 2",
             )
         # Fields of view beyond these bounds belong to no depth camera; they are what
         # a K of another resolution, or in millimetres, looks like.

@@ -18,10 +18,10 @@ from debrisgrasp.errors import InputError
 from .cloud import Bounds, PointCloud
 from .sight import LineOfSight
 
-__all__ = ["DistanceField", "Space"]
+__all__ = ["MAX_CELLS", "DistanceField", "Space"]
 
-_MAX_CELLS = 40_000_000
-"""A grid beyond this takes over 300 MB."""
+MAX_CELLS = 40_000_000
+"""A grid beyond this takes over 500 MB."""
 _INDEX_BITS = 24
 """Bits that hold the index of a point while the grid is filled."""
 _MAX_REACH = 7
@@ -95,7 +95,8 @@ class DistanceField:
             If the grid would have more than 40 million cells, the truncation is more
             than seven of them, or the cloud has more than 16 million points.
         """
-        reach = int(np.ceil(truncation / spacing))
+        # Rounded, or 7 cells of 5 mm would come out as a little more than 35 mm.
+        reach = int(np.ceil(round(truncation / spacing, 6)))
         if not 1 <= reach <= _MAX_REACH:
             raise InputError(
                 "truncation",
@@ -111,11 +112,11 @@ class DistanceField:
             )
         nx, ny, nz = (int(n) for n in np.ceil(bounds.size / spacing) + 3)
         shape = (nx, ny, nz)
-        if np.prod(np.array(shape, dtype=float)) > _MAX_CELLS:
+        if np.prod(np.array(shape, dtype=float)) > MAX_CELLS:
             raise InputError(
                 "region",
                 got=f"{bounds.size.round(2).tolist()} m in cells of {spacing} m",
-                expected=f"at most {_MAX_CELLS} cells",
+                expected=f"at most {MAX_CELLS} cells",
                 mend="Take a smaller region or a coarser spacing.",
             )
         origin = bounds.lower - spacing
@@ -186,7 +187,7 @@ def _nearest_points(
     bits) and point index (low 24) travel in one integer, so that a single `minimum`
     moves both.
     """
-    reach = int(np.ceil(truncation / spacing))
+    reach = int(np.ceil(round(truncation / spacing, 6)))
     far = np.uint32(_FAR << _INDEX_BITS)
     grid = np.full(shape, far, dtype=np.uint32)
     cell = np.floor((points - origin) / spacing + 0.5).astype(np.int64)

@@ -12,7 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp._arrays import Float32Array, FloatArray, IntArray, require_range
+from debrisgrasp._arrays import (
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+    require_range,
+)
 from debrisgrasp.geometry import Space
 
 from .hands import SPHERE_RADIUS, PackedHands
@@ -36,7 +42,8 @@ class ClearanceConfig:
     approach_steps: int = 3
     """Poses checked along it during the search, besides the final one."""
     unknown_cost: float = 0.6
-    """What C loses when the whole hand lies in space that was never seen; 0 ignores
+    """What C loses when the palm, or the fingers of one side, are wholly in space that
+    was never seen: there the object may be thicker than its prototype. 0 ignores
     unknown space as the paper does."""
 
     def __post_init__(self) -> None:
@@ -99,15 +106,28 @@ class HandClearance:
 
     def exposure(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
         """C of poses known to be clear: the cost of unseen space alone, (k,)."""
-        x, y, z, radii = self._placed(
+        x, y, z, _ = self._placed(
+            Ts_base_hand.astype(np.float32), prototype, slice(None)
+        )
+        field, parts = self._scene.field, self._hands.parts[prototype]
+        is_unknown = field.space[field.cell(x, y, z)] == Space.UNKNOWN
+        worst = np.zeros(len(parts))
+        for part in range(3):
+            is_part = parts == part
+            share = (is_unknown & is_part).sum(axis=1) / is_part.sum(axis=1).clip(1)
+            np.maximum(worst, share, out=worst)
+        cost: FloatArray = 1.0 - self._config.unknown_cost * worst
+        return cost
+
+    def is_blind(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
+        """Whether a finger ends where the camera saw nothing, shape (k,)."""
+        x, y, z, _ = self._placed(
             Ts_base_hand.astype(np.float32), prototype, slice(None)
         )
         field = self._scene.field
         is_unknown = field.space[field.cell(x, y, z)] == Space.UNKNOWN
-        is_used = np.isfinite(radii)
-        share = (is_unknown & is_used).sum(axis=-1) / is_used.sum(axis=-1)
-        cost: FloatArray = 1.0 - self._config.unknown_cost * share
-        return cost
+        found: BoolArray = (is_unknown & (self._hands.parts[prototype] > 0)).any(axis=1)
+        return found
 
     def _placed(
         self, Ts: Float32Array, prototype: IntArray, spheres: slice

@@ -41,6 +41,10 @@ class PlannerConfig:
     """Points of each prototype that the final score uses."""
     minimum_score: float = 0.35
     """Grasps whose Q-hat is below this are not offered."""
+    minimum_evidence: float = 0.5
+    """Where a finger ends in space that was never seen, this share of the prototype's
+    surface facing the palm must have been seen to match: it tells how thick the object
+    is. 0 trusts the prototype instead."""
     n_best: int = 20
     """How many distinct grasps to return."""
     mode_distance: float = 0.03
@@ -62,6 +66,7 @@ class PlannerConfig:
         for share in self.global_share:
             require_range("PlannerConfig.global_share", share, 0.0, 1.0)
         require_range("PlannerConfig.minimum_score", self.minimum_score, 0.0, 1.0)
+        require_range("PlannerConfig.minimum_evidence", self.minimum_evidence, 0.0, 1.0)
         require_range("PlannerConfig.mode_distance", self.mode_distance, 0.0)
         require_range("PlannerConfig.mode_angle", self.mode_angle, 0.0, 3.2)
         require_range("PlannerConfig.lever_scale", self.lever_scale, 0.01)

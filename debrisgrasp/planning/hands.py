@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntFlag
@@ -14,6 +15,10 @@ from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
 
 __all__ = ["SPHERE_RADIUS", "HandSpace", "PackedHands", "SpaceOfHand"]
 
+GRIP_MARGIN = 0.016
+"""An object may be so much wider than its prototype [m]."""
+_SWEEP_STEP = 0.012
+"""How far the pads close between two positions that are looked at [m]."""
 SPHERE_RADIUS = 0.03
 """Largest sphere of the cover of a hand [m]: wider ones are fewer and stand out more
 over flat sides."""
@@ -30,6 +35,8 @@ class HandSpace(IntFlag):
     """Swept by palm or fingers on the way to the final pose."""
     CLOSING = 8
     """Between the open fingers."""
+    SWEPT = 16
+    """Swept by the fingers while they close, until shortly before they grip."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +56,7 @@ class SpaceOfHand:
         gripper: GripperModel,
         preshape: str,
         opening: float,
+        width: float,
         *,
         approach: float,
         tolerance: float,
@@ -58,6 +66,8 @@ class SpaceOfHand:
 
         Parameters
         ----------
+        width
+            Opening at which the hand grips [m]; objects `GRIP_MARGIN` wider still do.
         approach
             Length of the straight approach along +z [m].
         tolerance
@@ -74,6 +84,7 @@ class SpaceOfHand:
             (gripper.palm, HandSpace.PALM),
             (fingers, HandSpace.FINGER),
             ((closing,), HandSpace.CLOSING),
+            (_sweep(gripper, preshape, opening, width), HandSpace.SWEPT),
         ):
             for solid in solids:
                 depth = 0.0 if flag is HandSpace.CLOSING else tolerance
@@ -89,7 +100,8 @@ class SpaceOfHand:
         first = np.floor((solid.bounds.lower - self.origin) / self.spacing)
         last = np.ceil((solid.bounds.upper - self.origin) / self.spacing)
         axes = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]
-        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        cells = cells[((cells >= 1) & (cells < np.array(self.flags.shape) - 1)).all(1)]
         inside = solid.signed_distance(self.origin + cells * self.spacing) < -depth
         i, j, k = cells[inside].astype(np.int64).T
         self.flags[i, j, k] |= np.uint8(flag)
@@ -110,10 +122,13 @@ class PackedHands:
     """Spheres that cover the hand [m], shape (p, 3, s)."""
     radii: Float32Array
     """Their radii [m], shape (p, s); minus infinity where a hand has fewer."""
+    parts: IntArray
+    """Which part each sphere belongs to: 0 the palm, 1 the thumb side, 2 the side of
+    the finger pair, -1 none; shape (p, s)."""
     space_index: IntArray
     """Which of ``spaces`` each prototype's hand has, shape (p,)."""
     spaces: tuple[SpaceOfHand, ...]
-    """One for each combination of hand, preshape and opening."""
+    """One for each combination of hand, preshape, opening and width."""
     grip_points: FloatArray
     """Middle of the space between the fingers [m], shape (p, 3)."""
 
@@ -122,39 +137,74 @@ class PackedHands:
         cls, library: PrototypeLibrary, *, approach: float, tolerance: float
     ) -> PackedHands:
         """Collect the hand of each prototype of a dictionary."""
-        keys = [(p.gripper, p.preshape, p.opening) for p in library]
+        keys = [(p.gripper, p.preshape, p.opening, p.width) for p in library]
         unique = list(dict.fromkeys(keys))
         spaces = tuple(
             SpaceOfHand.of(
                 library.grippers[name],
                 preshape,
                 opening,
+                width,
                 approach=approach,
                 tolerance=tolerance,
             )
-            for name, preshape, opening in unique
+            for name, preshape, opening, width in unique
         )
         covers = [
-            library.grippers[name].sphere_cover(preshape, opening, SPHERE_RADIUS)
-            for name, preshape, opening in unique
+            _cover(library.grippers[name], preshape, opening)
+            for name, preshape, opening, _ in unique
         ]
         grips = [
             library.grippers[n].closing_region(pre, w).T_frame_solid.p
-            for n, pre, w in unique
+            for n, pre, w, _ in unique
         ]
         index = np.array([unique.index(key) for key in keys])
-        most = max(len(center) for center, _ in covers)
+        most = max(len(part) for _, _, part in covers)
         centers = np.zeros((len(unique), 3, most), np.float32)
         radii = np.full((len(unique), most), -np.inf, np.float32)
-        for i, (center, radius) in enumerate(covers):
-            centers[i, :, : len(center)], radii[i, : len(radius)] = center.T, radius
+        parts = np.full((len(unique), most), -1, np.int8)
+        for i, (center, radius, part) in enumerate(covers):
+            n = len(part)
+            centers[i, :, :n], radii[i, :n], parts[i, :n] = center.T, radius, part
         return cls(
             centers=centers[index],
             radii=radii[index],
+            parts=parts[index],
             space_index=index,
             spaces=spaces,
             grip_points=np.array(grips)[index],
         )
+
+
+def _cover(
+    gripper: GripperModel, preshape: str, opening: float
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Centres (s, 3), radii (s,) and parts (s,) of the spheres that cover a hand."""
+    parts = (
+        gripper.palm,
+        gripper.finger_solids(preshape, opening, side=-1),
+        gripper.finger_solids(preshape, opening, side=1),
+    )
+    covers = [
+        (*solid.sphere_cover(SPHERE_RADIUS), part)
+        for part, solids in enumerate(parts)
+        for solid in solids
+    ]
+    centers, radii, part = zip(*covers, strict=True)
+    counts = [len(radius) for radius in radii]
+    return np.concatenate(centers), np.concatenate(radii), np.repeat(part, counts)
+
+
+def _sweep(
+    gripper: GripperModel, preshape: str, opening: float, width: float
+) -> tuple[Solid, ...]:
+    """Fingers at openings from the first move to shortly before the grip."""
+    last = min(width + GRIP_MARGIN, opening)
+    n_steps = math.ceil((opening - last) / _SWEEP_STEP)
+    steps = np.linspace(opening, last, n_steps + 1)[1:]
+    return tuple(
+        solid for step in steps for solid in gripper.finger_solids(preshape, step)
+    )
 
 
 def _union(boxes: Iterable[Bounds]) -> Bounds:

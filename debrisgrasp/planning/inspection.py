@@ -51,6 +51,8 @@ class Inspection:
     """Inside an open finger at the final pose, shape (k,)."""
     approach_hits: IntArray
     """Swept by the hand on the way in, shape (k,)."""
+    swept_hits: IntArray
+    """In the way of the closing fingers before they grip, shape (k,)."""
     held: IntArray
     """Points of the object between the open fingers, shape (k,)."""
     foreign: IntArray
@@ -67,6 +69,9 @@ class Inspection:
             "an open finger would hit something": self.finger_hits > config.max_hits,
             "the approach is blocked": self.approach_hits > config.max_hits,
             "nothing is between the fingers": self.held < config.min_held_points,
+            "the fingers would be stopped before they grip": (
+                self.swept_hits > config.max_hits
+            ),
             "the fingers would close on something else too": crowded,
         }
         is_open = np.ones(len(self.held), dtype=bool)
@@ -92,17 +97,18 @@ def inspect(
     prototype
         Whose hand each carries, shape (k,).
     """
-    counts = np.zeros((5, len(Ts_base_hand)), dtype=np.int64)
+    counts = np.zeros((6, len(Ts_base_hand)), dtype=np.int64)
     tree = cKDTree(scene.cloud.points)
     for index, space in enumerate(hands.spaces):
         poses = np.flatnonzero(hands.space_index[prototype] == index)
         if len(poses):
             counts[:, poses] = _counts(scene, tree, space, Ts_base_hand[poses])
-    palm, finger, approach, held, foreign = counts
+    palm, finger, approach, swept, held, foreign = counts
     return Inspection(
         palm_hits=palm,
         finger_hits=finger,
         approach_hits=approach,
+        swept_hits=swept,
         held=held,
         foreign=foreign,
         is_in_ground=_is_in_ground(scene, hands, Ts_base_hand, prototype),
@@ -129,7 +135,7 @@ def _is_in_ground(
 def _counts(
     scene: GraspScene, tree: cKDTree, space: SpaceOfHand, Ts: FloatArray
 ) -> IntArray:
-    """Rows of an `Inspection` for poses of one preshaped hand, shape (5, k)."""
+    """Rows of an `Inspection` for poses of one preshaped hand, shape (6, k)."""
     half = (np.array(space.flags.shape) - 1) * space.spacing / 2.0
     middle = Ts[:, :3, :3] @ (space.origin + half) + Ts[:, :3, 3]
     pairs = cKDTree(middle).sparse_distance_matrix(
@@ -143,6 +149,7 @@ def _counts(
         (flags & HandSpace.PALM) > 0,
         (flags & HandSpace.FINGER) > 0,
         (flags & HandSpace.APPROACH) > 0,
+        (flags & HandSpace.SWEPT) > 0,
         between & is_target,
         between & ~is_target,
     )

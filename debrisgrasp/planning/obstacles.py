@@ -17,9 +17,6 @@ from debrisgrasp.geometry import (
 
 __all__ = ["ObstacleMap"]
 
-_WORKSPACE = Bounds(np.array([-1.2, -1.8, -0.3]), np.array([2.4, 1.8, 2.2]))
-"""No arm in question reaches beyond it [m]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObstacleMap:
@@ -42,10 +39,21 @@ class ObstacleMap:
         *,
         spacing: float = 0.02,
         truncation: float = 0.10,
+        radius: float = 2.5,
     ) -> ObstacleMap:
-        """Collect the obstacles of a capture in the base frame."""
+        """Collect the obstacles of a capture in the base frame.
+
+        Parameters
+        ----------
+        spacing, truncation
+            Cell size, and the distance at which the map saturates [m].
+        radius
+            Points farther than this from the base in any axis are out of every arm's
+            way [m].
+        """
         cloud.require_frame("base")
-        near = np.flatnonzero(_WORKSPACE.contains(cloud.points))
+        workspace = Bounds(np.full(3, -radius), np.full(3, radius))
+        near = np.flatnonzero(workspace.contains(cloud.points))
         if not len(near):
             return cls(None, ground_plane, truncation)
         thinned = near[voxel_downsample(cloud.points[near], spacing)]

@@ -237,6 +237,13 @@ class GraspSearch:
         for reason, applies in look.reasons(config.inspection).items():
             ledger[reason] += int(applies.sum())
             ok &= ~applies
+        thickness = similarity.evidence_of_thickness(found.Ts, found.prototype)
+        is_guess = ok & clearance.is_blind(found.Ts, found.prototype)
+        is_guess &= thickness < config.minimum_evidence
+        ledger["the object may be thicker than what was seen of it"] += int(
+            is_guess.sum()
+        )
+        ok &= ~is_guess
         quality = S * C
         is_poor = ok & (quality < config.minimum_score)
         ledger["the shape fits too poorly"] += int(is_poor.sum())

@@ -6,8 +6,13 @@ kernel on its distance to the surface times a kernel on the angle between the no
 and S is the mean over those visible points about which the camera says anything:
 
 - a point that should be seen but lies in space that was seen to be free scores 0;
-- a point in space that was never seen says nothing, and lowers only the coverage;
+- a point right behind a face of the object that was seen scores 0 too;
+- a point elsewhere in space that was never seen says nothing, and lowers only the
+  coverage;
 - a pose none of whose points is visible scores 0.
+
+Where enough was seen of the faces that the fingers touch, S is the geometric mean of
+their mean and that of all points: a board's top on a thick pipe won't do.
 """
 
 from __future__ import annotations
@@ -73,6 +78,8 @@ class ShapeSimilarity:
         self._normals = _coordinates_first(prototypes.normals[rows, kept])
         is_visible = np.take_along_axis(prototypes.is_visible, kept[:, None], axis=2)
         self._is_visible = is_visible & is_used[:, None]
+        # The fingers close along x of the hand.
+        self._is_touched = np.abs(self._normals[:, 0]) > np.float32(0.7)
         self._directions = prototypes.directions.T.astype(np.float32)
         self._viewpoint = scene.cloud.viewpoint.astype(np.float32)
 
@@ -98,14 +105,35 @@ class ShapeSimilarity:
         is_visible = self._is_visible[prototype, self._nearest_view(R, t)]
         match, is_known = self._match(R, t, prototype)
         is_seen = is_visible & is_known
-        seen = np.count_nonzero(is_seen, axis=-1)
-        visible = np.count_nonzero(is_visible, axis=-1)
-        total = np.where(is_seen, match, np.float32(0)).sum(axis=-1)
-        coverage = seen / np.maximum(visible, 1)
+        match *= is_seen
+        seen, similarity = _mean(match, is_seen)
+        is_touched = is_seen & self._is_touched[prototype]
+        seen_touched, touched = _mean(match * is_touched, is_touched)
+        least = self._config.minimum_seen
+        has_both = seen_touched >= least
+        similarity = np.where(has_both, np.sqrt(similarity * touched), similarity)
+        coverage = seen / np.maximum(np.count_nonzero(is_visible, axis=-1), 1)
         trust = np.minimum(coverage / self._config.full_coverage, 1.0)
-        similarity = trust * total / np.maximum(seen, 1)
-        similarity = np.where(seen >= self._config.minimum_seen, similarity, 0.0)
+        similarity = np.where(seen >= least, trust * similarity, 0.0)
         return similarity.astype(np.float32), coverage.astype(np.float32)
+
+    def evidence_of_thickness(
+        self, Ts_base_hand: FloatArray, prototype: IntArray
+    ) -> Float32Array:
+        """Share of the surface facing the palm that was seen and matches, shape (k,).
+
+        That surface joins the two sides which the fingers touch. Where it was not seen,
+        nothing tells how thick the object is.
+        """
+        Ts = Ts_base_hand.astype(np.float32)
+        R, t = Ts[:, :3, :3], Ts[:, :3, 3]
+        is_visible = self._is_visible[prototype, self._nearest_view(R, t)]
+        match, _ = self._match(R, t, prototype)
+        faces_palm = self._normals[prototype, 2] < np.float32(-0.7)
+        confirmed = (faces_palm & is_visible & (match > np.float32(0.3))).sum(axis=1)
+        total = faces_palm.sum(axis=1)
+        share: Float32Array = np.where(total > 0, confirmed / total.clip(1), 1.0)
+        return share
 
     def _nearest_view(self, R: Float32Array, t: Float32Array) -> IntArray:
         """Index of the tabulated view nearest to the camera's, shape (k,)."""
@@ -132,8 +160,17 @@ class ShapeSimilarity:
         exponent = gap2 * np.float32(-0.5 / config.sigma**2)
         exponent -= (1 - cosine) * np.float32(1.0 / config.normal_sigma**2)
         match = np.exp(np.maximum(exponent, np.float32(-20))) * row[..., 6]
-        is_known = (field.space[cell] != Space.UNKNOWN) | (match > np.float32(0.05))
-        return match, is_known
+        # Right behind a face of the object the camera did tell: that face is farther
+        # out than the prototype's.
+        is_buried = (along < 0) & (excess < 0) & (row[..., 6] > 0)
+        is_known = field.space[cell] != Space.UNKNOWN
+        return match, is_known | is_buried | (match > np.float32(0.05))
+
+
+def _mean(match: Float32Array, is_counted: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Count of the points that count, and mean of their match, zero elsewhere; (k,)."""
+    count = np.count_nonzero(is_counted, axis=-1)
+    return count, match.sum(axis=-1) / np.maximum(count, 1)
 
 
 def _evenly(

@@ -1,7 +1,7 @@
 """Layer 2: what a graspable shape is, and the hands that grip it."""
 
 from .check import Finding, check
-from .gripper import GripperModel, known_grippers
+from .gripper import GripperModel, known_grippers, load_grippers
 from .library import PrototypeLibrary
 from .prototype import GraspPrototype, PackedPrototypes, PrototypeDefinition
 from .symmetry import SpinAxis, Symmetry
@@ -19,5 +19,6 @@ __all__ = [
     "VisibilityTable",
     "check",
     "known_grippers",
+    "load_grippers",
     "nearest_view",
 ]

@@ -11,14 +11,14 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import data_path
-from debrisgrasp.errors import InputError, UnknownNameError
+from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.solids import Box, Solid, SphereSet
 
 from .hand_file import read_hand
 from .hand_kinematics import Finger, Preshape
 
-__all__ = ["GripperModel", "known_grippers"]
+__all__ = ["GripperModel", "known_grippers", "load_grippers"]
 
 _SWEEP_STEP = 0.012
 """How far the pads may close between two positions of a sweep [m]."""
@@ -178,6 +178,35 @@ class GripperModel:
     def _values(self, preshape: str, opening: float) -> dict[str, float]:
         command = self.opening_to_command(preshape, opening)
         return self.preshape(preshape).values(command)
+
+
+def load_grippers(
+    folder: str | os.PathLike[str] | None = None,
+) -> dict[str, GripperModel]:
+    """Load the shipped hands, and those of a folder of YAML files if one is given.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such folder, a file is malformed, or a name is taken already.
+    """
+    hands = {name: GripperModel.load(name) for name in known_grippers()}
+    if folder is None:
+        return hands
+    if not Path(folder).is_dir():
+        raise ConfigError(
+            "folder of grippers", got=str(folder), expected="an existing folder"
+        )
+    for path in sorted(Path(folder).glob("*.yaml")):
+        hand = GripperModel.load(path)
+        if hand.name in hands:
+            raise ConfigError(
+                f"{path.name}, field name",
+                got=repr(hand.name),
+                expected="a name that no other hand has",
+            )
+        hands[hand.name] = hand
+    return hands
 
 
 def known_grippers() -> tuple[str, ...]:

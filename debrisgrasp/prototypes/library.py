@@ -13,7 +13,7 @@ from debrisgrasp._files import data_path
 from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 
-from .gripper import GripperModel, known_grippers
+from .gripper import GripperModel, load_grippers
 from .prototype import (
     DEFAULT_DENSITY,
     KINDS,
@@ -62,7 +62,7 @@ class PrototypeLibrary:
             For a hand, preshape, shape or field that doesn't exist.
         """
         if grippers is None:
-            grippers = {name: GripperModel.load(name) for name in known_grippers()}
+            grippers = load_grippers()
         definitions: dict[str, PrototypeDefinition] = {}
         sources: dict[str, Path] = {}
         for file in _files(data_path("prototypes") if path is None else Path(path)):

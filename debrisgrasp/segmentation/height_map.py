@@ -17,7 +17,7 @@ _MAP_CELL = 0.08
 """Edge of a cell of the height map [m]."""
 _MAP_SMOOTHING = 1.5
 """Width of the Gaussian over the height map, in cells."""
-_MAX_SLOPE = 0.1
+_MAX_SLOPE = 0.07
 """Steepest slope of the ground relative to its plane."""
 _ENVELOPE_CELLS = 6
 """How far one cell of the height map limits others, in cells."""

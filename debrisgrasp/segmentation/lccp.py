@@ -101,7 +101,7 @@ def judged_borders(patches: Patches, config: LccpConfig) -> tuple[BoolArray, Boo
     with np.errstate(invalid="ignore"):
         convex = is_convex(*ends, config.concavity_tolerance)
         if config.smoothness is not None:
-            resolution = config.supervoxels
+            resolution = patches.config
             convex &= ~is_step(
                 *ends,
                 seed_resolution=resolution.seed_resolution,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from debrisgrasp._arrays import BoolArray, FloatArray, require_finite
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_finite
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import Bounds, PointCloud
 
@@ -87,6 +89,42 @@ def segment_cloud(
         raise ShapeError(
             "colors", got=colors.shape, expected=f"one per point, {cloud.points.shape}"
         )
+    order = _canonical_order(cloud)
+    result = _segmented(
+        cloud.selected(order),
+        config,
+        region=region,
+        is_cropped=is_cropped,
+        colors=None if colors is None else colors[order],
+    )
+    labels, patches = np.empty_like(result.labels), np.empty_like(result.patches)
+    labels[order], patches[order] = result.labels, result.patches
+    return replace(
+        result,
+        labels=frozen(labels, "labels", (None,), np.int32),
+        patches=frozen(patches, "patches", (None,), np.int32),
+    )
+
+
+def _canonical_order(cloud: PointCloud) -> IntArray:
+    """Order of the points that depends on themselves only.
+
+    Sums are rounded differently in another order, which is enough to turn a tie.
+    """
+    if cloud.pixels is not None:
+        return np.argsort(cloud.pixels, kind="stable")
+    x, y, z = cloud.points.T
+    return np.lexsort((z, y, x))
+
+
+def _segmented(
+    cloud: PointCloud,
+    config: SegmentationConfig,
+    *,
+    region: Bounds | None,
+    is_cropped: bool,
+    colors: FloatArray | None,
+) -> Segmentation:
     is_ground, report = find_ground(
         cloud, config.ground, region=region, is_cropped=is_cropped
     )

@@ -9,7 +9,7 @@ no order, and every voxel ends up in a patch.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -23,6 +23,8 @@ from .voxels import Binning, VoxelGrid, cell_ids, grid_axes, voxelise
 
 __all__ = ["Patches", "SupervoxelConfig", "supervoxels"]
 
+_MAX_COARSENINGS = 8
+"""Enlargements by the root of 2 at most: single points stay single at any size."""
 _SETTLED = 0.002
 """Sweeps end early once a smaller share of the voxels than this changes its patch."""
 
@@ -32,7 +34,8 @@ class SupervoxelConfig:
     """How fine the patches are and what makes a point similar to one."""
 
     voxel_resolution: float = 0.0075
-    """Edge of a voxel [m]; larger is faster and blurs thin parts together."""
+    """Edge of a voxel [m]; larger is faster and blurs thin parts together. Voxels are
+    enlarged where the cloud is coarser, see ``min_points_per_voxel``."""
     seed_resolution: float = 0.0225
     """Distance between the seeds of patches [m], about their size."""
     color_importance: float = 0.0
@@ -47,6 +50,19 @@ class SupervoxelConfig:
     refinements: int = 0
     """Rounds of reseeding at the patch centres and growing anew."""
 
+    min_points_per_voxel: float = 2.0
+    """Mean number of points per voxel below which voxels and patches are enlarged:
+    cells finer than the samples of a coarse or distant scan don't touch each other. 0
+    keeps the resolution."""
+
+    def coarsened(self, factor: float) -> SupervoxelConfig:
+        """Return the same settings with larger voxels and patches."""
+        return replace(
+            self,
+            voxel_resolution=factor * self.voxel_resolution,
+            seed_resolution=factor * self.seed_resolution,
+        )
+
     def __post_init__(self) -> None:
         if not 0 < self.voxel_resolution < self.seed_resolution < np.inf:
             raise ConfigError(
@@ -54,7 +70,12 @@ class SupervoxelConfig:
                 got=f"{self.voxel_resolution} and {self.seed_resolution}",
                 expected="0 < voxel_resolution < seed_resolution [m]",
             )
-        for name in ("color_importance", "spatial_importance", "normal_importance"):
+        for name in (
+            "color_importance",
+            "spatial_importance",
+            "normal_importance",
+            "min_points_per_voxel",
+        ):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ConfigError(name, got=getattr(self, name), expected="0 or more")
         if self.refinements < 0:
@@ -78,6 +99,8 @@ class Patches:
     """Pairs (a, b) with a < b of touching patches, ascending, shape (e, 2)."""
     contacts: IntArray
     """How many pairs of voxels touch across each edge, shape (e,)."""
+    config: SupervoxelConfig
+    """The settings that were used, after enlargement of the voxels."""
 
     def __len__(self) -> int:
         return len(self.centers)
@@ -104,19 +127,20 @@ def supervoxels(
             expected="0 for a cloud without colours",
             mend="Give colors, one per point.",
         )
-    grid = voxelise(
-        cloud,
-        config.voxel_resolution,
-        config.binning,
-        colors if config.color_importance > 0 else None,
-    )
+    used = colors if config.color_importance > 0 else None
+    grid = voxelise(cloud, config.voxel_resolution, config.binning, used)
+    for _ in range(_MAX_COARSENINGS):
+        if len(cloud) >= config.min_points_per_voxel * len(grid):
+            break
+        config = config.coarsened(2**0.5)
+        grid = voxelise(cloud, config.voxel_resolution, config.binning, used)
     seeds = _seeds(grid, cloud, config)
     owner = _grown(grid, seeds, config)
     for _ in range(config.refinements):
         owner = _grown(grid, _central_voxels(grid, owner), config)
     centers, normals = _centers_and_normals(grid, owner)
     edges, contacts = _touching_patches(grid, owner)
-    return Patches(grid, owner, centers, normals, edges, contacts)
+    return Patches(grid, owner, centers, normals, edges, contacts, config)
 
 
 def _seeds(grid: VoxelGrid, cloud: PointCloud, config: SupervoxelConfig) -> IntArray:

@@ -15,6 +15,9 @@ __all__ = ["Binning", "VoxelGrid", "cell_ids", "grid_axes", "voxelise"]
 _DENSE_CELLS = 1 << 25
 """Largest table of all cells, occupied or not (128 MB); beyond it cells are sorted."""
 
+_NORMAL_REACH = 5
+"""Cells over which normals spread to cells without any."""
+
 _HALF_NEIGHBOURHOOD = tuple(
     (i, j, k)
     for i in (-1, 0, 1)
@@ -197,18 +200,21 @@ def _neighbour_pairs(cells: IntArray) -> tuple[IntArray, IntArray]:
 def _completed_normals(
     normals: FloatArray, sources: IntArray, targets: IntArray
 ) -> FloatArray:
-    """Scale normals to unit length; cells without any ask their neighbours."""
+    """Scale normals to unit length; cells without any ask their neighbours in turn."""
     length = np.linalg.norm(normals, axis=1)
     unknown = length < 1e-6
-    if unknown.any() and not unknown.all():
+    normals[~unknown] /= length[~unknown, None]
+    for _ in range(_NORMAL_REACH):
         asks = unknown[targets] & ~unknown[sources]
+        if not asks.any():
+            break
         for i in range(3):
             normals[:, i] += np.bincount(
-                targets[asks], weights=normals[sources[asks], i], minlength=len(normals)
+                targets[asks], normals[sources[asks], i], len(normals)
             )
         length = np.linalg.norm(normals, axis=1)
-        unknown = length < 1e-6
-    with np.errstate(invalid="ignore", divide="ignore"):
-        unit: FloatArray = normals / length[:, None]
-    unit[unknown] = np.nan
-    return unit
+        answered = unknown & (length > 1e-6)
+        normals[answered] /= length[answered, None]
+        unknown &= ~answered
+    normals[unknown] = np.nan
+    return normals

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Box, Cylinder, Solid, so3, voxel_downsample
 from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import plan_to_json
@@ -159,7 +160,7 @@ def test_an_object_that_does_not_fit_is_passed_over_with_a_reason(
     assert first.label == result.order[0].label
     top = result.segmentation.segment(first.label)
     assert np.abs(BLOCK.signed_distance(top.centroid)) < 0.05
-    assert "fits too poorly" in first.reason
+    assert "resembles what the camera saw" in first.reason
     assert plan.grasps
     assert plan.object_label == 2
     gripped = result.segmentation.segment(plan.object_label)
@@ -182,7 +183,6 @@ def test_a_chosen_object_is_the_only_one_tried(pipes_only, block_capture):
     assert plan.object_label == 1
     assert [passed.label for passed in plan.passed_over] == [1]
     assert plan.passed_over[0].reason in plan.why_empty
-    assert plan.rejections
 
 
 def test_a_bare_floor_offers_nothing_and_says_so(pipeline, floor_capture):
@@ -228,9 +228,8 @@ def test_prototypes_of_one_object_are_tried_only_where_it_is_marked(pipeline):
     marked = pipeline.plan(replace(capture, mask=is_handle))
     assert len(marked.segmentation.segments) > 1
     assert "handle_025" in {grasp.prototype for grasp in marked.plan.grasps[:5]}
-    nothing = pipeline.plan(replace(capture, mask=np.zeros_like(is_handle))).plan
-    assert not nothing.grasps
-    assert "too small: 0 cells" in nothing.why_empty
+    with pytest.raises(CaptureError, match="mask"):
+        pipeline.plan(replace(capture, mask=np.zeros_like(is_handle)))
 
 
 def test_an_object_out_of_reach_is_passed_over_for_one_within(roman_result):
@@ -272,11 +271,6 @@ def test_hands_stand_clear_with_the_object_between_the_fingers(fixture, request)
         assert np.count_nonzero(labels[kept][between] == grasp.object_label) >= 4
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="space behind the seen surface of the object counts as almost free, so "
-    "fingers may end inside an object whose far side the camera can't see",
-)
 def test_no_finger_ends_inside_an_object_wider_than_the_hand(pipeline, block_capture):
     result = pipeline.plan(block_capture, object_label=1)
     for grasp in result.plan.grasps:

@@ -24,10 +24,11 @@ LAYERS = {
     "planning": 4,
     "io": 5,
     "viz": 5,
+    "_targets": 6,
     "_reasons": 5,
-    "pipeline": 6,
-    "api": 7,
-    "cli": 8,
+    "pipeline": 7,
+    "api": 8,
+    "cli": 9,
 }
 
 MODULES = sorted(

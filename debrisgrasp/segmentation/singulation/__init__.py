@@ -4,7 +4,7 @@ from .assemblies import AssemblyConfig
 from .completion import CompletionConfig
 from .enclosure import EnclosureConfig
 from .frames import FrameConfig
-from .singulate import SingulationConfig, singulate
+from .method import SingulationConfig, singulate
 from .tapers import TaperConfig
 
 __all__ = [

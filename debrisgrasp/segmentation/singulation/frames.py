@@ -15,6 +15,9 @@ from .regions import Crossings, no_pairs
 
 __all__ = ["FrameConfig", "framed_bars"]
 
+_BLURRED = 2.0
+"""Pixels by which the end of a bar may be off."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameConfig:
@@ -24,8 +27,8 @@ class FrameConfig:
     """Widest bar that may end at others [m]; larger takes lumber for braces."""
     max_chord_width: float = 0.06
     """Widest bar that others may end at [m]."""
-    max_gap: float = 0.025
-    """Between the end of a brace and the chord [m]."""
+    max_gap: float = 0.02
+    """Between the end of a brace and the chord [m]; a few pixels come on top."""
     min_free: float = 0.5
     """Share of a bar's outline that touches nothing; faces of a box touch others."""
     min_pixels: int = 40
@@ -64,9 +67,10 @@ def framed_bars(
     chord = own[row, column]
     rays = np.stack([image.x[row, column], image.y[row, column], np.ones(len(row))])
     tree = cKDTree((rays / image.values[row, column]).T)
-    found = tree.query_ball_point(
-        shapes.ends[braces].reshape(-1, 3), config.max_gap, return_sorted=False
-    )
+    ends = shapes.ends[braces].reshape(-1, 3)
+    # Where bars meet, a few pixels may have gone to the wrong one.
+    reach = config.max_gap + _BLURRED * ends[:, 2] / image.focal
+    found = tree.query_ball_point(ends, reach, return_sorted=False)
     pairs = []
     for k, brace in enumerate(braces):
         met = [np.setdiff1d(chord[found[2 * k + end]], brace) for end in (0, 1)]

@@ -54,7 +54,13 @@ def patch_borders(
 
     length = total(np.ones(len(a)))
     inverse = 0.5 * (at.near + at.far).astype(np.float64)
-    between = _at(image, planes[a] - planes[b], at.row, at.column)
+    gap = planes[a] - planes[b]
+    between = _at(image, gap, at.row, at.column)
+    beyond = _at(image, gap, at.row + at.step[:, 0], at.column + at.step[:, 1])
+    # Planes that cross between the two pixels meet there, however steep they are.
+    apart = np.where(
+        between * beyond > 0, np.minimum(np.abs(between), np.abs(beyond)), 0.0
+    )
     # A little inside each patch the plane of the other passes in front if convex.
     opening, sides = np.zeros(len(a)), np.zeros(len(a))
     height = []
@@ -76,7 +82,7 @@ def patch_borders(
     return Borders(
         edges=edges,
         length=length,
-        step=total(np.abs(between) / inverse**2) / length,
+        step=total(apart / inverse**2) / length,
         angle=np.arctan2(cross, np.einsum("ij,ij->i", first, second)),
         opening=total(opening / inverse**2) / np.maximum(total(sides), 1),
         depth=total(1.0 / inverse) / length,

@@ -24,6 +24,9 @@ from .tapers import TaperConfig, tapered_ends
 
 __all__ = ["SingulationConfig", "singulate"]
 
+_FOCAL = 600.0
+"""Focal length [pixels] for which steps between pixels are given."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SingulationConfig:
@@ -34,7 +37,8 @@ class SingulationConfig:
     thin bars."""
     max_gap: float = 0.011
     """Largest step of 1/z between neighbouring pixels that touch [1/m]: 2.5 cm at
-    1.5 m. Larger bridges more noise and more gaps between objects."""
+    1.5 m, for 600 pixels of focal length; coarser images get as much more as their
+    pixels are larger. Larger bridges more noise and more gaps between objects."""
     max_board_gap: float = 0.03
     """The same for boards that are nailed on each other [1/m]."""
     max_increase: float = 14.0
@@ -97,17 +101,19 @@ def singulate(
     pixels = cloud.pixels[is_candidate]
     mask = np.zeros(image.values.shape, dtype=bool)
     mask.ravel()[pixels] = True
+    coarseness = max(1.0, _FOCAL / image.focal)
+    max_gap = coarseness * config.max_gap
     patches = planar_patches(
         image,
         mask,
         block=config.block,
-        max_step=config.max_gap,
+        max_step=max_gap,
         max_increase=config.max_increase,
         sweeps=config.sweeps,
         min_pixels=config.min_patch,
     )
     crossings = Crossings.of(image.values, patches.labels)
-    borders = patch_borders(image, patches, crossings.touching(config.max_gap))
+    borders = patch_borders(image, patches, crossings.touching(max_gap))
     piece = joined(
         patches,
         borders,
@@ -116,7 +122,7 @@ def singulate(
         min_contact=config.min_contact,
         min_pixels=config.min_patch,
     )
-    objects = _completed(image, patches, crossings, borders, piece, config)
+    objects = _completed(image, patches, crossings, borders, piece, config, coarseness)
     return PatchGraph(
         point_patch=patches.labels.ravel()[pixels],
         patch_object=objects,
@@ -134,6 +140,7 @@ def _completed(
     borders: Borders,
     piece: IntArray,
     config: SingulationConfig,
+    coarseness: float,
 ) -> IntArray:
     """Object of each patch, after joining pieces by all rules, shape (p,)."""
     n_pieces = int(piece.max()) + 1
@@ -141,8 +148,10 @@ def _completed(
     patch_shapes = shapes_of(image, patches.labels, len(patches))
     shapes = shapes_of(image, own, n_pieces)
     outlines = crossings.merged(piece)
-    touching = outlines.touching(config.max_gap)
-    boards = patch_borders(image, patches, crossings.touching(config.max_board_gap))
+    touching = outlines.touching(coarseness * config.max_gap)
+    boards = patch_borders(
+        image, patches, crossings.touching(coarseness * config.max_board_gap)
+    )
     built = config.assemblies
     links = [
         continued_planes(image, patches, piece, patch_shapes, config.completion),

@@ -1,0 +1,83 @@
+"""On what to seek grasps, in which order, and what isn't worth a search."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray
+from debrisgrasp.errors import CaptureError
+from debrisgrasp.geometry import Bounds, PointCloud
+from debrisgrasp.segmentation import Candidate, Segmentation, region_of_interest
+
+__all__ = ["Target", "choose_targets"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Target:
+    """Where to seek grasps, and on which points."""
+
+    label: int
+    """Label of the object; 0 for whatever lies in a region."""
+    region: Bounds
+    is_object: BoolArray
+    """Which points of the cloud belong to it, shape (n,)."""
+
+
+def choose_targets(
+    cloud: PointCloud,
+    segmentation: Segmentation,
+    order: Sequence[Candidate],
+    *,
+    region: Bounds | None,
+    object_label: int | None,
+    is_marked: BoolArray | None,
+    margin: float,
+) -> list[Target]:
+    """List the targets, first choice first.
+
+    A label or a region that the caller gives is the only one. Marked points are one
+    object, however they were segmented: a handle is always divided from what it sits
+    on, and the mark keeps it whole. Otherwise the objects follow in their order.
+
+    Raises
+    ------
+    CaptureError
+        If points are marked, but none that was measured.
+    UnknownNameError
+        If the label is not in the segmentation.
+    """
+    if is_marked is not None and not is_marked.any():
+        raise CaptureError(
+            "mask",
+            got="no measured point inside it",
+            expected="at least one",
+            mend="Leave the mask out to plan on the whole scene.",
+        )
+    labels = segmentation.labels
+    if object_label is not None:
+        chosen = segmentation.segment(object_label)
+        box = region or region_of_interest(chosen, margin=margin)
+        targets = [Target(object_label, box, labels == object_label)]
+    elif region is not None:
+        targets = [Target(0, region, labels > 0)]
+    elif is_marked is not None:
+        label = int(np.bincount(labels[is_marked]).argmax())
+        box = Bounds.around(cloud.points[is_marked], margin)
+        return [Target(label, box, is_marked)]
+    else:
+        return [
+            Target(
+                candidate.label,
+                region_of_interest(
+                    segmentation.segment(candidate.label), margin=margin
+                ),
+                labels == candidate.label,
+            )
+            for candidate in order
+        ]
+    if is_marked is None:
+        return targets
+    return [replace(t, is_object=t.is_object & is_marked) for t in targets]

@@ -1,0 +1,85 @@
+"""What must not change the division of a cloud, and how scores behave."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.segmentation import (
+    Binning,
+    LccpConfig,
+    SegmentationConfig,
+    SupervoxelConfig,
+    segment_cloud,
+)
+from tests.benchmarks.segmentation_scores import scores
+from tests.unit.segmentation.clouds import STACK, TWO_BOXES, same_partition, scene_cloud
+
+METHODS = {
+    "default": SegmentationConfig(),
+    "lccp": SegmentationConfig(method=LccpConfig()),
+    "lccp_single_camera": SegmentationConfig(
+        method=LccpConfig(supervoxels=SupervoxelConfig(binning=Binning.SINGLE_CAMERA))
+    ),
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@given(seed=st.integers(0, 1000))
+@settings(max_examples=3)
+def test_order_of_points_does_not_matter(method, seed):
+    cloud = scene_cloud(STACK)
+    order = np.random.default_rng(seed).permutation(len(cloud))
+    labels = segment_cloud(cloud, METHODS[method]).labels
+    shuffled = segment_cloud(cloud.selected(order), METHODS[method]).labels
+    assert same_partition(labels[order], shuffled)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@given(
+    yaw=st.floats(-3.0, 3.0),
+    x=st.floats(-2.0, 2.0),
+    y=st.floats(-2.0, 2.0),
+)
+@settings(max_examples=3)
+def test_scene_and_camera_moved_together_over_the_floor_change_nothing(
+    method, yaw, x, y
+):
+    # The map of the ground has its own grid, so a few points at the foot of things may
+    # change sides.
+    cloud = scene_cloud(TWO_BOXES)
+    move = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, yaw])), [x, y, 0.0])
+    labels = segment_cloud(cloud, METHODS[method]).labels
+    moved = segment_cloud(cloud.in_frame(move, "base"), METHODS[method]).labels
+    assert scores(moved, labels).wov > 0.97
+    assert scores(labels, moved).wov > 0.97
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_equal_input_gives_equal_output(method):
+    cloud = scene_cloud(STACK)
+    first, second = (segment_cloud(cloud, METHODS[method]) for _ in range(2))
+    np.testing.assert_array_equal(first.labels, second.labels)
+    np.testing.assert_array_equal(first.patches, second.patches)
+
+
+@given(
+    st.lists(st.integers(0, 4), min_size=5, max_size=60), st.permutations(range(1, 5))
+)
+def test_scores_do_not_depend_on_names_and_the_truth_is_perfect(truth, names):
+    truth = np.array([*truth, 1, 1])
+    renamed = np.array([0, *names])[truth]
+    perfect = scores(renamed, truth)
+    assert perfect.wov == perfect.found == 1.0
+    assert perfect.fos == perfect.fus == 0.0
+    assert perfect.ari == pytest.approx(1.0)
+
+
+def test_one_segment_over_two_equal_objects_scores_half():
+    truth = np.array([0, 0, 1, 1, 2, 2])
+    result = scores(np.array([0, 0, 7, 7, 7, 7]), truth)
+    assert result.wov == pytest.approx(0.5)
+    assert result.fos == 0.0
+    assert result.fus == result.fusc == pytest.approx(1.0)
+    assert result.ari == pytest.approx(0.0)

@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from debrisgrasp.segmentation.convexity import (
+    extended_convexity,
+    is_convex,
+    is_singular,
+    is_step,
+    normal_angle,
+)
+
+UP, FRONT = np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0])
+TEN_DEGREES = np.deg2rad(10)
+
+
+def test_top_and_front_of_a_box_are_convex():
+    top, front = np.array([0.05, 0.0, 0.1]), np.array([0.0, 0.0, 0.05])
+    assert is_convex(top, front, UP, FRONT, TEN_DEGREES)
+
+
+def test_floor_and_front_of_a_box_are_concave():
+    floor, front = np.array([-0.05, 0.0, 0.0]), np.array([0.0, 0.0, 0.05])
+    assert not is_convex(floor, front, UP, FRONT, TEN_DEGREES)
+
+
+@pytest.mark.parametrize(("angle", "joins"), [(8, True), (12, False)])
+def test_concave_borders_pass_below_the_tolerance(angle, joins):
+    bent = np.array([-np.sin(np.deg2rad(angle)), 0.0, np.cos(np.deg2rad(angle))])
+    assert is_convex(np.zeros(3), np.array([0.1, 0, 0]), UP, bent, TEN_DEGREES) == joins
+
+
+def test_criterion_is_symmetric_and_batched(rng):
+    x_1, x_2 = rng.normal(size=(2, 50, 3))
+    n_1, n_2 = (
+        v / np.linalg.norm(v, axis=1)[:, None] for v in rng.normal(size=(2, 50, 3))
+    )
+    there = is_convex(x_1, x_2, n_1, n_2, 0.2)
+    np.testing.assert_array_equal(there, is_convex(x_2, x_1, n_2, n_1, 0.2))
+    one = is_convex(x_1[7], x_2[7], n_1[7], n_2[7], 0.2)
+    assert there[7] == one
+
+
+def test_unknown_normals_are_never_convex():
+    with np.errstate(invalid="ignore"):
+        assert not is_convex(np.zeros(3), np.ones(3), UP, np.full(3, np.nan), 0.2)
+
+
+def test_normal_angle_is_exact_near_zero_and_pi():
+    tiny = np.array([np.sin(1e-9), 0.0, np.cos(1e-9)])
+    assert normal_angle(UP, tiny) == pytest.approx(1e-9, rel=1e-6)
+    assert normal_angle(UP, -UP) == pytest.approx(np.pi)
+
+
+@pytest.mark.parametrize(
+    ("theta", "limit"), [(15, 4.6), (25, 30.0), (35, 55.4), (80, 60.0)]
+)
+def test_singular_below_the_limit_that_grows_with_the_angle(theta, limit):
+    turned = np.array([0.0, -np.sin(np.deg2rad(theta)), np.cos(np.deg2rad(theta))])
+    crease = np.array([1.0, 0.0, 0.0])
+    across = np.array([0.0, 1.0, 0.0])
+    for phi, expected in ((limit - 0.5, True), (limit + 0.5, False)):
+        phi = np.deg2rad(phi)
+        d = crease * np.cos(phi) + across * np.sin(phi)
+        assert is_singular(d, np.zeros(3), UP, turned) == expected
+
+
+def test_parallel_patches_step_beyond_the_allowance():
+    for height, expected in ((0.004, False), (0.006, True)):
+        step = is_step(
+            np.zeros(3),
+            np.array([0.02, 0.0, height]),
+            UP,
+            UP,
+            seed_resolution=0.03,
+            allowance=0.005,
+        )
+        assert step == expected
+
+
+def test_extended_convexity_cuts_a_bridge_between_two_cliques():
+    clique = [(0, 1), (0, 2), (1, 2)]
+    edges = np.array([*clique, *[(a + 3, b + 3) for a, b in clique], (2, 3)])
+    valid = extended_convexity(edges, np.ones(len(edges), bool), 6, 1)
+    np.testing.assert_array_equal(valid, [True] * 6 + [False])

@@ -1,0 +1,140 @@
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3, Bounds, so3
+from debrisgrasp.segmentation import GroundConfig
+from debrisgrasp.segmentation.ground import find_ground
+
+from .clouds import TWO_BOXES, box_at, cloud_of, plate, scene_cloud, truth_of
+
+UP = np.array([0.0, 0.0, 1.0])
+FLOOR = plate((0.4, 1.6), (-0.6, 0.6), z=0.0, spacing=0.01)
+
+
+def pile_on(floor, size=0.3):
+    """A box of 30 cm, its top and front, on a floor."""
+    top = plate((0.9, 0.9 + size), (-size / 2, size / 2), z=size, spacing=0.01)
+    front = top[:, [2, 1, 0]] * [0, 1, 1]
+    front[:, 0] = 0.9
+    front[:, 2] = np.linspace(0.02, size, len(front))
+    normals = [
+        np.tile(UP, (len(floor) + len(top), 1)),
+        np.tile([-1.0, 0, 0], (len(front), 1)),
+    ]
+    return cloud_of(np.concatenate([floor, top, front]), np.concatenate(normals))
+
+
+def test_floor_goes_and_objects_stay():
+    cloud = scene_cloud(TWO_BOXES)
+    truth = truth_of(cloud, TWO_BOXES)
+    is_ground, report = find_ground(cloud, GroundConfig())
+    assert report.status == "removed"
+    assert report.n_removed == is_ground.sum()
+    assert np.mean(is_ground[truth == 0]) > 0.999
+    high = cloud.points[:, 2] > 0.02
+    assert not is_ground[(truth > 0) & high].any()
+
+
+def test_a_small_pile_on_a_wide_floor_is_no_reason_to_refuse():
+    brick = (box_at(1.0, 0.0, 0.03, (0.2, 0.1, 0.06)),)
+    cloud = scene_cloud(brick)
+    is_ground, report = find_ground(cloud, GroundConfig())
+    assert report.status == "removed"
+    assert is_ground.mean() > 0.95
+
+
+@pytest.mark.parametrize(
+    ("move", "words"),
+    [
+        (SE3.from_parts(so3.from_rpy(np.array([0.0, 0.25, 0.0])), [0, 0, 0.25]), "deg"),
+        (SE3.from_parts(np.eye(3), [0, 0, 0.06]), "mm from the expected"),
+    ],
+    ids=["tilted", "raised"],
+)
+def test_a_plane_that_is_not_where_it_is_expected_stays(move, words):
+    cloud = pile_on(FLOOR).in_frame(move, "base")
+    is_ground, report = find_ground(cloud, GroundConfig())
+    assert report.status == "skipped"
+    assert words in report.reason
+    assert not is_ground.any()
+
+
+def test_tilt_and_height_within_bounds_are_followed():
+    move = SE3.from_parts(so3.from_rpy(np.array([0.03, 0.02, 0.0])), [0, 0, 0.02])
+    cloud = pile_on(FLOOR).in_frame(move, "base")
+    is_ground, report = find_ground(cloud, GroundConfig())
+    assert report.status == "removed"
+    assert report.tilt == pytest.approx(np.hypot(0.03, 0.02), abs=3e-3)
+    assert is_ground[: len(FLOOR)].all()
+
+
+def test_uneven_ground_goes_too():
+    x, y, _ = FLOOR.T
+    floor = FLOOR.copy()
+    floor[:, 2] = 0.022 * np.sin(2 * np.pi * x / 1.2) * np.cos(2 * np.pi * y / 1.4)
+    is_ground, report = find_ground(pile_on(floor), GroundConfig())
+    assert report.status == "removed"
+    assert np.mean(is_ground[: len(floor)]) > 0.97
+
+
+def test_low_things_do_not_lift_the_ground():
+    board = plate((0.85, 1.15), (-0.3, 0.3), z=0.025, spacing=0.01)
+    hidden = (np.abs(FLOOR[:, 1]) < 0.3) & (np.abs(FLOOR[:, 0] - 1.0) < 0.15)
+    points = np.concatenate([FLOOR[~hidden], board])
+    is_ground, report = find_ground(cloud_of(points, UP), GroundConfig())
+    assert report.status == "removed"
+    assert is_ground[-len(board) :].mean() < 0.05
+
+
+def test_a_little_ground_is_not_enough_evidence():
+    corner = FLOOR[(FLOOR[:, 0] < 0.6) & (FLOOR[:, 1] < 0.0)]
+    high = plate((0.6, 1.6), (-0.6, 0.6), z=0.5, spacing=0.01)
+    cloud = cloud_of(np.concatenate([corner, high]), UP)
+    _, report = find_ground(cloud, GroundConfig())
+    assert report.status == "skipped"
+    assert "points lie on the ground" in report.reason
+
+
+def test_nothing_but_ground_stays():
+    _, report = find_ground(cloud_of(FLOOR, UP), GroundConfig())
+    assert report.status == "skipped"
+    assert "would be left" in report.reason
+
+
+def test_a_plane_that_eats_what_stands_on_it_stays(rng):
+    # Rubble all over: specks that rise out of the slab everywhere.
+    specks = FLOOR[rng.random(len(FLOOR)) < 0.2] + [0.0, 0.0, 0.05]
+    cloud = cloud_of(np.concatenate([FLOOR, specks]), UP)
+    coarse = GroundConfig(max_removed_share=0.5)
+    region = Bounds(np.array([0.4, -0.6, -0.1]), np.array([1.6, 0.6, 0.3]))
+    _, report = find_ground(cloud, coarse, region=region)
+    assert report.status == "skipped"
+    assert "region of interest" in report.reason
+
+
+def test_cropped_clouds_keep_their_ground():
+    _, report = find_ground(pile_on(FLOOR), GroundConfig(), is_cropped=True)
+    assert report.status == "skipped"
+    assert "cropped" in report.reason
+
+
+def test_unknown_normals_do_not_hide_the_ground():
+    cloud = pile_on(FLOOR)
+    cloud = cloud_of(cloud.points)
+    assert find_ground(cloud, GroundConfig())[1].status == "removed"
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"max_tilt": 0.0},
+        {"clearance": -1.0},
+        {"min_inlier_share": 1.5},
+        {"max_removed_share": -0.1},
+        {"min_left": -1},
+    ],
+)
+def test_settings_out_of_range_are_refused(settings):
+    with pytest.raises(ConfigError):
+        GroundConfig(**settings)

@@ -1,0 +1,154 @@
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError, FrameMismatchError, InputError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.io import Capture
+from debrisgrasp.segmentation import LccpConfig, SegmentationConfig, segment_cloud
+from tests.benchmarks.segmentation_scores import scores
+
+from .clouds import TWO_BOXES, cloud_of, plate, scene_cloud
+
+UP = np.array([0.0, 0.0, 1.0])
+LCCP = SegmentationConfig(method=LccpConfig())
+
+
+@pytest.mark.parametrize("config", [None, LCCP], ids=["default", "lccp"])
+def test_segments_describe_their_points(config):
+    cloud = scene_cloud(TWO_BOXES)
+    result = segment_cloud(cloud, config)
+    assert result.labels.dtype == np.int32
+    sizes = [segment.n_points for segment in result.segments]
+    assert sizes == sorted(sizes, reverse=True)
+    assert [s.label for s in result.segments] == list(range(1, len(sizes) + 1))
+    assert sum(sizes) == np.count_nonzero(result.labels)
+    for segment in result.segments:
+        own = cloud.points[result.points_of(segment.label)]
+        assert len(own) == segment.n_points
+        np.testing.assert_allclose(segment.centroid, own.mean(axis=0))
+        assert segment.bounds.contains(own).all()
+        np.testing.assert_allclose(segment.axes @ segment.axes.T, np.eye(3), atol=1e-9)
+        assert np.linalg.det(segment.axes) == pytest.approx(1.0)
+        along = (own - segment.centroid) @ segment.axes.T
+        np.testing.assert_allclose(segment.extents, np.ptp(along, axis=0), atol=1e-9)
+
+
+@pytest.mark.parametrize("config", [None, LCCP], ids=["default", "lccp"])
+def test_patches_nest_in_segments_and_spare_the_ground(config):
+    result = segment_cloud(scene_cloud(TWO_BOXES), config)
+    pairs = np.unique(np.stack([result.patches, result.labels], axis=1), axis=0)
+    assert len(pairs) == len(np.unique(result.patches))
+    assert (result.labels[result.patches == 0] == 0).all()
+
+
+def test_arrays_of_a_result_are_read_only():
+    result = segment_cloud(scene_cloud(TWO_BOXES))
+    with pytest.raises(ValueError, match="read-only"):
+        result.labels[0] = 5
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_a_handful_of_points_is_a_speck(n):
+    cloud = cloud_of([[0.5, 0.01 * k, 0.3] for k in range(n)])
+    result = segment_cloud(cloud)
+    assert result.segments == ()
+    assert result.ground.status == "skipped"
+    assert result.labels.tolist() == [0] * n
+
+
+def test_a_handful_of_points_is_an_object_if_specks_are_wanted():
+    cloud = cloud_of([[0.5, 0.0, 0.3]])
+    result = segment_cloud(cloud, SegmentationConfig(min_points=0))
+    assert len(result.segments) == 1
+
+
+def test_one_plane_in_the_air_is_one_object():
+    result = segment_cloud(cloud_of(plate((0.5, 0.8), (0.0, 0.3)), UP))
+    assert len(result.segments) == 1
+
+
+def test_all_ground_is_not_guessed_away():
+    floor = plate((0.5, 1.5), (-0.5, 0.5), z=0.0, spacing=0.01)
+    result = segment_cloud(cloud_of(floor, UP))
+    assert result.ground.status == "skipped"
+    assert len(result.segments) == 1
+
+
+def test_objects_without_any_ground_are_found():
+    cloud = scene_cloud(TWO_BOXES, has_floor=False)
+    result = segment_cloud(cloud)
+    assert result.ground.status == "skipped"
+    assert len(result.segments) == 2
+
+
+def test_duplicates_share_the_label_of_their_twin():
+    points = np.concatenate(
+        [plate((0.5, 0.6), (0, 0.1)), plate((0.5, 0.6), (0.3, 0.4))]
+    )
+    result = segment_cloud(cloud_of(np.concatenate([points, points]), UP))
+    half = len(points)
+    np.testing.assert_array_equal(result.labels[:half], result.labels[half:])
+    assert len(result.segments) == 2
+
+
+def test_clouds_without_any_normal_still_divide_by_distance():
+    near, far = plate((0.5, 0.6), (0, 0.1)), plate((0.5, 0.6), (0.3, 0.4))
+    cloud = cloud_of(np.concatenate([near, far]))
+    labels = segment_cloud(cloud, SegmentationConfig(min_points=1)).labels
+    assert not set(labels[: len(near)]) & set(labels[len(near) :])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_points_that_are_not_finite_are_refused(bad):
+    with pytest.raises(InputError, match="NaN or infinite"):
+        segment_cloud(cloud_of([[0.5, 0.0, 0.3], [bad, 0.0, 0.3]]))
+
+
+def test_empty_clouds_are_refused():
+    with pytest.raises(InputError, match="no points"):
+        segment_cloud(cloud_of(np.empty((0, 3))))
+
+
+def test_clouds_in_another_frame_are_refused():
+    cloud = cloud_of([[0.5, 0.0, 0.3]]).in_frame(SE3.from_parts(), "camera")
+    with pytest.raises(FrameMismatchError):
+        segment_cloud(cloud)
+
+
+def test_colours_need_one_row_per_point():
+    with pytest.raises(InputError, match="colors"):
+        segment_cloud(cloud_of([[0.5, 0.0, 0.3]]), colors=np.zeros((2, 3)))
+
+
+def test_negative_smallest_size_is_refused():
+    with pytest.raises(ConfigError):
+        SegmentationConfig(min_points=-1)
+
+
+def test_millions_of_points_take_bounded_memory(rng):
+    points = rng.uniform([0.5, -1, 0.0], [2.5, 1, 0.02], (1_000_000, 3))
+    result = segment_cloud(cloud_of(points, UP), is_cropped=True)
+    assert len(result.labels) == 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("kind", "least"), [("clean", 0.85), ("noisy", 0.8)], ids=["clean", "noisy"]
+)
+def test_simulated_piles_are_divided_well(shared_data, kind, least):
+    overlap = []
+    for path in sorted((shared_data / "piles").glob(f"*_{kind}.npz")):
+        capture = Capture.load(path)
+        cloud = capture.cloud()
+        labels = segment_cloud(cloud).labels
+        overlap.append(scores(labels, capture.labels.ravel()[cloud.pixels]).wov)
+    assert np.mean(overlap) > least
+
+
+def test_an_unorganised_scan_is_divided(shared_data):
+    path = shared_data / "real" / "drc_cinderblocks_close.npz"
+    cloud = Capture.load(path, camera_pose="level").cloud()
+    result = segment_cloud(cloud)
+    assert result.method == "lccp"
+    # Most of what the scan shows is blocks: too little ground to be sure of it.
+    assert "lie on the ground" in result.ground.reason
+    assert len(result.segments) > 10

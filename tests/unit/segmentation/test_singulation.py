@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3, Cylinder, PointCloud, so3
+from debrisgrasp.segmentation import SingulationConfig, segment_cloud
+from debrisgrasp.segmentation.singulation.camera import inverse_depth_image
+from tests.scenes import CAMERA, LOOKING_DOWN_AND_AHEAD, capture_of
+
+from .clouds import STACK, TWO_BOXES, box_at, scene_cloud, truth_of
+
+
+def best_overlap(labels, truth, k):
+    """IoU of solid k with the segment that covers most of it."""
+    label = np.bincount(labels[(truth == k) & (labels > 0)]).argmax()
+    both = np.sum((labels == label) & (truth == k))
+    return both / np.sum((labels == label) | (truth == k))
+
+
+@pytest.mark.parametrize("solids", [TWO_BOXES, STACK], ids=["apart", "stacked"])
+def test_boxes_come_apart(solids):
+    cloud = scene_cloud(solids)
+    result = segment_cloud(cloud)
+    truth = truth_of(cloud, solids)
+    assert result.method == "singulation"
+    assert [best_overlap(result.labels, truth, k) > 0.9 for k in (1, 2)] == [True] * 2
+
+
+def test_a_bar_behind_another_is_one_object():
+    across = Cylinder(
+        0.03,
+        0.7,
+        SE3.from_parts(so3.from_rpy(np.array([np.pi / 2, 0, 0])), [1, 0, 0.1]),
+    )
+    front = box_at(0.9, 0.0, 0.3, (0.09, 0.09, 0.6))
+    solids = (across, front)
+    cloud = scene_cloud(solids)
+    labels = segment_cloud(cloud).labels
+    truth = truth_of(cloud, solids)
+    left = labels[(truth == 1) & (cloud.points[:, 1] > 0.1)]
+    right = labels[(truth == 1) & (cloud.points[:, 1] < -0.1)]
+    assert np.bincount(left).argmax() == np.bincount(right).argmax() > 0
+    assert best_overlap(labels, truth, 2) > 0.9
+
+
+def test_two_bars_with_a_visible_gap_are_two_objects():
+    R = so3.from_rpy(np.array([np.pi / 2, 0, 0]))
+    solids = tuple(
+        Cylinder(0.03, 0.25, SE3.from_parts(R, [1, y, 0.1])) for y in (-0.25, 0.25)
+    )
+    cloud = scene_cloud(solids)
+    labels = segment_cloud(cloud).labels
+    truth = truth_of(cloud, solids)
+    first, second = (np.bincount(labels[truth == k]).argmax() for k in (1, 2))
+    assert first != second
+
+
+def test_a_truss_of_thin_bars_is_one_object():
+    along = so3.from_rpy(np.array([np.pi / 2, 0.0, 0.0]))
+    lean = SE3.from_parts(so3.from_rpy(np.array([0, 0, 0.3])), [0.8, 0.0, 0.35])
+    slant = 0.5
+    brace = so3.from_rpy(np.array([0.0, np.pi / 2, slant]))
+    bars = tuple(
+        Cylinder(0.022, 0.7, lean @ SE3.from_parts(along, [x, 0, 0]))
+        for x in (-0.1, 0.1)
+    ) + tuple(
+        Cylinder(0.012, 0.2 / np.cos(slant), lean @ SE3.from_parts(brace, [0, y, 0]))
+        for y in (-0.2, 0.0, 0.2)
+    )
+    cloud = scene_cloud(bars)
+    labels = segment_cloud(cloud).labels
+    on_truss = truth_of(cloud, bars) > 0
+    assert np.bincount(labels[on_truss]).max() / on_truss.sum() > 0.95
+
+
+def test_the_upper_one_of_a_stack_is_known():
+    cloud = scene_cloud(STACK)
+    result = segment_cloud(cloud)
+    truth = truth_of(cloud, STACK)
+    lower, upper = (np.bincount(result.labels[truth == k]).argmax() for k in (1, 2))
+    pair = [min(lower, upper), max(lower, upper)]
+    row = result.edges.labels.tolist().index(pair)
+    assert result.edges.upper[row] == upper
+    assert result.edges.convexity[row] < 0.5
+    assert 0.1 < result.edges.contact_length[row] < 0.6
+
+
+def test_the_camera_is_found_from_the_cloud():
+    capture = capture_of(TWO_BOXES)
+    move = SE3.exp(np.array([0.3, -0.2, 0.5, 0.2, -0.4, 1.0]))
+    cloud = capture.cloud().in_frame(move, "elsewhere")
+    image = inverse_depth_image(cloud)
+    expected = (move @ LOOKING_DOWN_AND_AHEAD).R
+    np.testing.assert_allclose(image.R_base_camera, expected, atol=1e-9)
+    assert image.focal == pytest.approx(CAMERA.fx)
+    known = image.values > 0
+    np.testing.assert_allclose(1 / image.values[known], capture.depth[known], rtol=1e-6)
+
+
+def test_pixels_that_no_pinhole_camera_made_go_to_the_fallback(rng):
+    cloud = scene_cloud(TWO_BOXES)
+    shuffled = PointCloud(
+        points=cloud.points,
+        normals=cloud.normals,
+        viewpoint=cloud.viewpoint,
+        pixels=rng.permutation(cloud.pixels),
+        image_shape=cloud.image_shape,
+    )
+    assert inverse_depth_image(shuffled) is None
+    assert segment_cloud(shuffled).method == "lccp"
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"block": 1},
+        {"max_gap": 0.0},
+        {"max_step": np.nan},
+        {"sweeps": -1},
+        {"min_contact": -0.1},
+    ],
+)
+def test_settings_out_of_range_are_refused(settings):
+    with pytest.raises(ConfigError):
+        SingulationConfig(**settings)
