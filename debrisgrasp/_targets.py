@@ -58,21 +58,22 @@ def choose_targets(
         )
     labels = segmentation.labels
     if object_label is not None:
-        chosen = segmentation.segment(object_label)
+        chosen = cloud.points[segmentation.points_of(object_label)]
         box = region or region_of_interest(chosen, margin=margin)
         targets = [Target(object_label, box, labels == object_label)]
     elif region is not None:
         targets = [Target(0, region, labels > 0)]
     elif is_marked is not None:
         label = int(np.bincount(labels[is_marked]).argmax())
-        box = Bounds.around(cloud.points[is_marked], margin)
+        box = region_of_interest(cloud.points[is_marked], margin=margin)
         return [Target(label, box, is_marked)]
     else:
         return [
             Target(
                 candidate.label,
                 region_of_interest(
-                    segmentation.segment(candidate.label), margin=margin
+                    cloud.points[segmentation.points_of(candidate.label)],
+                    margin=margin,
                 ),
                 labels == candidate.label,
             )

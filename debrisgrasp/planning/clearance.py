@@ -41,7 +41,7 @@ class ClearanceConfig:
     """Length of the straight approach along the palm's axis [m]."""
     approach_steps: int = 3
     """Poses checked along it during the search, besides the final one."""
-    unknown_cost: float = 0.6
+    unknown_cost: float = 0.3
     """What C loses when the palm, or the fingers of one side, are wholly in space that
     was never seen: there the object may be thicker than its prototype. 0 ignores
     unknown space as the paper does."""

@@ -137,8 +137,10 @@ class ShapeSimilarity:
 
     def _nearest_view(self, R: Float32Array, t: Float32Array) -> IntArray:
         """Index of the tabulated view nearest to the camera's, shape (k,)."""
-        to_camera = ((self._viewpoint - t)[:, None] @ R)[:, 0]
-        nearest: IntArray = np.argmax(to_camera @ self._directions, axis=-1)
+        to_camera = (self._viewpoint - t)[:, None] @ R
+        # One small product a pose: a single large one would start threads, which cost
+        # more than they save on a machine that has other work.
+        nearest: IntArray = np.argmax(to_camera @ self._directions, axis=-1)[:, 0]
         return nearest
 
     def _match(

@@ -18,8 +18,8 @@ from .segmentation import (
 
 __all__ = ["assembled"]
 
-_CLEAR_RISE = 0.01
-"""Mean difference of height at a contact [m] above which one segment lies higher."""
+_CLEAR_RISE = 0.25
+"""Mean sine of the elevation at a contact from which one segment lies higher."""
 
 
 def assembled(

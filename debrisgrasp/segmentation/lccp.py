@@ -73,6 +73,7 @@ def lccp(
     joined = _components(patches.edges[valid], len(patches))
     joined = merged_small(joined, patches.edges, config.min_segment_size)
     first, second = patches.edges.T
+    between = patches.centers[second] - patches.centers[first]
     size = np.bincount(
         patches.owner, weights=patches.grid.sizes, minlength=len(patches)
     ) / np.bincount(patches.owner, minlength=len(patches))
@@ -85,7 +86,7 @@ def lccp(
         edges=patches.edges,
         is_convex=convex,
         contact_length=length,
-        rise=patches.centers[second, 2] - patches.centers[first, 2],
+        rise=between[:, 2] / np.linalg.norm(between, axis=1),
     )
 
 

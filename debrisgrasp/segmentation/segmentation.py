@@ -119,7 +119,8 @@ class PatchGraph:
     contact_length: FloatArray
     """Length of each contact [m], shape (e,)."""
     rise: FloatArray
-    """How far the second patch lies above the first near the contact [m], (e,)."""
+    """Sine of the elevation of the second patch over the first near the contact, from
+    -1 to 1, shape (e,)."""
 
 
 def measured_segments(points: FloatArray, labels: IntArray) -> tuple[Segment, ...]:

@@ -11,7 +11,7 @@ from debrisgrasp._arrays import FloatArray, frozen, require_finite
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import Bounds, PointCloud
 
-from .segmentation import Segment, Segmentation
+from .segmentation import Segmentation
 
 __all__ = ["Candidate", "PriorityPoint", "SelectionPolicy", "region_of_interest"]
 
@@ -93,15 +93,23 @@ class PriorityPoint:
         )
 
 
-def region_of_interest(segment: Segment, *, margin: float = 0.05) -> Bounds:
-    """Volume V around an object in which grasps are sought.
+def region_of_interest(
+    points: FloatArray, *, margin: float = 0.05, outliers: float = 0.005
+) -> Bounds:
+    """Volume V around an object in which grasps are sought (section 5.2).
 
     Parameters
     ----------
+    points
+        Visible points of the object [m], shape (n, 3).
     margin
-        How far it reaches beyond the visible points on every side [m]: room for the
-        unseen back of the object.
+        How far it reaches beyond them on every side [m]: room for the unseen back of
+        the object.
+    outliers
+        Share of the points that may be left out at each end of each axis: flying pixels
+        would otherwise blow the volume up to several times its size.
     """
     if not 0 <= margin < np.inf:
         raise InputError("margin", got=margin, expected="0 or more metres")
-    return segment.bounds.grown(margin)
+    lower, upper = np.quantile(points, [outliers, 1.0 - outliers], axis=0)
+    return Bounds(lower - margin - 1e-6, upper + margin + 1e-6)

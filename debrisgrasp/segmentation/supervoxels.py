@@ -50,7 +50,7 @@ class SupervoxelConfig:
     refinements: int = 0
     """Rounds of reseeding at the patch centres and growing anew."""
 
-    min_points_per_voxel: float = 2.0
+    min_points_per_voxel: float = 1.5
     """Mean number of points per voxel below which voxels and patches are enlarged:
     cells finer than the samples of a coarse or distant scan don't touch each other. 0
     keeps the resolution."""

@@ -58,7 +58,7 @@ def evaluations_per_second(capture: debrisgrasp.Capture) -> tuple[float, float]:
     scene = GraspScene.build(
         cloud,
         segmentation.labels == label,
-        region_of_interest(segmentation.segment(label)),
+        region_of_interest(cloud.points[segmentation.labels == label]),
         DepthSight(depth, capture.intrinsics, capture.T_base_camera),
         SceneConfig(),
     )

@@ -41,12 +41,10 @@ class InverseDepthImage:
     focal: float
     """Pixels per unit of x and y."""
 
-    def rays_up(self, row: IntArray, column: IntArray) -> FloatArray:
-        """Rise of the ray of each pixel per metre of z, shape of ``row``."""
-        up = self.R_base_camera[2]
+    def rays(self, row: IntArray, column: IntArray) -> FloatArray:
+        """Points of the camera frame at z = 1 behind pixels, shape (k, 3)."""
         x, y = self.x[row, column], self.y[row, column]
-        rise: FloatArray = up[0] * x + up[1] * y + up[2]
-        return rise
+        return np.stack([x, y, np.ones(len(x))], axis=1).astype(np.float64)
 
 
 def inverse_depth_image(cloud: PointCloud) -> InverseDepthImage | None:

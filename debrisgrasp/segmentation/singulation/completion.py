@@ -1,4 +1,4 @@
-"""Joining what an occluder divides: surfaces and bars that go on behind it."""
+"""Joining what an occluder divides: surfaces that go on behind it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .camera import InverseDepthImage
 from .pieces import Shapes
 from .planes import PlanarPatches
 
-__all__ = ["CompletionConfig", "continued_bars", "continued_planes"]
+__all__ = ["CompletionConfig", "continued_planes"]
 
 _SAMPLES = 32
 """Places at which the straight line between two regions is inspected."""
@@ -26,13 +26,10 @@ class CompletionConfig:
     """
 
     max_angle: float = float(np.deg2rad(11))
-    """Between the planes or the axes [rad]."""
-    max_plane_offset: float = 0.012
+    """Between the planes [rad]."""
+    max_offset: float = 0.012
     """Of the middle of one part from the plane of the other [m]; 2 % of the distance
     between the middles come on top."""
-    max_axis_offset: float = 0.02
-    """Of the middle of one bar from the axis of the other [m]; 3 % of their lengths
-    come on top."""
     hidden_share: float = 0.85
     """Least share of the line between the parts that is hidden by something nearer, or
     was not measured."""
@@ -71,7 +68,7 @@ def continued_planes(
         np.abs(np.einsum("ij,ij->i", normals[a], place[b]) - height[a]),
         np.abs(np.einsum("ij,ij->i", normals[b], place[a]) - height[b]),
     )
-    fits = offset < config.max_plane_offset + 0.02 * distance
+    fits = offset < config.max_offset + 0.02 * distance
     fits &= _in_line(shapes, a, b)
     fits &= distance < 1.5 * (shapes.length[a] + shapes.length[b])
     a, b = a[fits], b[fits]
@@ -101,63 +98,6 @@ def _in_line(shapes: Shapes, a: IntArray, b: IntArray) -> BoolArray:
         aside = np.abs(apart[:, 0] * along[:, 1] - apart[:, 1] * along[:, 0])
         fits &= ~is_long[one] | (aside < 0.35 * (thickness[a] + thickness[b]))
     return fits
-
-
-def continued_bars(
-    image: InverseDepthImage,
-    own: IntArray,
-    shapes: Shapes,
-    noise: float,
-    config: CompletionConfig,
-) -> IntArray:
-    """Pairs of long pieces on one line with nothing seen between their ends, (k, 2).
-
-    Parameters
-    ----------
-    own
-        Piece of each pixel, -1 for none, shape (height, width).
-    shapes
-        Shapes of the pieces.
-    noise
-        Standard deviation of 1/z [1/m].
-    """
-    long = np.flatnonzero((shapes.length > 3 * shapes.width) & (shapes.size > 100))
-    a, b = (long[k] for k in np.triu_indices(len(long), 1))
-    axis = shapes.axes
-    cosine = np.abs(np.einsum("ij,ij->i", axis[a], axis[b]))
-    thicker = np.maximum(shapes.width[a], shapes.width[b])
-    thinner = np.minimum(shapes.width[a], shapes.width[b])
-    fits = (cosine > np.cos(config.max_angle)) & (thicker < 1.7 * thinner)
-    a, b = a[fits], b[fits]
-    middle = shapes.ends.mean(axis=1)
-    apart = middle[b] - middle[a]
-    aside = np.maximum(
-        np.linalg.norm(np.cross(apart, axis[a]), axis=1),
-        np.linalg.norm(np.cross(apart, axis[b]), axis=1),
-    )
-    length = shapes.length[a] + shapes.length[b]
-    gaps = np.linalg.norm(
-        shapes.ends[b][:, None, :] - shapes.ends[a][:, :, None], axis=-1
-    ).reshape(len(a), 4)
-    fits = aside < config.max_axis_offset + 0.03 * length
-    # End to end, not side by side.
-    fits &= np.linalg.norm(apart, axis=1) > 0.4 * length
-    fits &= gaps.min(axis=1, initial=np.inf) < length
-    a, b, gaps = a[fits], b[fits], gaps[fits]
-    end_a, end_b = np.divmod(gaps.argmin(axis=1), 2)
-    row, column = _line(
-        shapes.end_pixels[a, end_a], shapes.end_pixels[b, end_b], image.values.shape
-    )
-    share = np.linspace(0, 1, _SAMPLES)
-    # Along a straight line 1/z is linear in the image.
-    expected = (1 - share) / shapes.ends[a, end_a, 2:] + share / shapes.ends[
-        b, end_b, 2:
-    ]
-    ends = np.stack([a, b], axis=1)
-    hidden = _hidden_share(
-        image.values[row, column], expected, noise, own[row, column], ends
-    )
-    return ends[hidden >= config.hidden_share]
 
 
 def _line(

@@ -22,11 +22,14 @@ class EnclosureConfig:
     min_share: float = 0.55
     """Least share of the outline of the inside that borders on the one piece around;
     smaller takes what merely lies behind for the inside."""
-    max_front: float = 0.1
+    max_front: float = 0.05
     """Share of that border at which the inside may be nearer to the camera: a thing
     that lies in a bucket hides a part of it."""
-    max_depth: float = 0.2
+    max_depth: float = 0.15
     """Largest mean distance of the inside behind the border [m]."""
+    max_area: float = 0.5
+    """Of the inside, in areas of what is around it; larger also takes heaps of other
+    things that lie behind."""
     min_around: int = 500
     """Pixels of the smallest piece that encloses others."""
     max_wall_tilt: float = float(np.deg2rad(7))
@@ -75,6 +78,7 @@ def enclosed(
         fits = (shared > config.min_share * outline) & (shared > 0)
         fits &= in_front < config.max_front * shared
         fits &= behind < config.max_depth * shared
+        fits &= np.bincount(group, size, n) < config.max_area * size[host]
         members = np.flatnonzero(fits[group] & (size > 0))
         members = members[members != host]
         pairs.append(np.stack([members, np.full(len(members), host)], axis=1))

@@ -35,7 +35,7 @@ class Borders:
     depth: FloatArray
     """Mean distance z of the border from the camera [m], shape (e,)."""
     rise: FloatArray
-    """How far b lies above a, a little inside each [m], shape (e,)."""
+    """Sine of the elevation of b over a, a little inside each, shape (e,)."""
 
 
 def patch_borders(
@@ -63,7 +63,7 @@ def patch_borders(
     )
     # A little inside each patch the plane of the other passes in front if convex.
     opening, sides = np.zeros(len(a)), np.zeros(len(a))
-    height = []
+    places = []
     for patch, other, reach, sign in ((a, b, -_INSIDE, -1), (b, a, _INSIDE + 1, 1)):
         row = np.clip(at.row + reach * at.step[:, 0], 0, image.values.shape[0] - 1)
         column = np.clip(
@@ -75,7 +75,9 @@ def patch_borders(
         sides += inside
         fit = np.where(inside, _at(image, planes[patch], row, column), inverse)
         fit = np.clip(fit, 0.5 * inverse, 2.0 * inverse)
-        height.append(image.rays_up(row, column) / fit)
+        places.append(image.rays(row, column) / fit[:, None])
+    upwards = places[1] - places[0]
+    upwards /= np.maximum(np.linalg.norm(upwards, axis=1, keepdims=True), 1e-9)
     normals = planes / np.linalg.norm(planes, axis=1, keepdims=True)
     first, second = normals[edges[:, 0]], normals[edges[:, 1]]
     cross = np.linalg.norm(np.cross(first, second), axis=1)
@@ -86,7 +88,7 @@ def patch_borders(
         angle=np.arctan2(cross, np.einsum("ij,ij->i", first, second)),
         opening=total(opening / inverse**2) / np.maximum(total(sides), 1),
         depth=total(1.0 / inverse) / length,
-        rise=total(height[1] - height[0]) / length,
+        rise=total(upwards @ image.R_base_camera[2]) / length,
     )
 
 

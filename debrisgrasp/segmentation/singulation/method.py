@@ -13,7 +13,7 @@ from debrisgrasp.segmentation.segmentation import PatchGraph
 
 from .assemblies import AssemblyConfig, crossed_strips, parallel_strips
 from .camera import InverseDepthImage, inverse_depth_image
-from .completion import CompletionConfig, continued_bars, continued_planes
+from .completion import CompletionConfig, continued_planes
 from .enclosure import EnclosureConfig, enclosed, lined
 from .frames import FrameConfig, framed_bars
 from .joining import Borders, joined, patch_borders
@@ -155,7 +155,6 @@ def _completed(
     built = config.assemblies
     links = [
         continued_planes(image, patches, piece, patch_shapes, config.completion),
-        continued_bars(image, own, shapes, patches.noise, config.completion),
         framed_bars(image, shapes, outlines, touching, config.frames),
         piece[crossed_strips(boards, boards.edges, patch_shapes, built)],
         crossed_strips(boards, piece[boards.edges], shapes, built),

@@ -54,12 +54,23 @@ def test_priority_points_that_are_none_are_refused(point):
 
 def test_region_holds_the_object_and_the_margin(scene):
     cloud, segmentation = scene
-    segment = segmentation.segment(1)
-    region = region_of_interest(segment, margin=0.05)
-    assert region.contains(cloud.points[segmentation.points_of(1)]).all()
-    np.testing.assert_allclose(region.size, segment.bounds.size + 0.1)
+    points = cloud.points[segmentation.points_of(1)]
+    region = region_of_interest(points, margin=0.05)
+    assert region.contains(points).all()
+    size = segmentation.segment(1).bounds.size
+    np.testing.assert_allclose(region.size, size + 0.1, atol=0.02)
     with pytest.raises(InputError):
-        region_of_interest(segment, margin=-0.01)
+        region_of_interest(points, margin=-0.01)
+
+
+def test_flying_pixels_do_not_blow_the_region_up(scene):
+    cloud, segmentation = scene
+    points = cloud.points[segmentation.points_of(1)]
+    flying = np.concatenate([points, points[:1] + 5.0, points[:1] - 5.0])
+    region = region_of_interest(flying, margin=0.05)
+    np.testing.assert_allclose(
+        region.size, region_of_interest(points, margin=0.05).size, atol=0.02
+    )
 
 
 def test_unknown_labels_name_the_known(scene):
