@@ -23,6 +23,10 @@ __all__ = [
 ]
 
 
+_LONGEST = 400
+"""More characters of a value than this hide the message around it."""
+
+
 class DebrisGraspError(Exception):
     """Root of all exceptions that debrisgrasp raises on purpose."""
 
@@ -46,7 +50,10 @@ class InputError(DebrisGraspError, ValueError):
         self, what: str, *, got: object, expected: str, mend: str = ""
     ) -> None:
         self.what, self.got, self.expected, self.mend = what, got, expected, mend
-        message = f"{what}: got {got}, expected {expected}."
+        shown = str(got)
+        if len(shown) > _LONGEST:
+            shown = f"{shown[:_LONGEST]}... ({len(shown)} characters)"
+        message = f"{what}: got {shown}, expected {expected}."
         super().__init__(f"{message} {mend}" if mend else message)
 
 

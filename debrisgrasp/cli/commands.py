@@ -129,7 +129,9 @@ def run_plan(arguments: argparse.Namespace) -> int:
             "nothing there, and --robot none plans for the hand alone",
             file=sys.stderr,
         )
-    require_places(arguments.report, REPORT_FORMS, arguments.out)
+    require_places(
+        arguments.report, REPORT_FORMS, arguments.out, source=arguments.capture
+    )
     box = arguments.region
     result = debrisgrasp.plan(
         _load(arguments),
@@ -151,6 +153,9 @@ def run_plan(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(plan_to_json(result.plan))
     else:
+        ground = result.segmentation.ground
+        if ground.status == "skipped":
+            print(f"ground left in the scene: {ground.reason}")
         print(plan_summary(result.plan))
         print(f"\ntook {_seconds(result)}")
         written = [arguments.out] * bool(arguments.out) + arguments.report
@@ -172,7 +177,9 @@ def add_segment(subparsers: Subparsers) -> None:
 
 def run_segment(arguments: argparse.Namespace) -> int:
     """Segment, and say what was found."""
-    require_places([arguments.report], PICTURE_FORMS, arguments.out)
+    require_places(
+        [arguments.report], PICTURE_FORMS, arguments.out, source=arguments.capture
+    )
     capture = _load(arguments)
     segmentation = debrisgrasp.segment(capture)
     if arguments.out:
@@ -222,7 +229,7 @@ def add_select(subparsers: Subparsers) -> None:
 
 def run_select(arguments: argparse.Namespace) -> int:
     """Order the objects, and give the reasons."""
-    require_places([arguments.report], PICTURE_FORMS)
+    require_places([arguments.report], PICTURE_FORMS, source=arguments.capture)
     capture = _load(arguments)
     segmentation = debrisgrasp.segment(capture)
     order = debrisgrasp.select(capture, segmentation, _policy(arguments))

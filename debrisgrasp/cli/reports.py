@@ -32,7 +32,10 @@ PICTURE_FORMS = (".png",)
 
 
 def require_places(
-    reports: Iterable[Path | None], forms: Sequence[str], *others: Path | None
+    reports: Iterable[Path | None],
+    forms: Sequence[str],
+    *others: Path | None,
+    source: Path,
 ) -> None:
     """Raise before any work is done if a result could not be written after it.
 
@@ -44,6 +47,8 @@ def require_places(
         The suffixes that reports may have.
     others
         Further files to write.
+    source
+        The capture, which no result may replace.
     """
     wanted = [path for path in reports if path]
     for path in wanted:
@@ -53,9 +58,13 @@ def require_places(
                 got=str(path),
                 expected="a name that ends in " + " or ".join(forms),
             )
+    taken = {source.resolve()}
     for path in (*wanted, *(path for path in others if path)):
         if not path.parent.is_dir():
             raise OutputError(path, f"there is no folder {path.parent}")
+        if path.resolve() in taken:
+            raise OutputError(path, "it is the capture, or another result goes there")
+        taken.add(path.resolve())
 
 
 def write_plan_reports(

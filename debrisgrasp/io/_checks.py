@@ -60,6 +60,10 @@ def checked_depth(depth: object, intrinsics: Intrinsics | None) -> FloatArray:
     return cleaned
 
 
+_FARTHEST_COORDINATE = 1e4
+"""Beyond this [m] single precision no longer tells millimetres apart."""
+
+
 def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, FloatArray]:
     """Points (n, 3) and their viewpoint (3,), both read-only."""
     array = np.asarray(points)
@@ -86,6 +90,14 @@ def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, Float
             "points",
             got=f"{len(measured)} finite of {len(copy)}",
             expected=f"at least {_FEWEST_POINTS}",
+        )
+    farthest = float(np.abs(measured).max())
+    if farthest > _FARTHEST_COORDINATE:
+        raise CaptureError(
+            "points",
+            got=f"a coordinate of {farthest:g} m",
+            expected=f"at most {_FARTHEST_COORDINATE:g} m from the origin",
+            mend="Drop broken points, and give positions relative to a near origin.",
         )
     ranges = np.linalg.norm(measured - sight, axis=-1)
     _require_metres(

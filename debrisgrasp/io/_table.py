@@ -28,6 +28,13 @@ def text_table(body: bytes, layout: np.dtype[Any], n_rows: int) -> NDArray[Any]:
     """
     if n_rows == 0:
         return np.empty(0, dtype=layout)
+    if n_rows > len(body):
+        raise CaptureError(
+            "rows of numbers",
+            got=f"{len(body)} bytes",
+            expected=f"{n_rows} rows, as the header says",
+            mend="The file is cut short, or its header is wrong.",
+        )
     try:
         numbers = np.loadtxt(
             BytesIO(body), max_rows=n_rows, ndmin=2, comments=None, encoding="latin-1"

@@ -44,10 +44,11 @@ _COLUMNS = (
     ("", 14, "left"),
     ("Prototype", 44, "left"),
     ("Hand, preshape", 316, "left"),
-    ("S", 604, "right"),
-    ("C", 664, "right"),
-    ("R", 724, "right"),
-    ("Q", 790, "right"),
+    ("S", 560, "right"),
+    ("C", 616, "right"),
+    ("R", 672, "right"),
+    ("Q", 732, "right"),
+    ("Score", 806, "right"),
     ("Opening → closed", 962, "right"),
 )
 _MOST_ROWS = 10
@@ -168,7 +169,7 @@ def _draw_table(axes: Axes, report: Report, drawn: tuple[int, ...]) -> None:
                 shortened(text, 30),
                 "center" if place == 0 else side,
                 color=(1.0, 1.0, 1.0) if is_on_swatch else INK,
-                weight="bold" if place in (0, 6) else "normal",
+                weight="bold" if place in (0, 7) else "normal",
             )
     left = len(plan.grasps) - _MOST_ROWS
     if left > 0:

@@ -76,12 +76,13 @@ def percent(part: int, whole: int) -> str:
 
 
 def grasp_row(rank: int, grasp: Grasp) -> tuple[str, ...]:
-    """Cells of one grasp: rank, prototype, hand, S, C, R, Q, opening, width."""
+    """Cells of one grasp: rank, prototype, hand, S, C, R, Q, score, opening, width."""
+    values = (grasp.S, grasp.C, grasp.R, grasp.Q, grasp.score)
     return (
         str(rank),
         grasp.prototype,
         f"{grasp.gripper} {grasp.preshape}",
-        *(f"{value:.2f}" for value in (grasp.S, grasp.C, grasp.R, grasp.Q)),
+        *(f"{value:.2f}" for value in values),
         f"{1000 * grasp.opening:.0f} → {1000 * grasp.width:.0f} mm",
     )
 

@@ -13,6 +13,7 @@ import debrisgrasp
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.io.plan_json import load_plan
+from tests.scenes import capture_of
 
 from .conftest import PIPE
 
@@ -281,3 +282,22 @@ def test_the_robot_may_come_from_a_file(run, dictionary, pipe_file, tmp_path):
     )
     assert ended.status == 0
     assert ended.json["grasps"][0]["joints"]
+
+
+@pytest.mark.parametrize("command", ["plan", "segment"])
+def test_a_result_never_replaces_its_own_capture(run, command, tmp_path):
+    path = tmp_path / "pipe.npz"
+    capture_of([PIPE]).save(path)
+    before = path.read_bytes()
+    ended = run(command, path, "--out", path)
+    assert ended.status == 2
+    assert "it is the capture" in ended.err
+    assert path.read_bytes() == before
+
+
+def test_two_results_never_go_to_one_place(run, tmp_path):
+    path, both = tmp_path / "pipe.npz", tmp_path / "both.png"
+    capture_of([PIPE]).save(path)
+    ended = run("plan", path, "--out", both, "--report", both)
+    assert ended.status == 2
+    assert not both.exists()

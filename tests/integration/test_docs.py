@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 import debrisgrasp
-from debrisgrasp.cli.main import build_parser
+from debrisgrasp.cli.program import build_parser
 from debrisgrasp.io import data_path
 from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, check
 

@@ -33,7 +33,7 @@ function fillPage() {
     row.tabIndex = 0;
     row.append(make("td", grasp.rank, "number"), make("td", grasp.prototype),
       make("td", `${grasp.gripper} ${grasp.preshape}`));
-    for (const key of ["S", "C", "R", "Q"]) row.append(make("td", grasp[key].toFixed(2), "number"));
+    for (const key of ["S", "C", "R", "Q", "score"]) row.append(make("td", grasp[key].toFixed(2), "number"));
     row.addEventListener("click", () => choose(grasp.rank));
     row.addEventListener("keydown", (event) => { if (event.key === "Enter") choose(grasp.rank); });
   }

@@ -211,3 +211,10 @@ def test_shared_captures_give_clouds_with_normals(shared_data):
             capture = capture.posed("level" if has_level else SE3.identity())
         cloud = capture.cloud()
         assert np.isfinite(cloud.normals[:, 0]).mean() > 0.95
+
+
+def test_points_too_far_for_single_precision_are_refused():
+    points = np.random.default_rng(0).uniform(0, 1, (100, 3))
+    points[7, 0] = 1e30
+    with pytest.raises(CaptureError, match="coordinate of 1e"):
+        Capture(points=points, viewpoint=np.zeros(3))

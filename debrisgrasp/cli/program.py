@@ -14,12 +14,10 @@ from debrisgrasp.errors import DebrisGraspError
 
 from . import commands, prototype_commands
 
-__all__ = ["build_parser", "main"]
-
-_INTERRUPTED = 130
+__all__ = ["build_parser", "run"]
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def run(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
     arguments = build_parser().parse_args(argv)
     try:
@@ -27,9 +25,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except DebrisGraspError as error:
         _complain(error, as_json=getattr(arguments, "json", False))
         return 2
-    except KeyboardInterrupt:
-        print("debrisgrasp: interrupted; nothing half-written is left", file=sys.stderr)
-        return _INTERRUPTED
     except BrokenPipeError:
         # Whoever read our output has gone, as with `| head`.
         sys.stderr.close()

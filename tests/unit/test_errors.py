@@ -1,0 +1,24 @@
+"""Messages stay readable whatever arrives."""
+
+from __future__ import annotations
+
+from debrisgrasp.errors import InputError, UnknownNameError
+
+
+def test_a_message_names_value_limit_and_mend():
+    error = InputError("depth", got="-1 m", expected="0 m or more", mend="Flip it.")
+    assert str(error) == "depth: got -1 m, expected 0 m or more. Flip it."
+    assert isinstance(error, ValueError)
+
+
+def test_a_huge_value_is_cut_short_in_the_message_but_kept_as_a_fact():
+    error = InputError("field", got="x" * 100_000, expected="a number")
+    assert len(str(error)) < 600
+    assert "100000 characters" in str(error)
+    assert len(error.got) == 100_000
+
+
+def test_an_unknown_name_lists_the_known_and_guesses():
+    error = UnknownNameError("gripper", "robotiq_3d", ["robotiq_3f", "camhand"])
+    assert "camhand" in str(error)
+    assert "Did you mean 'robotiq_3f'?" in str(error)
