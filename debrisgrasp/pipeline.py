@@ -61,7 +61,7 @@ class PipelineConfig:
     """How far the region V reaches beyond the visible points of the object [m]."""
     max_objects: int = 5
     """How many objects to try before giving up."""
-    min_object_points: int = 40
+    min_object_points: int = 80
     """Fewer thinned points (one per cell of the planner's grid) than this are a crumb
     of segmentation, not an object to grip."""
 

@@ -44,11 +44,11 @@ _COLUMNS = (
     ("", 14, "left"),
     ("Prototype", 44, "left"),
     ("Hand, preshape", 316, "left"),
-    ("S", 560, "right"),
-    ("C", 616, "right"),
-    ("R", 672, "right"),
-    ("Q", 732, "right"),
-    ("Score", 806, "right"),
+    ("S", 548, "right"),
+    ("C", 600, "right"),
+    ("R", 652, "right"),
+    ("Q", 708, "right"),
+    ("Score", 778, "right"),
     ("Opening → closed", 962, "right"),
 )
 _MOST_ROWS = 10
