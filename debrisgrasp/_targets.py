@@ -1,4 +1,4 @@
-"""On what to seek grasps, in which order, and what isn't worth a search."""
+"""On what to seek grasps, and in which order."""
 
 from __future__ import annotations
 

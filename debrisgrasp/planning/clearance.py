@@ -106,11 +106,8 @@ class HandClearance:
 
     def exposure(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
         """C of poses known to be clear: the cost of unseen space alone, (k,)."""
-        x, y, z, _ = self._placed(
-            Ts_base_hand.astype(np.float32), prototype, slice(None)
-        )
-        field, parts = self._scene.field, self._hands.parts[prototype]
-        is_unknown = field.space[field.cell(x, y, z)] == Space.UNKNOWN
+        is_unknown = self._is_unknown(Ts_base_hand, prototype)
+        parts = self._hands.parts[prototype]
         worst = np.zeros(len(parts))
         for part in range(3):
             is_part = parts == part
@@ -121,13 +118,17 @@ class HandClearance:
 
     def is_blind(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
         """Whether a finger ends where the camera saw nothing, shape (k,)."""
+        is_finger = self._hands.parts[prototype] > 0
+        is_unknown = self._is_unknown(Ts_base_hand, prototype)
+        return np.asarray((is_unknown & is_finger).any(axis=1))
+
+    def _is_unknown(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
+        """Which spheres' centres lie in space that was never seen, shape (k, s)."""
         x, y, z, _ = self._placed(
             Ts_base_hand.astype(np.float32), prototype, slice(None)
         )
         field = self._scene.field
-        is_unknown = field.space[field.cell(x, y, z)] == Space.UNKNOWN
-        found: BoolArray = (is_unknown & (self._hands.parts[prototype] > 0)).any(axis=1)
-        return found
+        return np.asarray(field.space[field.cell(x, y, z)] == Space.UNKNOWN)
 
     def _placed(
         self, Ts: Float32Array, prototype: IntArray, spheres: slice
