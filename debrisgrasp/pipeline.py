@@ -9,26 +9,21 @@ from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
 from debrisgrasp._reasons import is_ground, too_large, too_small, why_empty
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp._targets import Target, choose_targets
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import (
     Bounds,
-    DepthSight,
-    LineOfSight,
-    PanoramicSight,
     PointCloud,
 )
-from debrisgrasp.io import Capture, measured
+from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import save_plan
 from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.perception import Perception
 from debrisgrasp.planning import (
     GraspPlan,
     GraspPlanner,
-    GraspScene,
-    ObstacleMap,
     PassedOver,
     PlannerConfig,
     SearchResult,
@@ -41,10 +36,9 @@ from debrisgrasp.segmentation import (
     Segmentation,
     SegmentationConfig,
     SelectionPolicy,
-    segment_cloud,
 )
 
-__all__ = ["Pipeline", "PipelineConfig", "PlanningResult", "Progress"]
+__all__ = ["Perception", "Pipeline", "PipelineConfig", "PlanningResult", "Progress"]
 
 DEFAULT_PRIORITY_POINT = (0.9, 0.0, 1.0)
 """Above the middle of the workspace, base frame [m]: what lies near and on top comes
@@ -156,9 +150,25 @@ class Pipeline:
         self._generic = GraspPlanner(generic, self.config.planner)
         self._library = library
 
+    def perceive(
+        self, capture: Capture, *, progress: Progress | None = None
+    ) -> Perception:
+        """Look at a capture, so that several plans share what is seen.
+
+        Raises
+        ------
+        CaptureError
+            If the capture has no pose.
+        """
+        return self._perceive(capture, Stopwatch(None, progress or _in_silence))
+
+    def _perceive(self, capture: Capture, watch: Stopwatch) -> Perception:
+        config = self.config
+        return Perception.of(capture, config.segmentation, config.planner.scene, watch)
+
     def plan(
         self,
-        capture: Capture,
+        capture: Capture | Perception,
         *,
         region: Bounds | None = None,
         object_label: int | None = None,
@@ -171,7 +181,8 @@ class Pipeline:
         Parameters
         ----------
         capture
-            One depth image or cloud with its pose in the base frame.
+            One depth image or cloud with its pose in the base frame, or what `perceive`
+            made of it.
         region
             Seek grasps only inside this box (base frame), on whatever object is there.
         object_label
@@ -193,38 +204,23 @@ class Pipeline:
             If the seed is negative, or the deadline is not a positive time.
         """
         _require_limits(seed, deadline)
-        watch = Stopwatch(deadline, progress or (lambda _stage, _share: None))
-        with watch.stage("cloud"):
-            cloud = capture.cloud()
-            sight = _sight(capture, cloud)
-        with watch.stage("segmentation"):
-            segmentation = segment_cloud(cloud, self.config.segmentation)
+        watch = Stopwatch(deadline, progress or _in_silence)
+        seen = capture
+        if not isinstance(seen, Perception):
+            seen = self._perceive(seen, watch)
+        cloud, segmentation = seen.cloud, seen.segmentation
         with watch.stage("selection"):
             order = self.policy.order(segmentation, cloud)
-            is_marked = None
-            if capture.mask is not None:
-                is_marked = capture.mask[measured(capture)]
             targets = choose_targets(
                 cloud,
                 segmentation,
                 order,
                 region=region,
                 object_label=object_label,
-                is_marked=is_marked,
+                is_marked=seen.is_marked,
                 margin=self.config.region_margin,
             )
-        with watch.stage("obstacles"):
-            obstacles = ObstacleMap.build(cloud, sight, _ground(segmentation))
-        result, target, passed_over = self._first_success(
-            self._generic if is_marked is None else self._specific,
-            cloud,
-            sight,
-            obstacles,
-            targets,
-            seed,
-            watch,
-            segmentation.ground,
-        )
+        result, target, passed_over = self._first_success(seen, targets, seed, watch)
         label = 0 if target is None else target.label
         found = () if result is None else result.grasps
         grasps = tuple(replace(grasp, object_label=label) for grasp in found)
@@ -241,7 +237,7 @@ class Pipeline:
         )
         return PlanningResult(
             plan=plan,
-            capture=capture,
+            capture=seen.capture,
             cloud=cloud,
             segmentation=segmentation,
             order=order,
@@ -256,22 +252,19 @@ class Pipeline:
 
     def _first_success(
         self,
-        planner: GraspPlanner,
-        cloud: PointCloud,
-        sight: LineOfSight,
-        obstacles: ObstacleMap,
+        seen: Perception,
         targets: Sequence[Target],
         seed: int,
         watch: Stopwatch,
-        ground: GroundReport,
     ) -> tuple[SearchResult | None, Target | None, list[PassedOver]]:
         """Try the targets in turn until one offers a grasp."""
+        planner = self._generic if seen.is_marked is None else self._specific
         passed_over: list[PassedOver] = []
         rngs = np.random.default_rng(seed).spawn(max(1, len(targets)))
         tried: tuple[SearchResult, Target] | None = None
         n_tried = 0
         for target, rng in zip(targets, rngs, strict=False):
-            reason = self._unfit(cloud, target, ground)
+            reason = self._unfit(seen.cloud, target, seen.segmentation.ground)
             if reason is None and n_tried == self.config.max_objects:
                 reason = f"not tried: the limit of {n_tried} objects was reached"
             if reason is None and n_tried and watch.is_late():
@@ -281,14 +274,7 @@ class Pipeline:
                 continue
             n_tried += 1
             with watch.stage("scene"):
-                scene = GraspScene.build(
-                    cloud,
-                    target.is_object,
-                    target.region,
-                    sight,
-                    self.config.planner.scene,
-                    ground_plane=obstacles.ground_plane,
-                )
+                scene, obstacles = seen.scene(target), seen.obstacles
             result = planner.plan(scene, self.arms, obstacles, rng=rng, watch=watch)
             if result.grasps:
                 return result, target, passed_over
@@ -357,15 +343,5 @@ def _arms(
     )
 
 
-def _sight(capture: Capture, cloud: PointCloud) -> LineOfSight:
-    """Lines of sight of an image, or of a bare cloud."""
-    depth, camera, pose = capture.depth, capture.intrinsics, capture.T_base_camera
-    if depth is None or camera is None or pose is None:
-        return PanoramicSight.from_cloud(cloud)
-    return DepthSight(depth.astype(np.float32), camera, pose)
-
-
-def _ground(segmentation: Segmentation) -> FloatArray | None:
-    """Plane of the ground where there was evidence for one."""
-    ground = segmentation.ground
-    return ground.plane if ground.status == "removed" else None
+def _in_silence(_stage: str, _share: float) -> None:
+    """Tell nobody."""

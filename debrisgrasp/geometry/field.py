@@ -27,6 +27,8 @@ _INDEX_BITS = 24
 _MAX_REACH = 7
 """Largest truncation in cells: its square, thrice, has to fit in the other 8 bits."""
 _FAR = 3 * _MAX_REACH**2 + 1
+_CHUNK = 1 << 16
+"""Cells worked on together, few enough for the cache."""
 
 
 class Space(IntEnum):
@@ -182,30 +184,28 @@ def _nearest_points(
 ) -> IntArray:
     """Index of the point nearest to every cell, to the accuracy of a cell.
 
-    A separable distance transform: along each axis in turn, every cell takes the least
-    of its neighbours' squared distances plus the squared step. Squared distance (high 8
-    bits) and point index (low 24) travel in one integer, so that a single `minimum`
-    moves both.
+    A separable distance transform. Within its plane of constant x, every point is
+    written into the disc of cells around it, far rings before near ones; then every
+    cell takes the least of its neighbours' squared distances along x plus the squared
+    step. Squared distance (high 8 bits) and point index (low 24) travel in one integer,
+    so that a single `minimum` moves both.
     """
     reach = int(np.ceil(round(truncation / spacing, 6)))
-    far = np.uint32(_FAR << _INDEX_BITS)
-    grid = np.full(shape, far, dtype=np.uint32)
-    cell = np.floor((points - origin) / spacing + 0.5).astype(np.int64)
-    inside = np.flatnonzero(((cell >= 0) & (cell < shape)).all(axis=1))
-    i, j, k = cell[inside].T
-    # Of several points in a cell the first stays: the assignment runs backwards.
-    grid[i[::-1], j[::-1], k[::-1]] = inside[::-1].astype(np.uint32)
-    scratch = np.empty_like(grid)
-    for axis in range(3):
-        source, target = np.moveaxis(grid, axis, 0), grid.copy()
-        out, spare = np.moveaxis(target, axis, 0), np.moveaxis(scratch, axis, 0)
-        for step in range(1, min(reach, shape[axis] - 1) + 1):
+    grid = np.full(shape, np.uint32(_FAR << _INDEX_BITS), dtype=np.uint32)
+    _write_discs(grid, points, origin, spacing, reach)
+    # Along x every cell looks at its neighbours, a few rows at a time in the cache.
+    target = grid.copy()
+    n = max(1, _CHUNK // (shape[1] * shape[2]))
+    for first in range(0, shape[0], n):
+        for step in range(1, reach + 1):
             cost = np.uint32((step * step) << _INDEX_BITS)
-            shifted = np.add(source[:-step], cost, out=spare[:-step])
-            np.minimum(out[step:], shifted, out=out[step:])
-            shifted = np.add(source[step:], cost, out=spare[:-step])
-            np.minimum(out[:-step], shifted, out=out[:-step])
-        grid = target
+            for shift in (-step, step):
+                low = max(first, -shift, 0)
+                high = min(first + n, shape[0] - max(shift, 0))
+                if low < high:
+                    out = target[low:high]
+                    np.minimum(out, grid[low + shift : high + shift] + cost, out=out)
+    grid = target
     is_near = (grid >> _INDEX_BITS) <= np.uint32(reach * reach)
     index = grid & np.uint32((1 << _INDEX_BITS) - 1)
     nearest = np.where(is_near, index, np.uint32(len(points))).astype(np.int32)
@@ -215,21 +215,41 @@ def _nearest_points(
     return nearest.ravel()
 
 
+def _write_discs(
+    grid: np.ndarray, points: FloatArray, origin: FloatArray, spacing: float, reach: int
+) -> None:
+    """Write each point into the cells (y, z) within reach, nearest written last."""
+    cell = np.floor((points - origin) / spacing + 0.5).astype(np.int64)
+    inside = np.flatnonzero(((cell >= 0) & (cell < grid.shape)).all(axis=1))
+    # Of several points in a cell the first stays: the assignment runs backwards.
+    inside = inside[::-1]
+    x, y, z = np.ascontiguousarray(cell[inside].T)
+    name, flat = inside.astype(np.uint32), grid.reshape(-1)
+    _, ny, nz = grid.shape
+    steps = np.arange(-reach, reach + 1)
+    squared = steps[:, None] ** 2 + steps**2
+    for i, k in np.argwhere(squared <= reach * reach)[
+        np.argsort(-squared[squared <= reach * reach], kind="stable")
+    ]:
+        yy, zz = y + steps[i], z + steps[k]
+        ok = (yy >= 0) & (yy < ny) & (zz >= 0) & (zz < nz)
+        index = ((x * ny + yy) * nz + zz)[ok]
+        flat[index] = name[ok] | np.uint32(int(squared[i, k]) << _INDEX_BITS)
+
+
 def _classify(field: DistanceField, sight: LineOfSight) -> np.ndarray:
-    """`Space` of every cell, a slab at a time so that memory stays bounded."""
+    """`Space` of every cell, a few slabs at a time so that memory stays bounded."""
     nx, ny, nz = field.shape
     h = np.float32(field.spacing)
-    x0, y0, z0 = field.origin.astype(np.float32)
-    space = np.zeros((nx, ny, nz), dtype=np.uint8)
-    y, z = (
-        y0 + h * np.arange(ny, dtype=np.float32),
-        z0 + h * np.arange(nz, dtype=np.float32),
+    x, y, z = (
+        np.float32(first) + h * np.arange(n, dtype=np.float32)
+        for first, n in zip(field.origin, field.shape, strict=True)
     )
-    for i in range(nx):
-        centres = np.empty((ny, nz, 3), dtype=np.float32)
-        centres[..., 0] = x0 + h * np.float32(i)
-        centres[..., 1], centres[..., 2] = y[:, None], z
-        space[i] = np.where(sight.clearance(centres) > h, Space.FREE, Space.UNKNOWN)
+    space = np.zeros((nx, ny, nz), dtype=np.uint8)
+    n = max(1, _CHUNK // (ny * nz))
+    for i in range(0, nx, n):
+        slab = x[i : i + n, None, None], y[:, None], z
+        space[i : i + n] = sight.clearance(*slab) > h
     for axis in range(3):
         border = np.moveaxis(space, axis, 0)
         border[0] = border[-1] = Space.UNKNOWN

@@ -11,6 +11,8 @@ __all__ = ["cell_means", "voxel_cells", "voxel_downsample"]
 
 _KEY_BITS = 21
 """Three coordinates of this many bits fit into one int64 key."""
+_MAX_TABLE = 30_000_000
+"""A table of more cells than this takes longer to set up than sorting does."""
 
 
 def voxel_cells(points: FloatArray, size: float) -> tuple[IntArray, int]:
@@ -77,10 +79,35 @@ def voxel_downsample(points: FloatArray, size: float) -> IntArray:
         Ascending indices of the points nearest to the means of their cells, one for
         each occupied cell.
     """
-    cell_index, n_cells = voxel_cells(points, size)
+    cell_index, n_cells = _any_cells(points, size)
     offset = points - cell_means(points, cell_index, n_cells)[cell_index]
     distance_squared = np.einsum("ni,ni->n", offset, offset)
-    nearest_first = np.lexsort((distance_squared, cell_index))
-    sorted_cells = cell_index[nearest_first]
-    is_first = np.diff(sorted_cells, prepend=-1) > 0
-    return np.sort(nearest_first[is_first])
+    least = np.full(n_cells, np.inf)
+    np.minimum.at(least, cell_index, distance_squared)
+    nearest = np.flatnonzero(distance_squared <= least[cell_index])
+    # Of equally near points the first stays: the assignment runs backwards.
+    kept = np.empty(n_cells, dtype=np.int64)
+    kept[cell_index[nearest[::-1]]] = nearest[::-1]
+    return np.sort(kept)
+
+
+def _any_cells(points: FloatArray, size: float) -> tuple[IntArray, int]:
+    """Like `voxel_cells`, but in any order, which spares the sorting."""
+    if not size > 0 or not len(points):
+        return voxel_cells(points, size)
+    low, high = points.min(axis=0), points.max(axis=0)
+    shape = np.floor(high / size) - np.floor(low / size) + 1
+    # NaN fails the comparison too, and is refused there.
+    if not np.prod(shape) <= _MAX_TABLE:
+        return voxel_cells(points, size)
+    keys = np.zeros(len(points), dtype=np.int64)
+    for axis, first in enumerate(np.floor(low / size)):
+        keys *= int(shape[axis])
+        keys += (np.floor(points[:, axis] / size) - first).astype(np.int64)
+    # Each cell is named by one of its points; only cells that hold one are touched.
+    owner = np.empty(int(np.prod(shape)), dtype=np.int32)
+    everyone = np.arange(len(points), dtype=np.int32)
+    owner[keys] = everyone
+    name = owner[keys]
+    is_owner = name == everyone
+    return (np.cumsum(is_owner) - 1)[name], int(np.count_nonzero(is_owner))

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from debrisgrasp._arrays import Float32Array, FloatArray
+from debrisgrasp._arrays import Float32Array, FloatArray, IntArray
 
 from .camera import Intrinsics
 from .cloud import PointCloud
@@ -24,19 +24,23 @@ __all__ = ["DepthSight", "LineOfSight", "PanoramicSight"]
 class LineOfSight(Protocol):
     """Compares points with what was measured in their direction."""
 
-    def clearance(self, points: FloatArray | Float32Array) -> Float32Array:
+    def clearance(
+        self, x: Float32Array, y: Float32Array, z: Float32Array
+    ) -> Float32Array:
         """How far each point lies in front of the surface measured behind it.
 
         Parameters
         ----------
-        points
-            Positions in the base frame [m], shape (..., 3).
+        x, y, z
+            Coordinates in the base frame [m], shapes that broadcast together; those of
+            a grid are best given along one axis each.
 
         Returns
         -------
         Float32Array
-            Metres along the optical axis or the ray, shape (...): positive in front of
-            the measured surface, negative behind it, NaN where nothing was measured.
+            Metres along the optical axis or the ray, in the common shape: positive in
+            front of the measured surface, negative behind it, NaN where nothing was
+            measured.
         """
         ...
 
@@ -50,28 +54,40 @@ class DepthSight:
     intrinsics: Intrinsics
     T_base_camera: SE3
 
-    def clearance(self, points: FloatArray | Float32Array) -> Float32Array:
+    def clearance(
+        self, x: Float32Array, y: Float32Array, z: Float32Array
+    ) -> Float32Array:
         """See `LineOfSight.clearance`."""
-        inverse = self.T_base_camera.inverse().matrix.astype(np.float32)
-        local = np.asarray(points, np.float32) @ inverse[:3, :3].T + inverse[:3, 3]
-        z = local[..., 2]
-        camera = self.intrinsics
-        is_ahead = z > np.float32(1e-3)
-        safe = np.where(is_ahead, z, np.float32(1.0))
-        # Far outside the image the product overflows int32, so it is clipped first.
-        u = np.clip(camera.fx * local[..., 0] / safe + camera.cx, -2, camera.width + 1)
-        v = np.clip(camera.fy * local[..., 1] / safe + camera.cy, -2, camera.height + 1)
-        column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
-        is_seen = (
-            is_ahead
-            & (column >= 0)
-            & (column < camera.width)
-            & (row >= 0)
-            & (row < camera.height)
+        T = self.T_base_camera.inverse().matrix.astype(np.float32)
+        # Summed in this order, the coordinates of a grid meet only in the last step.
+        across, down, ahead = (
+            (T[i, 0] * x + T[i, 1] * y + T[i, 3]) + T[i, 2] * z for i in range(3)
         )
-        flat = np.where(is_seen, row * np.int32(camera.width) + column, 0)
-        measured = np.asarray(self.depth, np.float32).ravel()[flat]
-        return np.where(is_seen, measured - z, np.float32(np.nan))
+        camera = self.intrinsics
+        # A border of pixels without measurement takes whatever falls outside.
+        framed = np.pad(
+            np.asarray(self.depth, np.float32), 1, constant_values=np.float32(np.nan)
+        )
+        scale = np.float32(1.0) / np.maximum(ahead, np.float32(1e-3))
+        column = _pixel(across, scale, camera.fx, camera.cx, camera.width)
+        row = _pixel(down, scale, camera.fy, camera.cy, camera.height)
+        row *= np.int32(camera.width + 2)
+        row += column
+        clearance: Float32Array = framed.ravel()[row]
+        clearance -= ahead
+        clearance[ahead <= np.float32(1e-3)] = np.nan
+        return clearance
+
+
+def _pixel(
+    offset: Float32Array, scale: Float32Array, focal: float, center: float, n: int
+) -> IntArray:
+    """Pixel along one axis, counted in an image framed by one pixel more."""
+    pixel = offset * scale
+    pixel *= np.float32(focal)
+    pixel += np.float32(center + 1.5)
+    np.clip(pixel, 0, n + 1, out=pixel)
+    return pixel.astype(np.int32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,8 +114,11 @@ class PanoramicSight:
         ranges[np.isinf(ranges)] = np.nan
         return cls(ranges, cloud.viewpoint)
 
-    def clearance(self, points: FloatArray | Float32Array) -> Float32Array:
+    def clearance(
+        self, x: Float32Array, y: Float32Array, z: Float32Array
+    ) -> Float32Array:
         """See `LineOfSight.clearance`."""
+        points = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
         flat, distance = _directions(points, self.viewpoint, self.ranges.shape)
         clearance: Float32Array = self.ranges.ravel()[flat] - distance
         return clearance

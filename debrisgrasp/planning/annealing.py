@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, Rng
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
 from debrisgrasp.errors import ConfigError
 
 __all__ = ["LogQuality", "Proposal", "Schedule", "Walkers", "anneal", "sweep"]
@@ -41,6 +41,24 @@ class Walkers:
         """Start walkers at poses of known quality."""
         return cls(Ts_base_hand, log_quality, Ts_base_hand, log_quality)
 
+    @classmethod
+    def together(cls, parts: Sequence[Walkers]) -> Walkers:
+        """Put several sets of walkers side by side."""
+        return cls(
+            np.concatenate([part.Ts_base_hand for part in parts]),
+            np.concatenate([part.log_quality for part in parts]),
+            np.concatenate([part.best_Ts_base_hand for part in parts]),
+            np.concatenate([part.best_log_quality for part in parts]),
+        )
+
+    def __getitem__(self, kept: IntArray) -> Walkers:
+        return Walkers(
+            self.Ts_base_hand[kept],
+            self.log_quality[kept],
+            self.best_Ts_base_hand[kept],
+            self.best_log_quality[kept],
+        )
+
     def moved(
         self, accepted: BoolArray, Ts_base_hand: FloatArray, log_quality: FloatArray
     ) -> Walkers:
@@ -60,7 +78,7 @@ class Walkers:
 class Schedule:
     """How the temperature falls."""
 
-    sweeps: int = 40
+    sweeps: int = 30
     """Moves offered to every walker. More finds more and takes proportionally long."""
     hot: float = 0.5
     """Temperature at the start."""
@@ -113,10 +131,11 @@ def anneal(
     schedule: Schedule,
     *,
     rng: Rng,
+    sweeps: Iterable[int] | None = None,
     on_sweep: Callable[[int, Walkers], bool] = lambda _index, _walkers: True,
 ) -> Walkers:
-    """Run the schedule; stop early when ``on_sweep`` returns False."""
-    for index in range(schedule.sweeps):
+    """Run the schedule, or some of its sweeps; stop early when ``on_sweep`` says so."""
+    for index in range(schedule.sweeps) if sweeps is None else sweeps:
         progress = index / schedule.sweeps
         walkers = sweep(
             walkers,

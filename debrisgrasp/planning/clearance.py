@@ -128,7 +128,7 @@ class HandClearance:
             Ts_base_hand.astype(np.float32), prototype, slice(None)
         )
         field = self._scene.field
-        return np.asarray(field.space[field.cell(x, y, z)] == Space.UNKNOWN)
+        return np.asarray(field.space.take(field.cell(x, y, z)) == Space.UNKNOWN)
 
     def _placed(
         self, Ts: Float32Array, prototype: IntArray, spheres: slice
@@ -154,6 +154,6 @@ class HandClearance:
             cell = self._scene.field.cell(
                 x + retreat * ax, y + retreat * ay, z + retreat * az
             )
-            depth = radii - self._scene.clearance[cell]
+            depth = radii - self._scene.clearance.take(cell)
             np.maximum(deepest, depth.max(axis=1), out=deepest)
         return deepest

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from debrisgrasp._arrays import require_range
+from debrisgrasp.errors import ConfigError
 
 from .annealing import Schedule
 from .clearance import ClearanceConfig
@@ -14,6 +16,18 @@ from .scene import SceneConfig
 from .similarity import SimilarityConfig
 
 __all__ = ["PlannerConfig"]
+
+
+_COUNTS = (
+    "walkers",
+    "rounds",
+    "search_points",
+    "final_points",
+    "refinement_sweeps",
+    "max_refined",
+    "max_ranked",
+    "n_best",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,14 +45,25 @@ class PlannerConfig:
     """Probability of a jump instead of a small step, at the start and at the end."""
     refinement: LocalMove = LocalMove(position=(0.006, 0.001), rotation=(0.06, 0.01))
     """Steps of the refinement that follows the annealing."""
-    refinement_sweeps: int = 40
+    refinement_sweeps: int = 15
     """Steps offered to every distinct pose; only improvements are taken."""
+    max_refined: int = 200
+    """At most so many distinct poses are refined."""
+    starts: int = 64
+    """Jumps of each prototype of which the best become walkers."""
     walkers: int = 32
     """Chains per prototype. More find rarer grasps and take proportionally long."""
-    search_points: int = 40
-    """Points of each prototype used during the search."""
-    final_points: int = 160
-    """Points of each prototype that the final score uses."""
+    alignments: int = 2
+    """Steps that fit a pose to the surface before it is walked from, and before it is
+    refined."""
+    rounds: int = 5
+    """Parts of the annealing; after each only the best walkers go on."""
+    survivors: float = 0.5
+    """Share of the walkers that go on after a round."""
+    search_points: int = 24
+    """Visible points of each prototype used during the search."""
+    final_points: int = 80
+    """Visible points of each prototype that the final score uses."""
     minimum_score: float = 0.35
     """Grasps whose Q-hat is below this are not offered."""
     minimum_evidence: float = 0.5
@@ -54,15 +79,24 @@ class PlannerConfig:
     """See ``mode_distance`` [rad]."""
     max_ranked: int = 120
     """At most so many distinct poses are tried on the arms."""
+    reach: Literal["search", "after"] = "search"
+    """``"search"``: poses that no arm may reach count as matching nothing during the
+    search (Eq. 2-3 as written). ``"after"``: the search knows of no arm, and what it
+    finds is tried on the arms in the end, which is how the paper had to do it."""
     lever_scale: float = 0.35
     """Horizontal distance from the object's visible centre at which the score is
     halved [m]: a heavy object gripped at its end twists out of the hand."""
 
     def __post_init__(self) -> None:
-        counts = ("walkers", "search_points", "final_points", "n_best", "max_ranked")
-        for name in counts:
+        if self.reach not in ("search", "after"):
+            raise ConfigError(
+                "PlannerConfig.reach", got=repr(self.reach), expected="search or after"
+            )
+        for name in _COUNTS:
             require_range(f"PlannerConfig.{name}", getattr(self, name), 1)
-        require_range("PlannerConfig.refinement_sweeps", self.refinement_sweeps, 1)
+        require_range("PlannerConfig.starts", self.starts, self.walkers)
+        require_range("PlannerConfig.alignments", self.alignments, 0)
+        require_range("PlannerConfig.survivors", self.survivors, 0.01, 1.0)
         for share in self.global_share:
             require_range("PlannerConfig.global_share", share, 0.0, 1.0)
         require_range("PlannerConfig.minimum_score", self.minimum_score, 0.0, 1.0)

@@ -13,7 +13,7 @@ from debrisgrasp._arrays import Float32Array, FloatArray, IntArray
 from debrisgrasp.geometry import Bounds, Solid
 from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
 
-__all__ = ["SPHERE_RADIUS", "HandSpace", "PackedHands", "SpaceOfHand"]
+__all__ = ["SPHERE_RADIUS", "HandSpace", "PackedHands", "PackedSpaces", "SpaceOfHand"]
 
 GRIP_MARGIN = 0.016
 """An object may be so much wider than its prototype [m]."""
@@ -106,11 +106,63 @@ class SpaceOfHand:
         i, j, k = cells[inside].astype(np.int64).T
         self.flags[i, j, k] |= np.uint8(flag)
 
-    def at(self, points_hand: FloatArray) -> np.ndarray:
-        """Look up the flags at points (n, 3) of the palm frame; 0 far away."""
-        cell = np.rint((points_hand - self.origin) / self.spacing).astype(np.int64)
-        i, j, k = np.clip(cell, 0, np.array(self.flags.shape) - 1).T
-        found: np.ndarray = self.flags[i, j, k]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PackedSpaces:
+    """Several `SpaceOfHand` in one array, so that any mix of them is looked up."""
+
+    flags: np.ndarray
+    """All grids behind each other, flat, uint8."""
+    first: IntArray
+    """Where each grid begins, shape (h,)."""
+    shape: IntArray
+    """Cells of each along x, y, z, shape (h, 3)."""
+    origin: Float32Array
+    """Centre of each first cell [m], shape (h, 3)."""
+    spacing: float
+    """Edge of a cell [m]."""
+
+    @classmethod
+    def pack(cls, spaces: Iterable[SpaceOfHand]) -> PackedSpaces:
+        """Collect grids of one spacing."""
+        spaces = tuple(spaces)
+        sizes = [space.flags.size for space in spaces]
+        return cls(
+            flags=np.concatenate([space.flags.ravel() for space in spaces]),
+            first=np.concatenate([[0], np.cumsum(sizes)[:-1]]),
+            shape=np.array([space.flags.shape for space in spaces]),
+            origin=np.array([space.origin for space in spaces], dtype=np.float32),
+            spacing=spaces[0].spacing,
+        )
+
+    @property
+    def middle(self) -> Float32Array:
+        """Middle of each grid [m], shape (h, 3)."""
+        half = (self.shape - 1) * np.float32(self.spacing / 2)
+        found: Float32Array = self.origin + half.astype(np.float32)
+        return found
+
+    @property
+    def radius(self) -> Float32Array:
+        """Half the diagonal of each grid [m], shape (h,)."""
+        diagonal = np.linalg.norm((self.shape - 1) * self.spacing, axis=1)
+        found: Float32Array = (diagonal / 2).astype(np.float32)
+        return found
+
+    def at(self, points_hand: Float32Array, which: IntArray) -> np.ndarray:
+        """Look up the flags at points (k, 3, n) in the palm frames of hands (k,)."""
+        flat = np.zeros((len(which), points_hand.shape[2]), dtype=np.int32)
+        for axis in range(3):
+            # The outermost layer is empty and takes whatever lies farther out.
+            n = self.shape[which, axis, None].astype(np.float32)
+            cell = points_hand[:, axis] - self.origin[which, axis, None]
+            cell *= np.float32(1.0 / self.spacing)
+            cell += np.float32(0.5)
+            np.clip(cell, 0, n - 1, out=cell)
+            flat *= n.astype(np.int32)
+            flat += cell.astype(np.int32)
+        flat += self.first[which, None].astype(np.int32)
+        found: np.ndarray = self.flags.take(flat)
         return found
 
 
@@ -127,7 +179,7 @@ class PackedHands:
     the finger pair, -1 none; shape (p, s)."""
     space_index: IntArray
     """Which of ``spaces`` each prototype's hand has, shape (p,)."""
-    spaces: tuple[SpaceOfHand, ...]
+    spaces: PackedSpaces
     """One for each combination of hand, preshape, opening and width."""
     grip_points: FloatArray
     """Middle of the space between the fingers [m], shape (p, 3)."""
@@ -139,7 +191,7 @@ class PackedHands:
         """Collect the hand of each prototype of a dictionary."""
         keys = [(p.gripper, p.preshape, p.opening, p.width) for p in library]
         unique = list(dict.fromkeys(keys))
-        spaces = tuple(
+        spaces = PackedSpaces.pack(
             SpaceOfHand.of(
                 library.grippers[name],
                 preshape,

@@ -12,12 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_range
+from debrisgrasp._arrays import (
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+    require_range,
+)
 
-from .hands import HandSpace, PackedHands, SpaceOfHand
+from .hands import HandSpace, PackedHands
 from .scene import GraspScene
 
-__all__ = ["Inspection", "InspectionConfig", "inspect"]
+__all__ = ["Inspection", "InspectionConfig", "Inspector"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +66,18 @@ class Inspection:
     is_in_ground: BoolArray
     """Whether a part of the hand would be below the ground, shape (k,)."""
 
+    def excess(self, config: InspectionConfig) -> IntArray:
+        """How many points too many, or too few, stand against each pose, shape (k,)."""
+        hits = self.palm_hits + self.finger_hits + self.approach_hits + self.swept_hits
+        crowd = self.foreign - config.max_foreign_share * (self.held + self.foreign)
+        found: IntArray = (
+            np.maximum(hits - config.max_hits, 0)
+            + np.maximum(np.ceil(crowd), 0).astype(np.int64)
+            + np.maximum(config.min_held_points - self.held, 0)
+            + 10 * self.is_in_ground
+        )
+        return found
+
     def reasons(self, config: InspectionConfig) -> dict[str, BoolArray]:
         """Which poses each reason rules out; only the first that applies counts."""
         crowded = self.foreign > config.max_foreign_share * (self.held + self.foreign)
@@ -82,75 +100,87 @@ class Inspection:
         return first
 
 
-def inspect(
-    scene: GraspScene,
-    hands: PackedHands,
-    Ts_base_hand: FloatArray,
-    prototype: IntArray,
-) -> Inspection:
-    """Count what the hand touches in each pose.
+class Inspector:
+    """Looks closely at poses of the hands of a dictionary in one scene."""
 
-    Parameters
-    ----------
-    Ts_base_hand
-        Poses, shape (k, 4, 4).
-    prototype
-        Whose hand each carries, shape (k,).
-    """
-    counts = np.zeros((6, len(Ts_base_hand)), dtype=np.int64)
-    tree = cKDTree(scene.cloud.points)
-    for index, space in enumerate(hands.spaces):
-        poses = np.flatnonzero(hands.space_index[prototype] == index)
-        if len(poses):
-            counts[:, poses] = _counts(scene, tree, space, Ts_base_hand[poses])
-    palm, finger, approach, swept, held, foreign = counts
-    return Inspection(
-        palm_hits=palm,
-        finger_hits=finger,
-        approach_hits=approach,
-        swept_hits=swept,
-        held=held,
-        foreign=foreign,
-        is_in_ground=_is_in_ground(scene, hands, Ts_base_hand, prototype),
-    )
+    def __init__(self, scene: GraspScene, hands: PackedHands) -> None:
+        self._scene, self._hands = scene, hands
+        self._points = np.ascontiguousarray(scene.cloud.points.T, dtype=np.float32)
+        self._tree = cKDTree(scene.cloud.points)
+
+    def __call__(self, Ts_base_hand: FloatArray, prototype: IntArray) -> Inspection:
+        """Count what the hand touches in each pose.
+
+        Parameters
+        ----------
+        Ts_base_hand
+            Poses, shape (k, 4, 4).
+        prototype
+            Whose hand each carries, shape (k,).
+        """
+        counts = np.zeros((6, len(Ts_base_hand)), dtype=np.int64)
+        spaces = self._hands.spaces
+        which = self._hands.space_index[prototype]
+        Ts = Ts_base_hand.astype(np.float32)
+        middle = (Ts[:, :3, :3] @ spaces.middle[which][..., None])[..., 0] + Ts[
+            :, :3, 3
+        ]
+        # Poses near each other share the points around them.
+        cells, group = np.unique(
+            np.floor(middle / _GROUP).astype(np.int64), axis=0, return_inverse=True
+        )
+        reach = float(spaces.radius.max()) + _GROUP * 3**0.5 / 2
+        near = self._tree.query_ball_point((cells + 0.5) * _GROUP, reach)
+        order = np.argsort(group.ravel(), kind="stable")
+        ends = np.cumsum(np.bincount(group.ravel(), minlength=len(cells)))
+        for points, poses in zip(near, np.split(order, ends[:-1]), strict=True):
+            if points:
+                index = np.array(points)
+                counts[:, poses] = self._counts(index, Ts[poses], which[poses])
+        palm, finger, approach, swept, held, foreign = counts
+        return Inspection(
+            palm_hits=palm,
+            finger_hits=finger,
+            approach_hits=approach,
+            swept_hits=swept,
+            held=held,
+            foreign=foreign,
+            is_in_ground=self._is_in_ground(Ts_base_hand, prototype),
+        )
+
+    def _counts(self, index: IntArray, Ts: Float32Array, which: IntArray) -> IntArray:
+        """Rows of an `Inspection` for poses and the points around them, (6, k)."""
+        to_hand = Ts[:, :3, :3].transpose(0, 2, 1)
+        local = to_hand @ self._points[:, index] - to_hand @ Ts[:, :3, 3:]
+        flags = self._hands.spaces.at(local, which)
+        is_target = self._scene.is_target[index]
+        between = (flags & HandSpace.CLOSING) > 0
+        cases = (
+            flags & HandSpace.PALM,
+            flags & HandSpace.FINGER,
+            flags & HandSpace.APPROACH,
+            flags & HandSpace.SWEPT,
+            between & is_target,
+            between & ~is_target,
+        )
+        return np.stack([np.count_nonzero(case, axis=1) for case in cases])
+
+    def _is_in_ground(self, Ts: FloatArray, prototype: IntArray) -> BoolArray:
+        """Whether the middle of any sphere of the hand is below the ground, shape (k,).
+
+        The ground is solid also where something hides it from the camera.
+        """
+        plane = self._scene.ground_plane
+        if plane is None:
+            return np.zeros(len(Ts), dtype=bool)
+        up = plane[:3] @ Ts[:, :3, :3]
+        offset = Ts[:, :3, 3] @ plane[:3] + plane[3]
+        centers = self._hands.centers[prototype]
+        height = (up[:, None] @ centers)[:, 0] + offset[:, None]
+        is_low = (height < 0.0) & np.isfinite(self._hands.radii[prototype])
+        found: BoolArray = is_low.any(axis=1)
+        return found
 
 
-def _is_in_ground(
-    scene: GraspScene, hands: PackedHands, Ts: FloatArray, prototype: IntArray
-) -> BoolArray:
-    """Whether the middle of any sphere of the hand is below the ground, shape (k,).
-
-    The ground is solid also where something hides it from the camera.
-    """
-    if scene.ground_plane is None:
-        return np.zeros(len(Ts), dtype=bool)
-    up = scene.ground_plane[:3] @ Ts[:, :3, :3]
-    offset = Ts[:, :3, 3] @ scene.ground_plane[:3] + scene.ground_plane[3]
-    height = np.einsum("ki,kis->ks", up, hands.centers[prototype]) + offset[:, None]
-    is_low = (height < 0.0) & np.isfinite(hands.radii[prototype])
-    found: BoolArray = is_low.any(axis=1)
-    return found
-
-
-def _counts(
-    scene: GraspScene, tree: cKDTree, space: SpaceOfHand, Ts: FloatArray
-) -> IntArray:
-    """Rows of an `Inspection` for poses of one preshaped hand, shape (6, k)."""
-    half = (np.array(space.flags.shape) - 1) * space.spacing / 2.0
-    middle = Ts[:, :3, :3] @ (space.origin + half) + Ts[:, :3, 3]
-    pairs = cKDTree(middle).sparse_distance_matrix(
-        tree, float(np.linalg.norm(half)), output_type="ndarray"
-    )
-    pose, point = pairs["i"], pairs["j"]
-    offset = scene.cloud.points[point] - Ts[pose, :3, 3]
-    flags = space.at(np.einsum("nj,nji->ni", offset, Ts[pose, :3, :3]))
-    between, is_target = (flags & HandSpace.CLOSING) > 0, scene.is_target[point]
-    cases = (
-        (flags & HandSpace.PALM) > 0,
-        (flags & HandSpace.FINGER) > 0,
-        (flags & HandSpace.APPROACH) > 0,
-        (flags & HandSpace.SWEPT) > 0,
-        between & is_target,
-        between & ~is_target,
-    )
-    return np.stack([np.bincount(pose[case], minlength=len(Ts)) for case in cases])
+_GROUP = 0.08
+"""Poses within a cube of this edge [m] are looked at together."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
+from .annealing import LogQuality
 from .clearance import HandClearance
 from .similarity import ShapeSimilarity
 
@@ -18,36 +19,61 @@ _FLOOR = 1e-4
 
 
 class GraspQuality:
-    """log Q-hat of all walkers; S first, the rest only where S leaves a chance.
+    """log of Q-hat times the preference; S first, the rest where S leaves a chance.
 
     The paper searches Q-hat = S C and looks at reachability afterwards. A quick upper
     bound of R costs less than C, so poses that no arm can reach are dropped at once.
+
+    Parameters
+    ----------
+    similarity, clearance
+        S and C.
+    may_reach
+        Maps poses (k, 4, 4) and prototypes (k,) to whether an arm may get there.
+    preference
+        Maps the same to a factor in (0, 1] by which good grasps are told from better.
     """
 
     def __init__(
         self,
         similarity: ShapeSimilarity,
         clearance: HandClearance,
-        prototype: IntArray,
         may_reach: Callable[[FloatArray, IntArray], BoolArray],
+        preference: Callable[[FloatArray, IntArray], FloatArray],
     ) -> None:
         self._similarity, self._clearance = similarity, clearance
-        self._prototype, self._may_reach = prototype, may_reach
+        self._may_reach, self._preference = may_reach, preference
 
-    def __call__(self, Ts_base_hand: FloatArray, needed: FloatArray) -> FloatArray:
-        """See `annealing.LogQuality`; one pose for each walker, shape (k, 4, 4)."""
-        similarity, _ = self._similarity(Ts_base_hand, self._prototype)
-        value = np.log(np.maximum(similarity, _FLOOR).astype(np.float64))
+    def of(self, prototype: IntArray) -> LogQuality:
+        """Quality of walkers that place these prototypes (k,), for `anneal`."""
+        return lambda Ts, needed: self(Ts, prototype, needed)
+
+    def __call__(
+        self, Ts_base_hand: FloatArray, prototype: IntArray, needed: FloatArray
+    ) -> FloatArray:
+        """See `annealing.LogQuality`; poses (k, 4, 4) of prototypes (k,)."""
+        wanted = self.promise(Ts_base_hand, prototype)
+        value = np.log(np.maximum(wanted, _FLOOR))
         # C is at most 1, so a candidate whose S alone falls short is lost already.
-        worth = np.flatnonzero((value > needed) & (similarity > _FLOOR))
+        worth = np.flatnonzero((value > needed) & (wanted > _FLOOR))
         if len(worth):
-            is_near = self._may_reach(Ts_base_hand[worth], self._prototype[worth])
+            is_near = self._may_reach(Ts_base_hand[worth], prototype[worth])
             value[worth[~is_near]] = np.log(_FLOOR)
             worth = worth[is_near]
         if len(worth):
             least_clearance = np.exp(needed[worth] - value[worth])
             clearance = self._clearance(
-                Ts_base_hand[worth], self._prototype[worth], least_clearance
+                Ts_base_hand[worth], prototype[worth], least_clearance
             )
-            value[worth] = np.log(np.maximum(similarity[worth] * clearance, _FLOOR))
+            value[worth] = np.log(np.maximum(wanted[worth] * clearance, _FLOOR))
         return value
+
+    def promise(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
+        """S times the preference: more the pose can't be worth, shape (k,)."""
+        similarity, _ = self._similarity(Ts_base_hand, prototype)
+        found: FloatArray = similarity * self._preference(Ts_base_hand, prototype)
+        return found
+
+    def aligned(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
+        """See `ShapeSimilarity.aligned`."""
+        return self._similarity.aligned(Ts_base_hand, prototype)

@@ -20,10 +20,18 @@ from debrisgrasp.geometry import (
     DistanceField,
     LineOfSight,
     PointCloud,
+    Space,
     voxel_downsample,
 )
 
-__all__ = ["GraspScene", "SceneConfig"]
+__all__ = ["NEAREST_MASK", "UNKNOWN_FLAG", "GraspScene", "SceneConfig"]
+
+UNKNOWN_FLAG = np.int32(1 << 30)
+"""Set in `GraspScene.nearest` where the camera never looked."""
+_MAX_NEIGHBORS = 32
+"""From so many the direction of the surface around a point is told."""
+NEAREST_MASK = np.int32(UNKNOWN_FLAG - 1)
+"""The rest of it: the index of a point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +49,7 @@ class SceneConfig:
     """Neighbourhood that tells along which direction the object runs [m]."""
     ground_roughness: float = 0.02
     """How far below its plane the ground may lie [m]."""
-    max_target_points: int = 4000
+    max_target_points: int = 1500
     """More points of the object than this add nothing to the proposals."""
 
     def __post_init__(self) -> None:
@@ -70,6 +78,9 @@ class GraspScene:
     ground_plane: FloatArray | None
     """(a, b, c, d) with a x + b y + c z + d the height over the ground [m]; None where
     there is no evidence of one."""
+    nearest: IntArray
+    """``field.nearest`` with `UNKNOWN_FLAG` in cells of unknown space: one lookup for
+    both."""
     table: Float32Array
     """Rows of ``field.table``, then 1 for a target point or 0, then padding to 32
     bytes; shape (n + 1, 8)."""
@@ -162,6 +173,11 @@ class GraspScene:
             field=field,
             clearance=_with_ground(field, ground_plane, config.ground_roughness),
             ground_plane=ground_plane,
+            nearest=np.where(
+                field.space == Space.UNKNOWN,
+                field.nearest | UNKNOWN_FLAG,
+                field.nearest,
+            ),
             table=table,
             target=usable,
             tangents=tangents,
@@ -196,16 +212,22 @@ def _tangents(
     if not len(points):
         return np.zeros((0, 3))
     tree = cKDTree(surface)
-    k = min(48, len(surface))
+    k = min(_MAX_NEIGHBORS, len(surface))
     found = tree.query(points, k=np.arange(1, k + 1), distance_upper_bound=radius)
     distance, index = np.asarray(found[0]), np.asarray(found[1])
-    weight = np.isfinite(distance).astype(np.float64)
+    u, v = _tangent_axes(normals)
     offset = surface[np.minimum(index, len(surface) - 1)] - points[:, None]
-    offset -= (offset * normals[:, None]).sum(-1, keepdims=True) * normals[:, None]
-    scatter = np.einsum("nk,nki,nkj->nij", weight, offset, offset)
-    _, vectors = np.linalg.eigh(scatter)
-    tangent = vectors[..., -1]
-    tangent = tangent - (tangent * normals).sum(-1, keepdims=True) * normals
-    length = np.linalg.norm(tangent, axis=-1, keepdims=True)
-    fallback = np.cross(normals, np.roll(np.eye(3)[0], 1))
-    return np.where(length > 1e-6, tangent / np.maximum(length, 1e-6), fallback)
+    offset[~np.isfinite(distance)] = 0.0
+    a, b = (offset @ u[..., None])[..., 0], (offset @ v[..., None])[..., 0]
+    # The major axis of the 2 x 2 scatter in the tangent plane, in closed form.
+    angle = 0.5 * np.arctan2(2 * (a * b).sum(axis=1), (a * a - b * b).sum(axis=1))
+    tangent: FloatArray = np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v
+    return tangent
+
+
+def _tangent_axes(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors at right angles to each normal and to each other, (t, 3)."""
+    spare = np.where(np.abs(normals[:, :1]) < 0.7, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    u = np.cross(normals, spare)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    return u, np.cross(normals, u)

@@ -14,17 +14,19 @@ from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import PrototypeLibrary
 
-from .annealing import Schedule, Walkers, anneal
+from .annealing import Walkers
 from .clearance import HandClearance
 from .config import PlannerConfig
+from .exploration import climb, explore
 from .hands import PackedHands
-from .inspection import inspect
+from .inspection import Inspector
 from .modes import distinct
-from .proposals import GlobalMove, MixtureMove
+from .proposals import GlobalMove
 from .quality import GraspQuality
 from .reach import Arm
 from .scene import GraspScene
 from .similarity import ShapeSimilarity
+from .surfaces import VisibleSurfaces
 
 __all__ = ["Candidates", "GraspSearch", "Watch"]
 
@@ -77,6 +79,8 @@ class GraspSearch:
 
     def __init__(self, library: PrototypeLibrary, config: PlannerConfig) -> None:
         self._packed = library.packed()
+        self._coarse = VisibleSurfaces.pack(self._packed, config.search_points)
+        self._fine = VisibleSurfaces.pack(self._packed, config.final_points)
         self._hands = PackedHands.pack(
             library,
             approach=config.clearance.approach,
@@ -105,8 +109,9 @@ class GraspSearch:
             Takes the count of poses that each reason rules out.
         """
         with watch.stage("search"):
-            states = self._annealed(scene, arms, watch, rng)
-            modes = self._refined(scene, arms, self._modes(states), watch, rng)
+            quality = self._quality(scene, arms)
+            states = self._explored(scene, quality, watch, rng)
+            modes = self._refined(quality, self._modes(scene, states), watch, rng)
             if arms and not len(modes.Ts):
                 ledger["no arm gets that far"] += self._n_too_far(
                     scene, arms, watch, rng
@@ -114,40 +119,30 @@ class GraspSearch:
         with watch.stage("inspection"):
             return self._inspected(scene, modes, ledger)
 
-    def _quality(
-        self, scene: GraspScene, arms: Sequence[Arm], prototype: IntArray
-    ) -> GraspQuality:
-        """Q-hat of walkers that place these prototypes (k,)."""
+    def _quality(self, scene: GraspScene, arms: Sequence[Arm]) -> GraspQuality:
+        """Q-hat of this scene times what makes one grasp better than the next."""
         config = self._config
         return GraspQuality(
-            ShapeSimilarity(
-                scene, self._packed, config.similarity, config.search_points
-            ),
+            ShapeSimilarity(scene, self._coarse, config.similarity),
             HandClearance(scene, self._hands, config.clearance),
-            prototype,
-            lambda Ts, which: self._may_reach(arms, Ts, which),
+            lambda Ts, prototype: self._may_reach(arms, Ts, prototype),
+            lambda Ts, prototype: self._lever_factor(scene, Ts, prototype),
         )
 
-    def _annealed(
-        self, scene: GraspScene, arms: Sequence[Arm], watch: Watch, rng: Rng
+    def _explored(
+        self, scene: GraspScene, quality: GraspQuality, watch: Watch, rng: Rng
     ) -> Candidates:
         """Best state of every walker."""
-        config = self._config
-        n_prototypes = len(self.gripper_of)
-        prototype = np.repeat(np.arange(n_prototypes), config.walkers)
-        quality = self._quality(scene, arms, prototype)
-        jump = GlobalMove(scene, self._packed)
-        Ts = jump.sample(prototype, rng)
 
         def on_sweep(index: int, _walkers: Walkers) -> bool:
-            watch.report("search", (index + 1) / config.schedule.sweeps)
+            watch.report("search", (index + 1) / self._config.schedule.sweeps)
             return not watch.is_late()
 
-        walkers = anneal(
-            Walkers.at(Ts, quality(Ts, np.full(len(Ts), -np.inf))),
-            MixtureMove(config.local, jump, prototype, config.global_share),
+        walkers, prototype = explore(
             quality,
-            config.schedule,
+            GlobalMove(scene, self._packed),
+            len(self.gripper_of),
+            self._config,
             rng=rng,
             on_sweep=on_sweep,
         )
@@ -157,14 +152,15 @@ class GraspSearch:
         self, scene: GraspScene, arms: Sequence[Arm], watch: Watch, rng: Rng
     ) -> int:
         """How many distinct poses would fit if an arm could get there."""
-        found = self._modes(self._annealed(scene, (), watch, rng))
+        quality = self._quality(scene, ())
+        found = self._modes(scene, self._explored(scene, quality, watch, rng))
         return int((~self._may_reach(arms, found.Ts, found.prototype)).sum())
 
     def _may_reach(
         self, arms: Sequence[Arm], Ts: FloatArray, prototype: IntArray
     ) -> BoolArray:
         """Which poses an arm with the right hand may reach; all if there is no arm."""
-        if not arms:
+        if not arms or self._config.reach == "after":
             return np.ones(len(Ts), dtype=bool)
         found = np.zeros(len(Ts), dtype=bool)
         for arm in arms:
@@ -173,47 +169,33 @@ class GraspSearch:
                 found[mine] |= arm.may_reach(SE3(Ts[mine]))
         return found
 
-    def _modes(self, found: Candidates) -> Candidates:
+    def _modes(self, scene: GraspScene, found: Candidates) -> Candidates:
         """Thin the states to distinct poses of each prototype."""
         config = self._config
+        quality = found.score / self._lever_factor(scene, found.Ts, found.prototype)
         # Refinement and the exact scores may still lift what is a little too low.
-        found = found[found.score >= 0.7 * config.minimum_score]
+        found = found[quality >= 0.7 * config.minimum_score]
         kept = distinct(
             found.Ts,
             found.prototype,
             found.score,
             distance=config.mode_distance / 2,
             angle=config.mode_angle / 2,
-            limit=4 * config.max_ranked,
+            limit=config.max_refined,
         )
         return found[kept]
 
     def _refined(
-        self,
-        scene: GraspScene,
-        arms: Sequence[Arm],
-        found: Candidates,
-        watch: Watch,
-        rng: Rng,
+        self, quality: GraspQuality, found: Candidates, watch: Watch, rng: Rng
     ) -> Candidates:
-        """Climb from every pose by small steps of which only improvements are taken."""
-        config = self._config
+        """Climb from every pose to the top nearby."""
         if not len(found.Ts):
             return found
-
-        def step(
-            walkers: Walkers, progress: float, rng: Rng
-        ) -> tuple[FloatArray, FloatArray]:
-            Ts = config.refinement.moved(walkers.Ts_base_hand, progress, rng)
-            return Ts, np.zeros(len(Ts))
-
-        # So cold that even the smallest loss is practically never accepted.
-        frozen = Schedule(sweeps=config.refinement_sweeps, hot=1e-6, cold=1e-6)
-        walkers = anneal(
+        walkers = climb(
             Walkers.at(found.Ts, np.log(found.score)),
-            step,
-            self._quality(scene, arms, found.prototype),
-            frozen,
+            found.prototype,
+            quality,
+            self._config,
             rng=rng,
             on_sweep=lambda _index, _walkers: not watch.is_late(),
         )
@@ -226,13 +208,11 @@ class GraspSearch:
         config = self._config
         if not len(found.Ts):
             return found
-        similarity = ShapeSimilarity(
-            scene, self._packed, config.similarity, config.final_points
-        )
+        similarity = ShapeSimilarity(scene, self._fine, config.similarity)
         S = similarity(found.Ts, found.prototype)[0].astype(np.float64)
         clearance = HandClearance(scene, self._hands, config.clearance)
         C = clearance.exposure(found.Ts, found.prototype)
-        look = inspect(scene, self._hands, found.Ts, found.prototype)
+        look = Inspector(scene, self._hands)(found.Ts, found.prototype)
         ok = np.ones(len(S), dtype=bool)
         for reason, applies in look.reasons(config.inspection).items():
             ledger[reason] += int(applies.sum())
@@ -247,7 +227,7 @@ class GraspSearch:
         quality = S * C
         is_poor = ok & (quality < config.minimum_score)
         ledger["the shape fits too poorly"] += int(is_poor.sum())
-        score = quality * self._lever_factor(scene, found)
+        score = quality * self._lever_factor(scene, found.Ts, found.prototype)
         kept = Candidates(found.Ts, found.prototype, S, C, score)[ok & ~is_poor]
         best = distinct(
             kept.Ts,
@@ -259,9 +239,12 @@ class GraspSearch:
         )
         return kept[best]
 
-    def _lever_factor(self, scene: GraspScene, found: Candidates) -> FloatArray:
-        """Discount for gripping away from the object's middle, in (0, 1]."""
-        grip = SE3(found.Ts).apply(self._hands.grip_points[found.prototype])
-        lever = np.linalg.norm((grip - scene.centroid)[:, :2], axis=1)
-        factor: FloatArray = 1.0 / (1.0 + (lever / self._config.lever_scale) ** 2)
+    def _lever_factor(
+        self, scene: GraspScene, Ts: FloatArray, prototype: IntArray
+    ) -> FloatArray:
+        """Discount for gripping away from the object's middle, in (0, 1], (k,)."""
+        local = self._hands.grip_points[prototype]
+        grip = (Ts[:, :2, :3] @ local[..., None])[..., 0] + Ts[:, :2, 3]
+        lever2 = np.square(grip - scene.centroid[:2]).sum(axis=1)
+        factor: FloatArray = 1.0 / (1.0 + lever2 / self._config.lever_scale**2)
         return factor

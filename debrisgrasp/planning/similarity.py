@@ -28,12 +28,22 @@ from debrisgrasp._arrays import (
     IntArray,
     require_range,
 )
-from debrisgrasp.geometry import Space
-from debrisgrasp.prototypes import PackedPrototypes
+from debrisgrasp.geometry import so3
 
+from .matching import Match, match_surface
 from .scene import GraspScene
+from .surfaces import VisibleSurfaces
 
 __all__ = ["ShapeSimilarity", "SimilarityConfig"]
+
+_PULL = 2.0
+"""Alignment feels the surface from so many times farther away than S does."""
+_LONGEST_STEP = 0.03
+"""Of one alignment [m]; farther on, other points are nearest."""
+_STIFFNESS = 0.05
+"""Share of the weight of all points that holds a pose back where nothing guides it."""
+_ARM = 0.05
+"""Lever over which a turn is weighed against a shift [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,22 +76,9 @@ class ShapeSimilarity:
     """S of poses of a dictionary of prototypes in one scene, batched over both."""
 
     def __init__(
-        self,
-        scene: GraspScene,
-        prototypes: PackedPrototypes,
-        config: SimilarityConfig,
-        max_points: int | None = None,
+        self, scene: GraspScene, surfaces: VisibleSurfaces, config: SimilarityConfig
     ) -> None:
-        self._scene, self._config = scene, config
-        rows, kept, is_used = _evenly(prototypes.mask, max_points)
-        self._points = _coordinates_first(prototypes.points[rows, kept])
-        self._normals = _coordinates_first(prototypes.normals[rows, kept])
-        is_visible = np.take_along_axis(prototypes.is_visible, kept[:, None], axis=2)
-        self._is_visible = is_visible & is_used[:, None]
-        # The fingers close along x of the hand.
-        self._is_touched = np.abs(self._normals[:, 0]) > np.float32(0.7)
-        self._directions = prototypes.directions.T.astype(np.float32)
-        self._viewpoint = scene.cloud.viewpoint.astype(np.float32)
+        self._scene, self._surfaces, self._config = scene, surfaces, config
 
     def __call__(
         self, Ts_base_hand: FloatArray, prototype: IntArray
@@ -100,99 +97,101 @@ class ShapeSimilarity:
         similarity, coverage
             S in [0, 1], and the share of the visible points that were seen, (k,).
         """
-        Ts = Ts_base_hand.astype(np.float32)
-        R, t = Ts[:, :3, :3], Ts[:, :3, 3]
-        is_visible = self._is_visible[prototype, self._nearest_view(R, t)]
-        match, is_known = self._match(R, t, prototype)
-        is_seen = is_visible & is_known
+        S = np.empty(len(prototype), dtype=np.float32)
+        coverage = np.empty_like(S)
+        # A few poses at a time: their arrays stay in the cache.
+        for first in range(0, len(S), _BATCH):
+            some = slice(first, first + _BATCH)
+            S[some], coverage[some] = self._score(Ts_base_hand[some], prototype[some])
+        return S, coverage
+
+    def _score(
+        self, Ts_base_hand: FloatArray, prototype: IntArray
+    ) -> tuple[Float32Array, Float32Array]:
+        look, row = self._look(Ts_base_hand.astype(np.float32), prototype)
+        match = self._kernel(look, self._config.sigma)
+        # Right behind a face of the object the camera did tell: that face is farther
+        # out than the prototype's.
+        is_buried = (look.along < 0) & (look.is_target > 0)
+        is_buried &= look.beside < np.float32(self._config.tangential_gate)
+        is_seen = look.is_known | is_buried | (match > np.float32(0.05))
+        is_seen &= self._surfaces.is_used[row]
         match *= is_seen
         seen, similarity = _mean(match, is_seen)
-        is_touched = is_seen & self._is_touched[prototype]
+        is_touched = is_seen & self._surfaces.is_touched[row]
         seen_touched, touched = _mean(match * is_touched, is_touched)
         least = self._config.minimum_seen
         has_both = seen_touched >= least
         similarity = np.where(has_both, np.sqrt(similarity * touched), similarity)
-        coverage = seen / np.maximum(np.count_nonzero(is_visible, axis=-1), 1)
+        coverage = seen / np.maximum(self._surfaces.count[row], 1)
         trust = np.minimum(coverage / self._config.full_coverage, 1.0)
         similarity = np.where(seen >= least, trust * similarity, 0.0)
         return similarity.astype(np.float32), coverage.astype(np.float32)
 
     def evidence_of_thickness(
         self, Ts_base_hand: FloatArray, prototype: IntArray
-    ) -> Float32Array:
+    ) -> FloatArray:
         """Share of the surface facing the palm that was seen and matches, shape (k,).
 
         That surface joins the two sides which the fingers touch. Where it was not seen,
         nothing tells how thick the object is.
         """
-        Ts = Ts_base_hand.astype(np.float32)
-        R, t = Ts[:, :3, :3], Ts[:, :3, 3]
-        is_visible = self._is_visible[prototype, self._nearest_view(R, t)]
-        match, _ = self._match(R, t, prototype)
-        faces_palm = self._normals[prototype, 2] < np.float32(-0.7)
-        confirmed = (faces_palm & is_visible & (match > np.float32(0.3))).sum(axis=1)
-        total = faces_palm.sum(axis=1)
-        share: Float32Array = np.where(total > 0, confirmed / total.clip(1), 1.0)
+        look, row = self._look(Ts_base_hand.astype(np.float32), prototype)
+        match = self._kernel(look, self._config.sigma)
+        faces_palm = self._surfaces.surface[row, 5] < np.float32(-0.7)
+        faces_palm &= self._surfaces.is_used[row]
+        confirmed = (faces_palm & (match > np.float32(0.3))).sum(axis=1)
+        share: FloatArray = confirmed / faces_palm.sum(axis=1).clip(1)
+        share *= self._surfaces.palm_share[row]
+        share[np.isnan(share)] = 1.0
         return share
 
-    def _nearest_view(self, R: Float32Array, t: Float32Array) -> IntArray:
-        """Index of the tabulated view nearest to the camera's, shape (k,)."""
-        to_camera = (self._viewpoint - t)[:, None] @ R
-        # One small product a pose: a single large one would start threads, which cost
-        # more than they save on a machine that has other work.
-        nearest: IntArray = np.argmax(to_camera @ self._directions, axis=-1)[:, 0]
-        return nearest
+    def aligned(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
+        """Move each pose (k, 4, 4) one step towards the surface that it resembles.
 
-    def _match(
-        self, R: Float32Array, t: Float32Array, prototype: IntArray
-    ) -> tuple[Float32Array, BoolArray]:
-        """Kernel value of every point, and whether the camera can tell, (k, m)."""
-        x, y, z = np.moveaxis(R @ self._points[prototype] + t[..., None], 1, 0)
-        nx, ny, nz = np.moveaxis(R @ self._normals[prototype], 1, 0)
-        field, config = self._scene.field, self._config
-        cell = field.cell(x, y, z)
-        row = self._scene.table[field.nearest[cell]]
-        dx, dy, dz = x - row[..., 0], y - row[..., 1], z - row[..., 2]
-        along = dx * row[..., 3] + dy * row[..., 4] + dz * row[..., 5]
-        beside2 = dx * dx + dy * dy + dz * dz - along * along
-        cosine = nx * row[..., 3] + ny * row[..., 4] + nz * row[..., 5]
-        excess = np.sqrt(np.maximum(beside2, 0)) - np.float32(config.tangential_gate)
-        gap2 = along * along + np.square(np.maximum(excess, 0))
-        # 1 - cos approximates half the squared angle, so this is a Gaussian in both.
-        exponent = gap2 * np.float32(-0.5 / config.sigma**2)
-        exponent -= (1 - cosine) * np.float32(1.0 / config.normal_sigma**2)
-        match = np.exp(np.maximum(exponent, np.float32(-20))) * row[..., 6]
-        # Right behind a face of the object the camera did tell: that face is farther
-        # out than the prototype's.
-        is_buried = (along < 0) & (excess < 0) & (row[..., 6] > 0)
-        is_known = field.space[cell] != Space.UNKNOWN
-        return match, is_known | is_buried | (match > np.float32(0.05))
+        One Gauss-Newton step of weighted point-to-plane alignment: every visible point
+        is drawn along the normal of the surface next to it. Where the surface leaves
+        the pose free to slide it stays put.
+        """
+        Ts = Ts_base_hand.astype(np.float32)
+        look, row = self._look(Ts, prototype)
+        weight = self._kernel(look, _PULL * self._config.sigma)
+        weight *= self._surfaces.is_used[row]
+        x, y, z = (c - Ts[:, i, 3, None] for i, c in enumerate(look.point))
+        nx, ny, nz = look.normal
+        J = np.stack(
+            [nx, ny, nz, y * nz - z * ny, z * nx - x * nz, x * ny - y * nx], axis=1
+        )
+        A = (J * weight[:, None]) @ J.transpose(0, 2, 1)
+        b = J @ (weight * look.along)[..., None]
+        hold = np.diag(np.repeat(np.array([1.0, _ARM**2], dtype=np.float32), 3))
+        total = weight.sum(axis=1) + np.float32(1e-3)
+        A += np.float32(_STIFFNESS) * total[:, None, None] * hold
+        step = -np.linalg.solve(A, b)[..., 0].astype(np.float64)
+        length = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
+        step *= np.minimum(1.0, _LONGEST_STEP / np.maximum(length, 1e-9))
+        moved = Ts_base_hand.copy()
+        moved[:, :3, 3] += step[:, :3]
+        moved[:, :3, :3] = so3.exp(step[:, 3:]) @ moved[:, :3, :3]
+        return moved
+
+    def _look(self, Ts: Float32Array, prototype: IntArray) -> tuple[Match, IntArray]:
+        """Match the points that each pose shows, and tell the rows of `surfaces`."""
+        R, t = Ts[:, :3, :3], Ts[:, :3, 3]
+        row = self._surfaces.rows(R, t, prototype, self._scene.cloud.viewpoint)
+        surface = self._surfaces.surface.take(row, axis=0)
+        return match_surface(self._scene, surface, R, t), row
+
+    def _kernel(self, look: Match, sigma: float) -> Float32Array:
+        config = self._config
+        return look.kernel(sigma, config.normal_sigma, config.tangential_gate)
+
+
+_BATCH = 512
+"""Poses scored together."""
 
 
 def _mean(match: Float32Array, is_counted: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Count of the points that count, and mean of their match, zero elsewhere; (k,)."""
     count = np.count_nonzero(is_counted, axis=-1)
     return count, match.sum(axis=-1) / np.maximum(count, 1)
-
-
-def _evenly(
-    mask: BoolArray, max_points: int | None
-) -> tuple[IntArray, IntArray, BoolArray]:
-    """Pick at most ``max_points`` of each prototype's points, evenly over their order.
-
-    Returns
-    -------
-    rows, columns, is_used
-        Indices that broadcast to (p, m'), and which of the picks are real points.
-    """
-    counts = mask.sum(axis=1, keepdims=True)
-    most = int(counts.max()) if max_points is None else max_points
-    slot = np.arange(most)
-    taken = np.minimum(counts, most)
-    columns = np.minimum(slot * counts // np.maximum(taken, 1), counts - 1)
-    return np.arange(len(mask))[:, None], columns, slot < taken
-
-
-def _coordinates_first(vectors: FloatArray) -> Float32Array:
-    """Turn (p, m, 3) into a contiguous float32 (p, 3, m)."""
-    return np.ascontiguousarray(np.swapaxes(vectors, 1, 2), dtype=np.float32)

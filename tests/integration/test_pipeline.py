@@ -160,7 +160,7 @@ def test_an_object_that_does_not_fit_is_passed_over_with_a_reason(
     assert first.label == result.order[0].label
     top = result.segmentation.segment(first.label)
     assert np.abs(BLOCK.signed_distance(top.centroid)) < 0.05
-    assert "resembles what the camera saw" in first.reason
+    assert first.reason.startswith(("of ", "no pose of any prototype"))
     assert plan.grasps
     assert plan.object_label == 2
     gripped = result.segmentation.segment(plan.object_label)

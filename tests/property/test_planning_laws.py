@@ -15,6 +15,7 @@ from debrisgrasp.planning.hands import PackedHands
 from debrisgrasp.planning.proposals import LocalMove
 from debrisgrasp.planning.scene import GraspScene, SceneConfig
 from debrisgrasp.planning.similarity import ShapeSimilarity, SimilarityConfig
+from debrisgrasp.planning.surfaces import VisibleSurfaces
 from debrisgrasp.prototypes import PrototypeLibrary
 from tests.scenes import CAMERA, capture_of, lying_pipe
 from tests.strategies import poses
@@ -59,7 +60,9 @@ def terms():
     )
     hands = PackedHands.pack(library, approach=0.12, tolerance=0.004)
     return (
-        ShapeSimilarity(scene, library.packed(), SimilarityConfig()),
+        ShapeSimilarity(
+            scene, VisibleSurfaces.pack(library.packed(), 80), SimilarityConfig()
+        ),
         HandClearance(scene, hands, ClearanceConfig()),
     )
 

@@ -21,14 +21,20 @@ LAYERS = {
     "segmentation": 3,
     "prototypes": 3,
     "kinematics": 3,
+    "calibration": 3,
+    "worlds": 3,
     "planning": 4,
+    "control": 4,
+    "sim": 5,
     "io": 5,
     "viz": 5,
     "_targets": 6,
+    "_calibrating": 6,
     "_reasons": 5,
-    "pipeline": 7,
-    "api": 8,
-    "cli": 9,
+    "perception": 7,
+    "pipeline": 8,
+    "api": 9,
+    "cli": 10,
 }
 
 MODULES = sorted(

@@ -86,14 +86,14 @@ def test_space_before_a_wall_is_free_and_behind_it_unknown():
 def test_missing_depth_leaves_space_unknown():
     camera = Intrinsics(fx=100, fy=100, cx=49.5, cy=49.5, width=100, height=100)
     sight = DepthSight(np.full((100, 100), np.nan, np.float32), camera, SE3.identity())
-    assert np.isnan(sight.clearance(np.array([[0.0, 0.0, 0.5]]))).all()
+    assert np.isnan(sight.clearance(*np.array([[0.0], [0.0], [0.5]]))).all()
 
 
 def test_panoramic_sight_sees_as_far_as_the_first_surface():
     points = np.array([[2.0, 0.0, 0.0], [4.0, 0.001, 0.0]])
     sight = PanoramicSight.from_cloud(cloud_of(points, (0.0, 0.0, 0.0)))
     ahead = np.array([[1.0, 0.0, 0.0], [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-    clearance = sight.clearance(ahead)
+    clearance = sight.clearance(*ahead.T)
     assert clearance[0] == pytest.approx(1.0, abs=1e-5)
     assert clearance[1] == pytest.approx(-1.0, abs=1e-5)
     assert np.isnan(clearance[2])

@@ -9,9 +9,10 @@ from debrisgrasp.errors import CaptureError, ConfigError, FrameMismatchError, Sh
 from debrisgrasp.geometry import SE3, Bounds, Box, DepthSight, PointCloud, so3
 from debrisgrasp.planning.clearance import ClearanceConfig, HandClearance
 from debrisgrasp.planning.hands import HandSpace, PackedHands
-from debrisgrasp.planning.inspection import InspectionConfig, inspect
+from debrisgrasp.planning.inspection import InspectionConfig, Inspector
 from debrisgrasp.planning.scene import GraspScene, SceneConfig
 from debrisgrasp.planning.similarity import ShapeSimilarity, SimilarityConfig
+from debrisgrasp.planning.surfaces import VisibleSurfaces
 from debrisgrasp.prototypes import PrototypeLibrary
 from tests.scenes import CAMERA, LOOKING_DOWN_AND_AHEAD, capture_of, lying_pipe
 
@@ -55,7 +56,8 @@ def good_pose(library, along: float = 0.0) -> SE3:
 
 
 def similarity_of(scene, library, Ts: SE3) -> np.ndarray:
-    S = ShapeSimilarity(scene, library.select().packed(), SimilarityConfig())
+    surfaces = VisibleSurfaces.pack(library.packed(), 80)
+    S = ShapeSimilarity(scene, surfaces, SimilarityConfig())
     matrices = np.atleast_3d(Ts.matrix).reshape(-1, 4, 4)
     return S(matrices, np.zeros(len(matrices), dtype=int))[0]
 
@@ -167,7 +169,7 @@ def test_a_wall_in_the_way_in_blocks_an_approach_that_ends_clear(hands):
     only_pipe = PIPE.signed_distance(blocked.cloud().points) < 0.01
     scene = scene_of(blocked, only_pipe)
     assert clearance_of(scene, hands, pose) < 0.5
-    look = inspect(scene, hands, pose.matrix[None], np.zeros(1, dtype=int))
+    look = Inspector(scene, hands)(pose.matrix[None], np.zeros(1, dtype=int))
     assert look.approach_hits[0] > 20
     assert look.palm_hits[0] + look.finger_hits[0] == 0
 
@@ -179,7 +181,7 @@ def test_inspection_names_what_is_wrong(scene, hands, library):
         for shift in ((0, 0, -0.1), (0.07, 0, 0), (0, 0, 0.3))
     )
     Ts = np.stack([pose.matrix for pose in (good, lowered, beside, above)])
-    look = inspect(scene, hands, Ts, np.zeros(4, dtype=int))
+    look = Inspector(scene, hands)(Ts, np.zeros(4, dtype=int))
     reasons = look.reasons(InspectionConfig())
     assert not any(applies[0] for applies in reasons.values())
     assert reasons["the palm would hit something"][1]
@@ -193,9 +195,7 @@ def test_neighbour_between_the_fingers_is_foreign(library, hands):
     capture = capture_of([PIPE, neighbour])
     points = capture.cloud().points
     is_pipe = PIPE.signed_distance(points) < 0.005
-    look = inspect(
-        scene_of(capture, is_pipe),
-        hands,
+    look = Inspector(scene_of(capture, is_pipe), hands)(
         good_pose(library).matrix[None],
         np.zeros(1, dtype=int),
     )
@@ -209,7 +209,7 @@ def test_flags_of_the_hand_agree_with_its_solids(library, hands, rng):
     solids = gripper.solids(prototype.preshape, prototype.opening)
     points = rng.uniform([-0.15, -0.12, -0.14], [0.15, 0.12, 0.14], (20000, 3))
     depth = -np.min([s.signed_distance(points) for s in solids], axis=0)
-    flags = hands.spaces[0].at(points)
+    flags = hands.spaces.at(points.T[None].astype(np.float32), np.zeros(1, int))[0]
     is_inside = (flags & (HandSpace.PALM | HandSpace.FINGER)) > 0
     half_diagonal = 0.0035
     assert is_inside[depth > 0.004 + half_diagonal].all()

@@ -1,0 +1,127 @@
+"""What one capture says about the scene, worked out once and used by many plans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._stopwatch import Stopwatch
+from debrisgrasp._targets import Target
+from debrisgrasp.geometry import (
+    DepthSight,
+    LineOfSight,
+    PanoramicSight,
+    PointCloud,
+    voxel_downsample,
+)
+from debrisgrasp.io import Capture, measured
+from debrisgrasp.planning import GraspScene, ObstacleMap, SceneConfig
+from debrisgrasp.segmentation import Segmentation, SegmentationConfig, segment_cloud
+
+__all__ = ["Perception"]
+
+_KEPT_SCENES = 4
+"""Scenes of so many objects are remembered; each takes about 20 MB."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Perception:
+    """Cloud, objects, obstacles and scenes of one capture.
+
+    Planning again on the same perception, with another seed, object or deadline,
+    repeats nothing of it.
+    """
+
+    capture: Capture
+    cloud: PointCloud
+    """Every measured point, base frame."""
+    sight: LineOfSight
+    """Tells free from unknown space."""
+    segmentation: Segmentation
+    is_marked: BoolArray | None
+    """Which points a mask of the capture marks, shape (n,); None without a mask."""
+    scene_config: SceneConfig
+    _scenes: dict[tuple[object, ...], GraspScene] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        capture: Capture,
+        segmentation: SegmentationConfig,
+        scene: SceneConfig,
+        watch: Stopwatch,
+    ) -> Perception:
+        """Look at a capture.
+
+        Raises
+        ------
+        CaptureError
+            If the capture has no pose.
+        """
+        with watch.stage("cloud"):
+            cloud = capture.cloud()
+            sight = _sight(capture, cloud)
+        with watch.stage("segmentation"):
+            found = segment_cloud(cloud, segmentation)
+        marked = None if capture.mask is None else capture.mask[measured(capture)]
+        return cls(
+            capture=capture,
+            cloud=cloud,
+            sight=sight,
+            segmentation=found,
+            is_marked=marked,
+            scene_config=scene,
+        )
+
+    @cached_property
+    def obstacles(self) -> ObstacleMap:
+        """Everything in the way of an arm."""
+        thinned = self.cloud.selected(self._thinned)
+        return ObstacleMap.build(thinned, self.sight, self.ground_plane)
+
+    @property
+    def ground_plane(self) -> FloatArray | None:
+        """Plane of the ground (4,), where there was evidence for one."""
+        ground = self.segmentation.ground
+        return ground.plane if ground.status == "removed" else None
+
+    def scene(self, target: Target) -> GraspScene:
+        """Scene of a target, built when it is first asked for."""
+        is_object = target.is_object
+        box = target.region.lower.tobytes() + target.region.upper.tobytes()
+        key = (box, hash(np.packbits(is_object).tobytes()))
+        if key not in self._scenes:
+            while len(self._scenes) >= _KEPT_SCENES:
+                del self._scenes[next(iter(self._scenes))]
+            self._scenes[key] = GraspScene.build(
+                self.cloud.selected(self._thinned),
+                is_object[self._thinned],
+                target.region,
+                self.sight,
+                self.scene_config,
+                ground_plane=self.ground_plane,
+            )
+        return self._scenes[key]
+
+    @cached_property
+    def _thinned(self) -> IntArray:
+        """One point for each object in each cell: what planner and obstacles need."""
+        group = self.segmentation.labels.astype(np.int64)
+        if self.is_marked is not None:
+            group = 2 * group + self.is_marked
+        order = np.argsort(group, kind="stable")
+        parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+        spacing, points = self.scene_config.spacing, self.cloud.points
+        kept = [part[voxel_downsample(points[part], spacing)] for part in parts]
+        return np.sort(np.concatenate(kept))
+
+
+def _sight(capture: Capture, cloud: PointCloud) -> LineOfSight:
+    """Lines of sight of an image, or of a bare cloud."""
+    depth, camera, pose = capture.depth, capture.intrinsics, capture.T_base_camera
+    if depth is None or camera is None or pose is None:
+        return PanoramicSight.from_cloud(cloud)
+    return DepthSight(depth.astype(np.float32), camera, pose)

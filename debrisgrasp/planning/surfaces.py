@@ -1,0 +1,110 @@
+"""The surface of every prototype as each direction of view shows it, in arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray
+from debrisgrasp.prototypes import PackedPrototypes
+
+__all__ = ["VisibleSurfaces"]
+
+_TOUCHED = 0.7
+"""Cosine of the angle to the closing axis up to which a finger touches a face."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VisibleSurfaces:
+    """At most m visible points of p prototypes for each of d views, palm frame.
+
+    One row for each prototype and view, so that a pose needs a single lookup and no
+    time goes into points that the camera could not see.
+    """
+
+    surface: Float32Array
+    """Coordinates [m], then normals, of the points of each row, shape (p d, 6, m)."""
+    is_used: BoolArray
+    """Which entries are points, shape (p d, m)."""
+    is_touched: BoolArray
+    """Which of them lie on faces that the fingers touch, shape (p d, m)."""
+    count: Float32Array
+    """How many points each row has, shape (p d,)."""
+    palm_share: FloatArray
+    """How much of the surface that faces the palm each view shows, shape (p d,); NaN
+    for a prototype that has none."""
+    directions: Float32Array
+    """The views: unit vectors towards the camera, shape (3, d)."""
+
+    @classmethod
+    def pack(cls, prototypes: PackedPrototypes, max_points: int) -> VisibleSurfaces:
+        """Pick the points of each view evenly over the surface."""
+        rows, kept, is_used = _evenly(prototypes.is_visible, max_points)
+        surface = np.concatenate([prototypes.points, prototypes.normals], axis=2)
+        picked = surface.astype(np.float32)[rows[..., None], kept]
+        p, d, m = kept.shape
+        table = np.ascontiguousarray(np.moveaxis(picked, 3, 2)).reshape(p * d, 6, m)
+        # The fingers close along x of the hand.
+        is_touched = is_used.reshape(p * d, m) & (np.abs(table[:, 3]) > _TOUCHED)
+        return cls(
+            surface=table,
+            is_used=is_used.reshape(p * d, m),
+            is_touched=is_touched,
+            count=is_used.sum(axis=-1, dtype=np.float32).ravel(),
+            palm_share=_palm_share(prototypes),
+            directions=np.ascontiguousarray(prototypes.directions.T, np.float32),
+        )
+
+    def rows(
+        self,
+        R: Float32Array,
+        t: Float32Array,
+        prototype: IntArray,
+        viewpoint: FloatArray,
+    ) -> IntArray:
+        """Row for each pose: its prototype in the view nearest to the camera's, (k,).
+
+        Parameters
+        ----------
+        R, t
+            Rotations (k, 3, 3) and positions [m] (k, 3) of the hand.
+        viewpoint
+            Of the camera [m], in the same frame, shape (3,).
+        """
+        to_camera = (viewpoint.astype(np.float32) - t)[:, None] @ R
+        # One small product a pose: a single large one would start threads, which cost
+        # more than they save on a machine that has other work.
+        nearest = np.argmax(to_camera @ self.directions, axis=-1)[:, 0]
+        row: IntArray = prototype * self.directions.shape[1] + nearest
+        return row
+
+
+def _palm_share(prototypes: PackedPrototypes) -> FloatArray:
+    """See `VisibleSurfaces.palm_share`."""
+    faces_palm = prototypes.mask & (prototypes.normals[..., 2] < -_TOUCHED)
+    seen = prototypes.is_visible @ faces_palm[..., None].astype(np.float32)
+    total = faces_palm.sum(axis=1).astype(np.float64)
+    total[total == 0] = np.nan
+    share: FloatArray = (seen[..., 0] / total[:, None]).ravel()
+    return share
+
+
+def _evenly(
+    is_visible: BoolArray, max_points: int
+) -> tuple[IntArray, IntArray, BoolArray]:
+    """Pick at most ``max_points`` visible points, evenly over their order.
+
+    Returns
+    -------
+    rows, columns, is_used
+        Indices that broadcast to (p, d, m), and which of the picks are real points.
+    """
+    counts = is_visible.sum(axis=-1)[..., None]
+    taken = np.minimum(counts, max_points)
+    slot = np.arange(min(max_points, max(1, int(counts.max()))))
+    rank = np.minimum(slot * counts // np.maximum(taken, 1), np.maximum(counts - 1, 0))
+    # Visible points first, in their order.
+    order = np.argsort(~is_visible, axis=-1, kind="stable")
+    columns = np.take_along_axis(order, rank, axis=-1)
+    return np.arange(len(is_visible))[:, None], columns, slot < taken
