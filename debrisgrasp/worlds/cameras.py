@@ -1,0 +1,85 @@
+"""Where a depth camera on a robot's head stands, and what kind it is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import Rng
+from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import SE3, Intrinsics, so3
+
+__all__ = ["draw_intrinsics", "draw_view", "look_at"]
+
+
+def look_at(eye: ArrayLike, target: ArrayLike, *, roll: float = 0.0) -> SE3:
+    """Pose ``T_base_camera`` whose optical axis meets the target.
+
+    Parameters
+    ----------
+    eye, target
+        Positions in the base frame [m], shape (3,).
+    roll
+        Turn about the optical axis [rad]; at 0 the image's rows are level.
+
+    Raises
+    ------
+    InputError
+        If the target lies at, or straight above or below, the eye.
+    """
+    eye = np.asarray(eye, dtype=np.float64)
+    z = np.asarray(target, dtype=np.float64) - eye
+    x = np.cross(z, (0.0, 0.0, 1.0))
+    if not np.linalg.norm(x) > 1e-9 * max(1.0, float(np.linalg.norm(z))):
+        raise InputError(
+            "target of a camera",
+            got=f"{np.asarray(target).tolist()} seen from {eye.tolist()}",
+            expected="a place that is not straight above or below the camera",
+        )
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    R = np.stack([x, np.cross(z, x), z], axis=-1)
+    return SE3.from_parts(R @ so3.exp(np.array([0.0, 0.0, roll])), eye)
+
+
+def draw_intrinsics(rng: Rng) -> Intrinsics:
+    """Draw intrinsics of one D435 or another, at 640 x 480."""
+    f = rng.uniform(610.0, 622.0)
+    return Intrinsics(
+        fx=f,
+        fy=f,
+        cx=rng.normal(319.5, 3.0),
+        cy=rng.normal(239.5, 4.0),
+        width=640,
+        height=480,
+    )
+
+
+def draw_view(
+    target: ArrayLike,
+    *,
+    rng: Rng,
+    height: tuple[float, float] = (1.15, 1.9),
+    tilt: tuple[float, float] = (38.0, 58.0),
+) -> SE3:
+    """Draw a pose of the camera that looks down at a place, from the robot's side.
+
+    Parameters
+    ----------
+    target
+        What to look at, base frame [m], shape (3,).
+    rng
+        Source of randomness.
+    height
+        Range of the camera's height above the base plane [m].
+    tilt
+        Range of the angle below the horizon at which it looks [degrees].
+    """
+    target = np.asarray(target, dtype=np.float64)
+    z = rng.uniform(*height)
+    angle = np.radians(rng.uniform(*tilt))
+    distance = (z - target[2]) / np.tan(angle)
+    heading = rng.normal(0.0, 0.1)
+    back = np.array([-np.cos(heading), np.sin(heading)])
+    eye = np.array([*(target[:2] + distance * back), z])
+    aside = rng.normal(0.0, 0.05, 2)
+    return look_at(eye, target + np.array([*aside, 0.0]))

@@ -1,0 +1,63 @@
+"""What there is: bodies on a ground."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from debrisgrasp.errors import InputError, UnknownNameError
+from debrisgrasp.geometry import SE3
+
+from .body import Body
+from .ground import Ground
+
+__all__ = ["World"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """Bodies on a ground, frame base (z up).
+
+    Raises
+    ------
+    InputError
+        If there is no body, or two share a name.
+    """
+
+    bodies: tuple[Body, ...]
+    ground: Ground = field(default_factory=Ground.level)
+    name: str = "world"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bodies", tuple(self.bodies))
+        if not self.bodies:
+            raise InputError("bodies of a world", got="none", expected="one or more")
+        counts = Counter(body.name for body in self.bodies)
+        twice = [name for name, count in counts.items() if count > 1]
+        if twice:
+            raise InputError(
+                "names of bodies", got=f"{twice} more than once", expected="one of each"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies, in order."""
+        return tuple(body.name for body in self.bodies)
+
+    def index(self, name: str) -> int:
+        """Position of a body among the bodies, by its name."""
+        if name not in self.names:
+            raise UnknownNameError("body", name, self.names)
+        return self.names.index(name)
+
+    def placed(self, poses: Sequence[SE3]) -> World:
+        """Return the same bodies at other poses ``T_base_body``."""
+        moved = [b.at(pose) for b, pose in zip(self.bodies, poses, strict=True)]
+        return replace(self, bodies=tuple(moved))
+
+    def without(self, *names: str) -> World:
+        """Return the world without some of its bodies."""
+        gone = {self.index(name) for name in names}
+        kept = [body for i, body in enumerate(self.bodies) if i not in gone]
+        return replace(self, bodies=tuple(kept))
