@@ -97,6 +97,7 @@ def _grasp_to_dict(grasp: Grasp) -> dict[str, Any]:
         "S": _rounded(grasp.S),
         "C": _rounded(grasp.C),
         "R": _rounded(grasp.R),
+        "expected": _rounded(grasp.expected),
         "score": _rounded(grasp.score),
         "approach": {
             "pregrasp": _rounded(grasp.T_base_pregrasp.matrix),
@@ -142,6 +143,8 @@ def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
         S=float(content["S"]),
         C=float(content["C"]),
         R=float(content["R"]),
+        # Files of earlier versions do not have it.
+        expected=float(content.get("expected", content["score"])),
         score=float(content["score"]),
         arm=content["arm"],
         joints=None

@@ -9,6 +9,7 @@ from .plan import Grasp, GraspPlan, PassedOver
 from .planner import GraspPlanner, SearchResult
 from .proposals import LocalMove
 from .reach import Arm, ReachAnswer
+from .robustness import PoseUncertainty
 from .scene import GraspScene, SceneConfig
 from .search import Watch
 from .similarity import SimilarityConfig
@@ -25,6 +26,7 @@ __all__ = [
     "ObstacleMap",
     "PassedOver",
     "PlannerConfig",
+    "PoseUncertainty",
     "ReachAnswer",
     "SceneConfig",
     "Schedule",

@@ -12,6 +12,7 @@ from .annealing import Schedule
 from .clearance import ClearanceConfig
 from .inspection import InspectionConfig
 from .proposals import LocalMove
+from .robustness import PoseUncertainty
 from .scene import SceneConfig
 from .similarity import SimilarityConfig
 
@@ -64,6 +65,9 @@ class PlannerConfig:
     """Visible points of each prototype used during the search."""
     final_points: int = 80
     """Visible points of each prototype that the final score uses."""
+    uncertainty: PoseUncertainty = PoseUncertainty()
+    """How far the hand may end up from the planned pose: the ranking is by the quality
+    expected then."""
     minimum_score: float = 0.35
     """Grasps whose Q-hat is below this are not offered."""
     minimum_evidence: float = 0.5

@@ -31,6 +31,9 @@ class Grasp:
     """Freedom from collision in [0, 1]: 1 clear, 0 in collision."""
     R: float
     """Reachability: 1 if the arm takes the pose without collision, else 0."""
+    expected: float
+    """Quality expected when the hand ends up a little beside the pose (see
+    `PoseUncertainty`), in [0, 1]."""
     score: float
     """What the list is sorted by, best first."""
     arm: str | None = None

@@ -126,5 +126,6 @@ class GraspPlanner:
             S=float(found.S[index]),
             C=float(found.C[index]),
             R=1.0,
+            expected=float(found.expected[index]),
             score=float(found.score[index]),
         )

@@ -24,6 +24,7 @@ from .modes import distinct
 from .proposals import GlobalMove
 from .quality import GraspQuality
 from .reach import Arm
+from .robustness import expected_quality
 from .scene import GraspScene
 from .similarity import ShapeSimilarity
 from .surfaces import VisibleSurfaces
@@ -55,6 +56,8 @@ class Candidates:
     prototype: IntArray
     S: FloatArray
     C: FloatArray
+    expected: FloatArray
+    """Mean of S C over the errors of the pose."""
     score: FloatArray
 
     @classmethod
@@ -62,7 +65,8 @@ class Candidates:
         """Take the best state of every walker, with Q-hat for a score."""
         nothing = np.full(len(prototype), np.nan)
         value = np.exp(walkers.best_log_quality)
-        return cls(walkers.best_Ts_base_hand, prototype, nothing, nothing, value)
+        Ts = walkers.best_Ts_base_hand
+        return cls(Ts, prototype, nothing, nothing, nothing, value)
 
     def __getitem__(self, keep: BoolArray | IntArray) -> Candidates:
         return Candidates(
@@ -70,6 +74,7 @@ class Candidates:
             self.prototype[keep],
             self.S[keep],
             self.C[keep],
+            self.expected[keep],
             self.score[keep],
         )
 
@@ -227,8 +232,11 @@ class GraspSearch:
         quality = S * C
         is_poor = ok & (quality < config.minimum_score)
         ledger["the shape fits too poorly"] += int(is_poor.sum())
-        score = quality * self._lever_factor(scene, found.Ts, found.prototype)
-        kept = Candidates(found.Ts, found.prototype, S, C, score)[ok & ~is_poor]
+        ok &= ~is_poor
+        Ts, prototype = found.Ts[ok], found.prototype[ok]
+        expected = self._expected(scene, clearance, Ts, prototype)
+        score = expected * self._lever_factor(scene, Ts, prototype)
+        kept = Candidates(Ts, prototype, S[ok], C[ok], expected, score)
         best = distinct(
             kept.Ts,
             self.gripper_of[kept.prototype],
@@ -238,6 +246,23 @@ class GraspSearch:
             limit=config.max_ranked,
         )
         return kept[best]
+
+    def _expected(
+        self,
+        scene: GraspScene,
+        clearance: HandClearance,
+        Ts_base_hand: FloatArray,
+        prototype: IntArray,
+    ) -> FloatArray:
+        """Mean of S C over the errors of the pose, shape (k,)."""
+        similarity = ShapeSimilarity(scene, self._coarse, self._config.similarity)
+
+        def quality(Ts: FloatArray, which: IntArray) -> FloatArray:
+            return similarity(Ts, which)[0] * clearance(Ts, which, np.zeros(len(Ts)))
+
+        return expected_quality(
+            quality, self._config.uncertainty, Ts_base_hand, prototype
+        )
 
     def _lever_factor(
         self, scene: GraspScene, Ts: FloatArray, prototype: IntArray

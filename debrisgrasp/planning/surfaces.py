@@ -40,17 +40,20 @@ class VisibleSurfaces:
     @classmethod
     def pack(cls, prototypes: PackedPrototypes, max_points: int) -> VisibleSurfaces:
         """Pick the points of each view evenly over the surface."""
-        rows, kept, is_used = _evenly(prototypes.is_visible, max_points)
+        p, d, _ = prototypes.is_visible.shape
+        m = min(max_points, max(1, int(prototypes.is_visible.sum(axis=-1).max())))
+        table = np.empty((p, d, 6, m), dtype=np.float32)
+        is_used = np.empty((p, d, m), dtype=bool)
         surface = np.concatenate([prototypes.points, prototypes.normals], axis=2)
-        picked = surface.astype(np.float32)[rows[..., None], kept]
-        p, d, m = kept.shape
-        table = np.ascontiguousarray(np.moveaxis(picked, 3, 2)).reshape(p * d, 6, m)
+        for row, is_visible in enumerate(prototypes.is_visible):
+            kept, is_used[row] = _evenly(is_visible, m)
+            table[row] = np.moveaxis(surface[row].astype(np.float32)[kept], 1, 2)
         # The fingers close along x of the hand.
-        is_touched = is_used.reshape(p * d, m) & (np.abs(table[:, 3]) > _TOUCHED)
+        is_touched = is_used & (np.abs(table[:, :, 3]) > _TOUCHED)
         return cls(
-            surface=table,
+            surface=table.reshape(p * d, 6, m),
             is_used=is_used.reshape(p * d, m),
-            is_touched=is_touched,
+            is_touched=is_touched.reshape(p * d, m),
             count=is_used.sum(axis=-1, dtype=np.float32).ravel(),
             palm_share=_palm_share(prototypes),
             directions=np.ascontiguousarray(prototypes.directions.T, np.float32),
@@ -90,21 +93,17 @@ def _palm_share(prototypes: PackedPrototypes) -> FloatArray:
     return share
 
 
-def _evenly(
-    is_visible: BoolArray, max_points: int
-) -> tuple[IntArray, IntArray, BoolArray]:
-    """Pick at most ``max_points`` visible points, evenly over their order.
+def _evenly(is_visible: BoolArray, m: int) -> tuple[IntArray, BoolArray]:
+    """Pick at most m visible points of each view (d, n), evenly over their order.
 
     Returns
     -------
-    rows, columns, is_used
-        Indices that broadcast to (p, d, m), and which of the picks are real points.
+    columns, is_used
+        Indices into the n points, and which of the picks are real ones, both (d, m).
     """
-    counts = is_visible.sum(axis=-1)[..., None]
-    taken = np.minimum(counts, max_points)
-    slot = np.arange(min(max_points, max(1, int(counts.max()))))
+    counts = is_visible.sum(axis=1)[:, None]
+    taken, slot = np.minimum(counts, m), np.arange(m)
     rank = np.minimum(slot * counts // np.maximum(taken, 1), np.maximum(counts - 1, 0))
     # Visible points first, in their order.
-    order = np.argsort(~is_visible, axis=-1, kind="stable")
-    columns = np.take_along_axis(order, rank, axis=-1)
-    return np.arange(len(is_visible))[:, None], columns, slot < taken
+    order = np.argsort(~is_visible, axis=1, kind="stable")
+    return np.take_along_axis(order, rank, axis=1), slot < taken

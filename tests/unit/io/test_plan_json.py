@@ -30,6 +30,7 @@ def plan(rng) -> GraspPlan:
         S=0.8,
         C=0.9,
         R=1.0,
+        expected=0.75,
         score=0.72,
         arm="right",
         joints={"right_arm_joint1": 0.1, "right_arm_joint2": -0.0},
