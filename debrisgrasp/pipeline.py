@@ -32,17 +32,13 @@ from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, load_grippers
 from debrisgrasp.segmentation import (
     Candidate,
     GroundReport,
-    PriorityPoint,
     Segmentation,
     SegmentationConfig,
     SelectionPolicy,
+    SupportAware,
 )
 
 __all__ = ["Perception", "Pipeline", "PipelineConfig", "PlanningResult", "Progress"]
-
-DEFAULT_PRIORITY_POINT = (0.9, 0.0, 1.0)
-"""Above the middle of the workspace, base frame [m]: what lies near and on top comes
-first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,8 +98,8 @@ class Pipeline:
     grippers
         Folder of files of further hands; only the shipped hands by default.
     policy
-        In which order to take the objects; by distance to the priority point (Eq. 1) by
-        default.
+        In which order to take the objects; `SupportAware` by default, `PriorityPoint`
+        for the paper's (Eq. 1).
     config
         Settings of the stages.
 
@@ -127,7 +123,6 @@ class Pipeline:
         config: PipelineConfig | None = None,
     ) -> None:
         self.config = config or PipelineConfig()
-        self.policy = policy or PriorityPoint.at(*DEFAULT_PRIORITY_POINT)
         self.robot = None if robot == "none" else RobotModel.load(robot)
         self.arms = _arms(self.robot, arm, gripper)
         library = PrototypeLibrary.load(
@@ -147,6 +142,8 @@ class Pipeline:
                 mend="`debrisgrasp prototype list` shows which hand each is for.",
             )
         self.grippers: Mapping[str, GripperModel] = library.grippers
+        openings = tuple(hand.opening_range[1] for hand in self.grippers.values())
+        self.policy = policy or SupportAware(openings=openings)
         self._generic = GraspPlanner(generic, self.config.planner)
         self._library = library
 
@@ -232,6 +229,7 @@ class Pipeline:
             seed=seed,
             rejections={} if result is None else result.rejections,
             passed_over=tuple(passed_over),
+            effective_samples=0.0 if result is None else result.effective_samples,
             why_empty=None if grasps else why_empty(segmentation, passed_over),
             seconds=dict(watch.seconds),
         )

@@ -34,6 +34,7 @@ def plan_to_dict(plan: GraspPlan) -> dict[str, Any]:
         if region is None
         else {"lower": _rounded(region.lower), "upper": _rounded(region.upper)},
         "grasps": [_grasp_to_dict(grasp) for grasp in plan.grasps],
+        "effective_samples": _rounded(plan.effective_samples),
         "why_empty": plan.why_empty,
         "rejections": {reason: int(n) for reason, n in plan.rejections.items()},
         "passed_over": [
@@ -97,6 +98,8 @@ def _grasp_to_dict(grasp: Grasp) -> dict[str, Any]:
         "S": _rounded(grasp.S),
         "C": _rounded(grasp.C),
         "R": _rounded(grasp.R),
+        "coverage": _rounded(grasp.coverage),
+        "support": grasp.support,
         "expected": _rounded(grasp.expected),
         "score": _rounded(grasp.score),
         "approach": {
@@ -126,6 +129,7 @@ def _plan_from_dict(content: dict[str, Any]) -> GraspPlan:
             PassedOver(int(passed["object"]), str(passed["reason"]))
             for passed in content["passed_over"]
         ),
+        effective_samples=float(content.get("effective_samples", 0.0)),
         why_empty=content["why_empty"],
     )
 
@@ -143,7 +147,9 @@ def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
         S=float(content["S"]),
         C=float(content["C"]),
         R=float(content["R"]),
-        # Files of earlier versions do not have it.
+        # Files of earlier versions do not have these.
+        coverage=float(content.get("coverage", 0.0)),
+        support=int(content.get("support", 0)),
         expected=float(content.get("expected", content["score"])),
         score=float(content["score"]),
         arm=content["arm"],

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from debrisgrasp._arrays import FloatArray, IntArray
 
-__all__ = ["distinct"]
+__all__ = ["count_near", "distinct"]
 
 
 def distinct(
@@ -56,3 +56,34 @@ def distinct(
         is_open &= ~is_near
         is_open[i] = False
     return order[np.array(kept, dtype=np.int64)]
+
+
+def count_near(
+    Ts: FloatArray,
+    group: IntArray | NDArray[np.str_],
+    others: FloatArray,
+    others_group: IntArray | NDArray[np.str_],
+    *,
+    distance: float,
+    angle: float,
+) -> IntArray:
+    """Count for each pose (k, 4, 4) the other poses (n, 4, 4) of its group near it.
+
+    Parameters
+    ----------
+    group, others_group
+        Of each pose, shapes (k,) and (n,).
+    distance, angle
+        What counts as near [m] and [rad].
+
+    Returns
+    -------
+    IntArray
+        Shape (k,).
+    """
+    gap = np.linalg.norm(Ts[:, None, :3, 3] - others[None, :, :3, 3], axis=-1)
+    rotations = others[:, :3, :3].reshape(-1, 9)
+    trace = Ts[:, :3, :3].reshape(-1, 9) @ rotations.T
+    is_near = (gap < distance) & ((trace - 1.0) / 2.0 > np.cos(angle))
+    found: IntArray = (is_near & (group[:, None] == others_group)).sum(axis=1)
+    return found

@@ -31,6 +31,11 @@ class Grasp:
     """Freedom from collision in [0, 1]: 1 clear, 0 in collision."""
     R: float
     """Reachability: 1 if the arm takes the pose without collision, else 0."""
+    coverage: float
+    """Share of the prototype's visible surface that was seen; the rest of S is
+    guesswork."""
+    support: int
+    """How many walkers of the search ended at this grasp: agreement between chains."""
     expected: float
     """Quality expected when the hand ends up a little beside the pose (see
     `PoseUncertainty`), in [0, 1]."""
@@ -79,6 +84,9 @@ class GraspPlan:
     """How many candidate poses each reason ruled out."""
     passed_over: tuple[PassedOver, ...] = ()
     """Objects that were tried first, in order, each with its reason."""
+    effective_samples: float = 0.0
+    """Walkers of the search, weighted by the quality that they found: close to their
+    number where many places are as good, close to 1 where one was found by luck."""
     why_empty: str | None = None
     """One sentence that says why there is no grasp; None if there is one."""
     seconds: Mapping[str, float] = field(default_factory=dict)

@@ -16,7 +16,7 @@ from .config import PlannerConfig
 from .plan import Grasp
 from .reach import Arm, Distance
 from .scene import GraspScene
-from .search import Candidates, GraspSearch, Watch
+from .search import GraspSearch, Modes, Watch
 
 __all__ = ["GraspPlanner", "SearchResult"]
 
@@ -28,6 +28,8 @@ class SearchResult:
     grasps: tuple[Grasp, ...]
     rejections: Mapping[str, int] = field(default_factory=dict)
     """How many distinct poses each reason ruled out."""
+    effective_samples: float = 0.0
+    """See `GraspPlan.effective_samples`."""
 
     def why_empty(self) -> str | None:
         """One sentence that says why there is no grasp, or None if there is one."""
@@ -79,11 +81,11 @@ class GraspPlanner:
         found = self._search.run(scene, arms, watch, ledger, rng=search_rng)
         with watch.stage("reachability"):
             grasps = self._ranked(found, arms, distance, arm_rng, ledger)
-        return SearchResult(grasps, +ledger)
+        return SearchResult(grasps, +ledger, found.effective_samples)
 
     def _ranked(
         self,
-        found: Candidates,
+        found: Modes,
         arms: Sequence[Arm],
         distance: Distance,
         rng: Rng,
@@ -111,7 +113,7 @@ class GraspPlanner:
         grasps.sort(key=lambda grasp: -grasp.score)
         return tuple(grasps[: config.n_best])
 
-    def _grasp(self, found: Candidates, index: int) -> Grasp:
+    def _grasp(self, found: Modes, index: int) -> Grasp:
         prototype = self._prototypes[found.prototype[index]]
         T_base_hand = SE3(found.Ts[index])
         retreat = SE3.from_parts(p=(0.0, 0.0, -self._config.clearance.approach))
@@ -127,5 +129,7 @@ class GraspPlanner:
             C=float(found.C[index]),
             R=1.0,
             expected=float(found.expected[index]),
+            coverage=float(found.coverage[index]),
+            support=int(found.support[index]),
             score=float(found.score[index]),
         )

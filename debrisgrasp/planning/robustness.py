@@ -63,5 +63,5 @@ def expected_quality(
     offsets = uncertainty.offsets().matrix
     moved = (Ts_base_hand[:, None] @ offsets).reshape(-1, 4, 4)
     values = quality(moved, np.repeat(prototype, len(offsets)))
-    mean: FloatArray = values.reshape(-1, len(offsets)).mean(axis=1)
+    mean: FloatArray = values.reshape(len(prototype), len(offsets)).mean(axis=1)
     return mean

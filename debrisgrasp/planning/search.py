@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +20,7 @@ from .config import PlannerConfig
 from .exploration import climb, explore
 from .hands import PackedHands
 from .inspection import Inspector
-from .modes import distinct
+from .modes import count_near, distinct
 from .proposals import GlobalMove
 from .quality import GraspQuality
 from .reach import Arm
@@ -29,7 +29,7 @@ from .scene import GraspScene
 from .similarity import ShapeSimilarity
 from .surfaces import VisibleSurfaces
 
-__all__ = ["Candidates", "GraspSearch", "Watch"]
+__all__ = ["Candidates", "GraspSearch", "Modes", "Watch"]
 
 
 class Watch(Protocol):
@@ -54,29 +54,60 @@ class Candidates:
 
     Ts: FloatArray
     prototype: IntArray
-    S: FloatArray
-    C: FloatArray
-    expected: FloatArray
-    """Mean of S C over the errors of the pose."""
     score: FloatArray
+    """Q-hat times the preference."""
 
     @classmethod
     def scored_by(cls, walkers: Walkers, prototype: IntArray) -> Candidates:
-        """Take the best state of every walker, with Q-hat for a score."""
-        nothing = np.full(len(prototype), np.nan)
+        """Take the best state of every walker."""
         value = np.exp(walkers.best_log_quality)
-        Ts = walkers.best_Ts_base_hand
-        return cls(Ts, prototype, nothing, nothing, nothing, value)
+        return cls(walkers.best_Ts_base_hand, prototype, value)
 
     def __getitem__(self, keep: BoolArray | IntArray) -> Candidates:
-        return Candidates(
-            self.Ts[keep],
-            self.prototype[keep],
-            self.S[keep],
-            self.C[keep],
-            self.expected[keep],
-            self.score[keep],
+        return Candidates(self.Ts[keep], self.prototype[keep], self.score[keep])
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Modes:
+    """Distinct poses that passed the inspection, best score first, one row each."""
+
+    Ts: FloatArray
+    prototype: IntArray
+    S: FloatArray
+    C: FloatArray
+    coverage: FloatArray
+    """Share of the prototype's visible surface that was seen."""
+    expected: FloatArray
+    """Mean of S C over the errors of the pose."""
+    score: FloatArray
+    """What the list is sorted by."""
+    support: IntArray
+    """How many walkers ended at each."""
+    effective_samples: float = 0.0
+    """Walkers weighted by what they found; few of many is one lucky find."""
+
+    @classmethod
+    def none(cls) -> Modes:
+        """No mode at all."""
+        empty, index = np.zeros(0), np.zeros(0, dtype=np.int64)
+        return cls(
+            Ts=np.zeros((0, 4, 4)),
+            prototype=index,
+            S=empty,
+            C=empty,
+            coverage=empty,
+            expected=empty,
+            score=empty,
+            support=index,
         )
+
+    def __getitem__(self, keep: BoolArray | IntArray) -> Modes:
+        columns = {
+            field.name: getattr(self, field.name)[keep]
+            for field in fields(self)
+            if field.name != "effective_samples"
+        }
+        return replace(self, **columns)
 
 
 class GraspSearch:
@@ -103,7 +134,7 @@ class GraspSearch:
         ledger: Counter[str],
         *,
         rng: Rng,
-    ) -> Candidates:
+    ) -> Modes:
         """Find distinct poses whose Q-hat is high enough, best score first.
 
         Parameters
@@ -116,13 +147,13 @@ class GraspSearch:
         with watch.stage("search"):
             quality = self._quality(scene, arms)
             states = self._explored(scene, quality, watch, rng)
-            modes = self._refined(quality, self._modes(scene, states), watch, rng)
-            if arms and not len(modes.Ts):
+            tops = self._refined(quality, self._modes(scene, states), watch, rng)
+            if arms and not len(tops.Ts):
                 ledger["no arm gets that far"] += self._n_too_far(
                     scene, arms, watch, rng
                 )
         with watch.stage("inspection"):
-            return self._inspected(scene, modes, ledger)
+            return self._inspected(scene, tops, states, ledger)
 
     def _quality(self, scene: GraspScene, arms: Sequence[Arm]) -> GraspQuality:
         """Q-hat of this scene times what makes one grasp better than the next."""
@@ -207,14 +238,20 @@ class GraspSearch:
         return Candidates.scored_by(walkers, found.prototype)
 
     def _inspected(
-        self, scene: GraspScene, found: Candidates, ledger: Counter[str]
-    ) -> Candidates:
+        self,
+        scene: GraspScene,
+        found: Candidates,
+        states: Candidates,
+        ledger: Counter[str],
+    ) -> Modes:
         """Score with every point and the exact solids; count what falls out."""
         config = self._config
         if not len(found.Ts):
-            return found
+            return Modes.none()
         similarity = ShapeSimilarity(scene, self._fine, config.similarity)
-        S = similarity(found.Ts, found.prototype)[0].astype(np.float64)
+        S, coverage = (
+            term.astype(np.float64) for term in similarity(found.Ts, found.prototype)
+        )
         clearance = HandClearance(scene, self._hands, config.clearance)
         C = clearance.exposure(found.Ts, found.prototype)
         look = Inspector(scene, self._hands)(found.Ts, found.prototype)
@@ -236,7 +273,17 @@ class GraspSearch:
         Ts, prototype = found.Ts[ok], found.prototype[ok]
         expected = self._expected(scene, clearance, Ts, prototype)
         score = expected * self._lever_factor(scene, Ts, prototype)
-        kept = Candidates(Ts, prototype, S[ok], C[ok], expected, score)
+        kept = Modes(
+            Ts=Ts,
+            prototype=prototype,
+            S=S[ok],
+            C=C[ok],
+            coverage=coverage[ok],
+            expected=expected,
+            score=score,
+            support=np.zeros(len(Ts), dtype=np.int64),
+            effective_samples=_effective_count(states.score),
+        )
         best = distinct(
             kept.Ts,
             self.gripper_of[kept.prototype],
@@ -245,7 +292,16 @@ class GraspSearch:
             angle=config.mode_angle,
             limit=config.max_ranked,
         )
-        return kept[best]
+        modes = kept[best]
+        support = count_near(
+            modes.Ts,
+            self.gripper_of[modes.prototype],
+            states.Ts,
+            self.gripper_of[states.prototype],
+            distance=config.mode_distance,
+            angle=config.mode_angle,
+        )
+        return replace(modes, support=support)
 
     def _expected(
         self,
@@ -273,3 +329,8 @@ class GraspSearch:
         lever2 = np.square(grip - scene.centroid[:2]).sum(axis=1)
         factor: FloatArray = 1.0 / (1.0 + lever2 / self._config.lever_scale**2)
         return factor
+
+
+def _effective_count(weight: FloatArray) -> float:
+    """Kish's effective number of samples of these weights (k,)."""
+    return float(weight.sum() ** 2 / max(float((weight**2).sum()), 1e-300))

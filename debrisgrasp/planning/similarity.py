@@ -128,6 +128,25 @@ class ShapeSimilarity:
         similarity = np.where(seen >= least, trust * similarity, 0.0)
         return similarity.astype(np.float32), coverage.astype(np.float32)
 
+    def mean_distance(
+        self, Ts_base_hand: FloatArray, prototype: IntArray
+    ) -> FloatArray:
+        """Eq. 5 as the paper prints it: mean distance to the object [m], shape (k,).
+
+        Of the points that the camera could see in that pose, to the nearest measured
+        point; at most the truncation of the scene's field, also where the nearest point
+        belongs to something else. Smaller is better; it knows neither normals nor free
+        space.
+        """
+        look, row = self._look(Ts_base_hand.astype(np.float32), prototype)
+        farthest = np.float32(self._scene.field.truncation)
+        distance = np.sqrt(look.along * look.along + look.beside * look.beside)
+        distance = np.where(look.is_target > 0, distance, farthest)
+        is_used = self._surfaces.is_used[row]
+        total = (np.minimum(distance, farthest) * is_used).sum(axis=1)
+        mean: FloatArray = total / np.maximum(self._surfaces.count[row], 1)
+        return np.where(self._surfaces.count[row] > 0, mean, farthest)
+
     def evidence_of_thickness(
         self, Ts_base_hand: FloatArray, prototype: IntArray
     ) -> FloatArray:

@@ -30,6 +30,8 @@ def plan(rng) -> GraspPlan:
         S=0.8,
         C=0.9,
         R=1.0,
+        coverage=0.9,
+        support=12,
         expected=0.75,
         score=0.72,
         arm="right",

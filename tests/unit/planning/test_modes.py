@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from debrisgrasp.geometry import SE3
-from debrisgrasp.planning.modes import distinct
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.planning.modes import count_near, distinct
 
 SETTINGS = {"distance": 0.03, "angle": 0.4, "limit": 100}
 
@@ -39,3 +39,21 @@ def test_limit_and_no_poses_at_all():
     assert len(distinct(Ts, np.zeros(9, int), np.arange(9.0), **settings)) == 4
     none = distinct(Ts[:0], np.zeros(0, int), np.zeros(0), **SETTINGS)
     assert none.shape == (0,)
+
+
+def test_poses_near_each_other_are_counted_within_their_group():
+    Ts = np.tile(np.eye(4), (2, 1, 1))
+    Ts[1, 0, 3] = 1.0
+    others = np.tile(np.eye(4), (5, 1, 1))
+    others[1, 0, 3] = 0.02  # near the first
+    others[2, 0, 3] = 0.05  # too far
+    others[3, :3, :3] = so3.exp(np.array([0.0, 0.0, 0.5]))  # turned too far
+    counts = count_near(
+        Ts,
+        np.array(["a", "b"]),
+        others,
+        np.array(["a", "a", "a", "a", "b"]),
+        distance=0.03,
+        angle=0.4,
+    )
+    assert counts.tolist() == [2, 0]

@@ -235,3 +235,37 @@ def test_scene_without_a_point_of_the_object_is_refused():
 def test_a_kernel_without_width_is_refused():
     with pytest.raises(ConfigError, match="sigma"):
         SimilarityConfig(sigma=0.0)
+
+
+def test_mean_distance_is_that_of_equation_five(scene, library):
+    """On the shape about zero, lifted by 2 cm about 2 cm, off it the truncation."""
+    surfaces = VisibleSurfaces.pack(library.packed(), 80)
+    similarity = ShapeSimilarity(scene, surfaces, SimilarityConfig())
+    good = good_pose(library)
+    lifted, away = (
+        SE3.from_parts(good.R, good.p + np.array([0, 0, dz])).matrix
+        for dz in (0.02, 0.5)
+    )
+    Ts = np.stack([good.matrix, lifted, away])
+    exact, near, far = similarity.mean_distance(Ts, np.zeros(3, dtype=int))
+    # The nearest thinned point is up to a cell away even on the surface.
+    assert exact < 0.008
+    assert 0.012 < near < 0.03
+    assert far == pytest.approx(scene.field.truncation, abs=1e-6)
+
+
+def test_alignment_draws_a_pose_onto_the_surface(scene, library, rng):
+    surfaces = VisibleSurfaces.pack(library.packed(), 24)
+    similarity = ShapeSimilarity(scene, surfaces, SimilarityConfig())
+    twists = rng.uniform(-1, 1, (64, 6)) * np.repeat([0.012, 0.1], 3)
+    Ts = (good_pose(library) @ SE3.exp(twists)).matrix
+    which = np.zeros(64, dtype=int)
+    before = similarity(Ts, which)[0]
+    moved = Ts
+    for _ in range(4):
+        moved = similarity.aligned(moved, which)
+    after = similarity(moved, which)[0]
+    assert np.median(after) > np.median(before) + 0.1
+    assert np.mean(after > before - 0.02) > 0.9
+    R = moved[:, :3, :3]
+    assert np.allclose(R @ R.transpose(0, 2, 1), np.eye(3), atol=1e-9)

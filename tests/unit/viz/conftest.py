@@ -41,6 +41,7 @@ def segmentation_of(labels: np.ndarray) -> Segmentation:
             convexity=np.zeros(0),
             contact_length=np.zeros(0),
             upper=np.zeros(0, dtype=int),
+            score=np.zeros(0),
         ),
         patches=labels,
         ground=GroundReport(
@@ -99,6 +100,9 @@ def grasp_at(x: float, score: float, **change: object) -> Grasp:
         "S": 0.9,
         "C": 1.0,
         "R": 1.0,
+        "coverage": 0.9,
+        "support": 12,
+        "expected": score,
         "score": score,
         "object_label": 1,
     }
