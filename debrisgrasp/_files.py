@@ -14,7 +14,7 @@ import yaml
 
 from debrisgrasp.errors import ConfigError, OutputError
 
-__all__ = ["data_path", "read_json", "read_yaml", "write_atomic"]
+__all__ = ["data_path", "read_json", "read_text", "read_yaml", "write_atomic"]
 
 PathLike = str | os.PathLike[str]
 
@@ -38,7 +38,7 @@ def read_yaml(path: PathLike) -> Any:
     ConfigError
         Naming the file, and the line if it can be read but not parsed.
     """
-    text = _read_text(path)
+    text = read_text(path)
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError as error:
@@ -58,7 +58,7 @@ def read_json(path: PathLike) -> Any:
     ConfigError
         Naming the file, and the line if it can be read but not parsed.
     """
-    text = _read_text(path)
+    text = read_text(path)
     try:
         return json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
@@ -96,7 +96,8 @@ def write_atomic(path: PathLike, data: bytes | str) -> None:
         raise OutputError(path, error.strerror or str(error)) from error
 
 
-def _read_text(path: PathLike) -> str:
+def read_text(path: PathLike) -> str:
+    """Content of a text file, or `ConfigError` saying why not."""
     try:
         return Path(path).read_text(encoding="utf-8")
     except OSError as error:

@@ -42,6 +42,8 @@ class RobotBody:
     parts: tuple[BodyPart, ...]
     pairs: IntArray
     """Pairs of parts that could touch: the part on the later segment first; (m, 2)."""
+    always_touching: tuple[tuple[str, str], ...] = ()
+    """Links that overlap in every posture, and are not tested for that reason."""
 
     @classmethod
     def fit(

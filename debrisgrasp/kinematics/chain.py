@@ -15,6 +15,8 @@ from debrisgrasp._arrays import BoolArray, FloatArray, Rng, frozen, require_trai
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3
 
+from .formulas import ChainFormulas
+from .ik_types import Freedom
 from .serial import LaneFrames, SerialForm
 from .urdf import MOVABLE_KINDS, UrdfJoint, UrdfTree
 
@@ -152,6 +154,27 @@ class KinematicChain:
         """The same constants for evaluation in single precision."""
         return self.form.in_single_precision()
 
+    @property
+    def has_turning_ends(self) -> bool:
+        """Whether first and last joint turn, and enough are left between them.
+
+        Then they can be set in closed form once the others are right.
+        """
+        return bool(self.n_joints >= 6 and self.is_revolute[0] and self.is_revolute[-1])
+
+    def formulas(self, freedom: Freedom) -> ChainFormulas:
+        """Compiled formulas of the chain, made once for each freedom of its tip."""
+        if freedom not in self._formulas:
+            turns_freely = np.where(self.is_cyclic, np.inf, 0.0)
+            self._formulas[freedom] = ChainFormulas(
+                self.form, self.lower - turns_freely, self.upper + turns_freely, freedom
+            )
+        return self._formulas[freedom]
+
+    @cached_property
+    def _formulas(self) -> dict[Freedom, ChainFormulas]:
+        return {}
+
     @cached_property
     def reach(self) -> float:
         """Distance between first and last joint that no posture exceeds [m]."""
@@ -221,15 +244,51 @@ class KinematicChain:
             out[:, i] = form.T_base_first @ frames.matrices(i) @ rest
         return SE3(out.reshape(*batch, d, 4, 4))
 
+    @cached_property
+    def middle(self) -> FloatArray:
+        """Middle of each joint's range [rad or m], zero if endless; shape (d,)."""
+        is_bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        ends = np.where(is_bounded, (self.lower, self.upper), 0.0)
+        return np.asarray(ends.mean(axis=0))
+
+    def wrapped(self, q: ArrayLike) -> FloatArray:
+        """Return the same postures with turns near the middle of their ranges."""
+        q = np.asarray(q, dtype=np.float64)
+        require_trailing(q, "joint values", (self.n_joints,))
+        turns = np.round((q - self.middle) / (2.0 * np.pi))
+        return np.asarray(q - 2.0 * np.pi * np.where(self.is_revolute, turns, 0.0))
+
+    def unwound(self, q: ArrayLike, q_near: ArrayLike) -> FloatArray:
+        """Return the same postures, turned by whole turns to lie near others.
+
+        Only within the limits; postures (..., d) of which leading axes broadcast.
+        """
+        q = np.asarray(q, dtype=np.float64)
+        gap = np.asarray(q_near, dtype=np.float64) - q
+        require_trailing(gap, "joint values", (self.n_joints,))
+        turned = q + 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
+        fits = (turned >= self.lower) & (turned <= self.upper) & self.is_revolute
+        return np.where(fits, turned, q)
+
+    def way(self, q_to: ArrayLike, q_from: ArrayLike) -> FloatArray:
+        """Motion that leads from one posture to another [rad or m], shape (..., d).
+
+        A joint with limits goes the way that lies within them, an endless one the
+        shorter way.
+        """
+        gap = np.asarray(q_to, dtype=np.float64) - np.asarray(q_from, dtype=np.float64)
+        is_endless = ~np.isfinite(self.lower) & self.is_revolute
+        return np.where(is_endless, self.difference(q_to, q_from), gap)
+
+    def travel(self, q_a: ArrayLike, q_b: ArrayLike) -> FloatArray:
+        """Largest motion of a joint between postures [rad or m], shape (...)."""
+        return np.asarray(np.abs(self.way(q_a, q_b)).max(axis=-1))
+
     def clipped(self, q: ArrayLike) -> FloatArray:
         """Return the nearest postures within the limits; cyclic joints wrap first."""
         q = np.asarray(q, dtype=np.float64)
-        require_trailing(q, "joint values", (self.n_joints,))
-        is_bounded = np.isfinite(self.lower)
-        ends = np.where(is_bounded, (self.lower, self.upper), 0.0)
-        middle = ends.mean(axis=0)
-        wrapped = q - 2.0 * np.pi * np.round((q - middle) / (2.0 * np.pi))
-        return np.clip(np.where(self.is_cyclic, wrapped, q), self.lower, self.upper)
+        nearest = np.where(self.is_cyclic, self.wrapped(q), q)
+        return np.clip(nearest, self.lower, self.upper)
 
     def difference(self, q_a: ArrayLike, q_b: ArrayLike) -> FloatArray:
         """``q_a - q_b`` the short way round for cyclic joints, shape (..., d)."""

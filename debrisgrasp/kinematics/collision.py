@@ -1,27 +1,35 @@
 """Tests whether the links of an arm touch the scene, or the robot itself.
 
 Links are covered by spheres, so the batched tests never miss a collision but may report
-it some millimetres early. Contact of the robot with itself is then confirmed on the
+it a centimetre or two early. Contact of the robot with itself is then confirmed on the
 exact solids.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_trailing
+from debrisgrasp._arrays import (
+    BoolArray,
+    FloatArray,
+    require_finite,
+    require_trailing,
+)
 from debrisgrasp.errors import ShapeError
-from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
 
-from .body import BodyPart, RobotBody
+from .body import RobotBody
 from .chain import KinematicChain
+from .exact import ExactSolids
+from .pairs import without_idle_pairs
 from .robot import RobotModel
+from .segments import SegmentLanes, joint_frames_of_segments
+from .self_gaps import SelfGaps, SelfModel
+from .spheres import covering_spheres
 
 __all__ = ["ArmCollision", "Distance"]
 
@@ -29,60 +37,30 @@ Distance = Callable[[FloatArray], FloatArray]
 """Maps points (..., 3) [m] in the base frame to their distance from the nearest
 obstacle [m], shape (...). They may be truncated above the radius of the spheres."""
 
-_SPHERE_RADIUS = 0.05
-"""Default radius of the covering spheres [m]: below the truncation of usual fields."""
-_CHUNK = 256
-"""Postures treated at once; bounds memory."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Spheres:
-    """Sphere covers of some parts, padded to the same number of spheres."""
-
-    centers: FloatArray
-    """In the frames of the segments [m], shape (parts, s, 3)."""
-    radii: FloatArray
-    """Radii [m], minus infinity where padded; shape (parts, s)."""
-
-    @classmethod
-    def cover(cls, parts: Sequence[BodyPart], max_radius: float) -> _Spheres:
-        covers = [part.solid.sphere_cover(max_radius) for part in parts]
-        most = max((len(radii) for _, radii in covers), default=0)
-        centers = np.zeros((len(covers), most, 3))
-        sizes = np.full((len(covers), most), -np.inf)
-        for i, (points, radii) in enumerate(covers):
-            centers[i, : len(radii)], sizes[i, : len(radii)] = points, radii
-        return cls(centers, sizes)
-
-    def grown(self, margin: float) -> _Spheres:
-        """Return the same spheres with larger radii."""
-        return _Spheres(self.centers, self.radii + margin)
-
-    def touching(self, rows: IntArray, T: FloatArray, solid: Solid) -> IntArray:
-        """Which of the covers ``rows``, moved by T (n, 4, 4), reach into a solid."""
-        centers = self.centers[rows] @ np.swapaxes(T[:, :3, :3], -1, -2)
-        centers += T[:, None, :3, 3]
-        gap = solid.signed_distance(centers) - self.radii[rows]
-        return np.flatnonzero(gap.min(axis=-1) <= 0.0)
-
-    @classmethod
-    def around(cls, parts: Sequence[BodyPart]) -> _Spheres:
-        """One sphere around each part, of the size of its bounding box."""
-        bounds = [part.solid.bounds for part in parts]
-        middles = [0.5 * (b.lower + b.upper) for b in bounds]
-        extents = [0.5 * np.linalg.norm(b.size) for b in bounds]
-        return cls(
-            np.array(middles).reshape(-1, 1, 3), np.array(extents).reshape(-1, 1)
-        )
+_SPHERE_RADIUS = 0.08
+"""Default radius of the spheres for the scene [m]: less than the distance at which the
+planner's map of obstacles is truncated."""
+_SCENE_EXCESS, _SELF_EXCESS = 0.03, 0.02
+"""How far spheres stand out over the solids [m]: finer ones cost more time than the
+exact tests that they spare."""
+_HORIZON = 0.1
+"""Clearances saturate here [m]."""
+_CLOSE = 0.01
+"""Gaps between spheres below this are replaced by exact distances [m]."""
+_CHUNK = 1024
+"""Postures tested against the scene at once; bounds memory."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ArmCollision:
-    """Collision tests for the postures of one arm, all other joints held."""
+    """Collision tests for the postures of one arm, all other joints held.
+
+    `is_free` and `clearance` answer for thousands of postures; the others say more.
+    """
 
     body: RobotBody
     sphere_radius: float = _SPHERE_RADIUS
-    """Largest radius of the covering spheres [m]; smaller ones fit the links more
+    """Largest radius of the spheres for the scene [m]; smaller ones fit the links more
     closely and cost more."""
     self_margin: float = 0.0
     """Distance that the parts of the robot keep from one another [m]."""
@@ -109,48 +87,85 @@ class ArmCollision:
         held
             Values of joints off the chain, if not idle and at rest.
         sphere_radius
-            Largest radius of a sphere [m].
+            Largest radius of a sphere for the scene [m].
         self_margin
             Distance that the parts of the robot keep from one another [m].
         """
         chain = robot.chain(arm) if chain is None else chain
-        body = RobotBody.fit(robot, arm, chain, held)
+        body = without_idle_pairs(RobotBody.fit(robot, arm, chain, held), self_margin)
         return cls(body=body, sphere_radius=sphere_radius, self_margin=self_margin)
 
-    @cached_property
-    def _scene_spheres(self) -> list[tuple[int, FloatArray, FloatArray]]:
-        """Segment, centres and radii of the spheres that may touch the scene."""
-        found = []
-        for segment in range(1, self.body.chain.n_joints + 1):
-            mine = [
-                part
-                for part in self.body.parts
-                if part.segment == segment and not part.is_hand
-            ]
-            spheres = _Spheres.cover(mine, self.sphere_radius)
-            is_real = np.isfinite(spheres.radii)
-            if is_real.any():
-                found.append(
-                    (segment, spheres.centers[is_real], spheres.radii[is_real])
-                )
-        return found
+    def clearance(
+        self,
+        q: ArrayLike,
+        distance: Distance | None = None,
+        *,
+        with_hand: bool = True,
+        horizon: float = _HORIZON,
+    ) -> FloatArray:
+        """Distance that the robot keeps from itself and from a scene, for certain.
 
-    @cached_property
-    def _bounding(self) -> _Spheres:
-        return _Spheres.around(self.body.parts).grown(self.self_margin)
+        Parameters
+        ----------
+        q
+            Postures [rad or m], shape (..., d).
+        distance
+            Distance to the nearest obstacle; see `Distance`. None: nothing around.
+        with_hand
+            Whether the hand, too, is tested against the scene.
+        horizon
+            Clearances saturate here [m].
 
-    @cached_property
-    def _moving_cover(self) -> tuple[IntArray, _Spheres]:
-        """Covers of the parts that come first in a pair, and where each part's is."""
-        first = np.unique(self.body.pairs[:, 0])
-        row = np.full(len(self.body.parts), -1)
-        row[first] = np.arange(len(first))
-        parts = [self.body.parts[i] for i in first]
-        cover = _Spheres.cover(parts, self.sphere_radius)
-        return row, cover.grown(self.self_margin)
+        Returns
+        -------
+        FloatArray
+            Clearance [m], shape (...): never more than the true one, and not above zero
+            where there is a contact; how far below says little. As to the robot itself
+            it is above zero wherever nothing touches; as to the scene, a covering
+            sphere that touches makes it zero.
+        """
+        rows, batch = self._rows(q)
+        gap = self._self_clearance(rows, horizon)
+        if distance is not None:
+            scene = self.scene_clearance(rows, distance, with_hand=with_hand)
+            gap = np.minimum(gap, scene)
+        return gap.reshape(batch)
 
-    def scene_clearance(self, q: ArrayLike, distance: Distance) -> FloatArray:
-        """Least distance of the moving links from the scene, hand left out.
+    def is_free(
+        self,
+        q: ArrayLike,
+        distance: Distance | None = None,
+        *,
+        with_hand: bool = True,
+        margin: float = 0.0,
+    ) -> BoolArray:
+        """Whether the robot keeps its margins from itself and from a scene.
+
+        Parameters
+        ----------
+        q, distance, with_hand
+            As for `clearance`.
+        margin
+            Clearance that the links keep from the scene [m].
+
+        Returns
+        -------
+        BoolArray
+            Shape (...). True is certain. False is certain as to the robot itself; as
+            to the scene, a covering sphere comes nearer than the margin.
+        """
+        rows, batch = self._rows(q)
+        is_free = np.ones(len(rows), dtype=bool)
+        if distance is not None:
+            scene = self.scene_clearance(rows, distance, with_hand=with_hand)
+            is_free &= scene >= margin
+        is_free[is_free] = ~self.hits_itself(rows[is_free])
+        return is_free.reshape(batch)
+
+    def scene_clearance(
+        self, q: ArrayLike, distance: Distance, *, with_hand: bool = False
+    ) -> FloatArray:
+        """Least distance of the moving links from the scene.
 
         Parameters
         ----------
@@ -158,6 +173,8 @@ class ArmCollision:
             Postures [rad or m], shape (..., d).
         distance
             Distance to the nearest obstacle; see `Distance`.
+        with_hand
+            Whether the hand counts. A grasp planner tests it more closely by itself.
 
         Returns
         -------
@@ -167,11 +184,17 @@ class ArmCollision:
         """
         rows, batch = self._rows(q)
         clearance = np.full(len(rows), np.inf)
-        for part in _chunks(len(rows)):
-            poses = self.body.segment_poses(rows[part])
-            for segment, centers, radii in self._scene_spheres:
-                R, p = poses[:, segment, :3, :3], poses[:, segment, None, :3, 3]
-                points = centers @ np.swapaxes(R, -1, -2) + p
+        T = self.body.chain.form.T_base_first
+        for start in range(0, len(rows), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            lanes = SegmentLanes(self.body.chain, rows[part])
+            for segment, is_hand, centers, radii in self._scene_spheres:
+                if is_hand and not with_hand:
+                    continue
+                R, p = (pose.astype(np.float64) for pose in lanes.pose(segment))
+                turn = np.ascontiguousarray(np.moveaxis(R, -1, 0)).swapaxes(1, 2)
+                shift = p.T @ T[:3, :3].T + T[:3, 3]
+                points = centers @ (turn @ T[:3, :3].T) + shift[:, None]
                 least = (distance(points) - radii).min(axis=-1)
                 np.minimum(clearance[part], least, out=clearance[part])
         return clearance.reshape(batch)
@@ -184,9 +207,7 @@ class ArmCollision:
         """
         rows, batch = self._rows(q)
         is_doubtful = np.zeros(len(rows), dtype=bool)
-        for part in _chunks(len(rows)):
-            posture, _ = self._doubtful(self.body.segment_poses(rows[part]))
-            is_doubtful[part.start + posture] = True
+        is_doubtful[self._gaps(rows).posture] = True
         return is_doubtful.reshape(batch)
 
     def hits_itself(self, q: ArrayLike) -> BoolArray:
@@ -195,10 +216,18 @@ class ArmCollision:
         Takes postures (..., d) and returns (...); decided on the exact solids.
         """
         rows, batch = self._rows(q)
-        is_hit = np.zeros(len(rows), dtype=bool)
-        for part in _chunks(len(rows)):
-            for posture, _ in self._contacts(rows[part], first_only=True):
-                is_hit[part.start + posture] = True
+        gaps = self._gaps(rows)
+        is_hit = gaps.is_hit.copy()
+        unsure = np.flatnonzero(~is_hit[gaps.posture])
+        # The deepest pair is the likeliest contact, and one contact is enough.
+        unsure = unsure[np.argsort(gaps.pair_gap[unsure], kind="stable")]
+        postures, place = np.unique(gaps.posture[unsure], return_inverse=True)
+        poses = self.body.segment_poses(rows[postures])
+        for posture, row, pair in zip(
+            gaps.posture[unsure].tolist(), place, gaps.pair[unsure], strict=True
+        ):
+            if not is_hit[posture]:
+                is_hit[posture] = self._touch(poses[row], pair)
         return is_hit.reshape(batch)
 
     def self_contacts(self, q: ArrayLike) -> tuple[tuple[str, str], ...]:
@@ -208,96 +237,95 @@ class ArmCollision:
             raise ShapeError(
                 "shape of posture", got=np.shape(q), expected=f"({rows.shape[1]},)"
             )
-        parts = self.body.parts
+        parts, poses = self.body.parts, self.body.segment_poses(rows)[0]
         names = [
             (parts[i].link, parts[j].link)
-            for _, pair in self._contacts(rows, first_only=False)
+            for pair in sorted(self._gaps(rows).pair)
             for i, j in (self.body.pairs[pair],)
+            if self._touch(poses, pair)
         ]
         return tuple(dict.fromkeys(names))
 
-    def _contacts(self, q: FloatArray, *, first_only: bool) -> list[tuple[int, int]]:
-        """Posture and pair of every contact, or of the first of each posture."""
-        import coal  # slow to load
+    def self_distance(self, q: ArrayLike) -> float:
+        """Least distance of two parts in one posture (d,) [m], by exact solids.
 
-        poses = self.body.segment_poses(q)
-        request, found, hit = coal.CollisionRequest(), [], set()
-        request.security_margin = self.self_margin
-        for posture, pair in zip(*self._doubtful(poses), strict=True):
-            if first_only and posture in hit:
-                continue
-            shapes, placed = [], []
-            for index in self.body.pairs[pair]:
-                shape, T_segment_shape = self._exact[index]
-                T = poses[posture, self.body.parts[index].segment] @ T_segment_shape
-                shapes.append(shape)
-                placed.append(coal.Transform3s(T[:3, :3], T[:3, 3]))
-            result = coal.CollisionResult()
-            if coal.collide(
-                shapes[0], placed[0], shapes[1], placed[1], request, result
-            ):
-                hit.add(posture)
-                found.append((int(posture), int(pair)))
-        return found
+        Slow: every pair is measured. Negative where parts overlap.
+        """
+        rows, _ = self._rows(q)
+        poses = self.body.segment_poses(rows[:1])[0]
+        return min(
+            (self._distance(poses, pair) for pair in range(len(self.body.pairs))),
+            default=np.inf,
+        )
+
+    def _self_clearance(self, q: FloatArray, horizon: float) -> FloatArray:
+        gaps = self._self_model.gaps(q, _CLOSE, horizon)
+        clearance = gaps.gap
+        is_close = np.zeros(len(q), dtype=bool)
+        is_close[gaps.posture] = True
+        # All other pairs of these are farther apart than _CLOSE.
+        clearance[is_close] = min(_CLOSE, horizon)
+        clearance[gaps.is_hit] = -np.inf
+        postures, place = np.unique(gaps.posture, return_inverse=True)
+        poses = self.body.segment_poses(q[postures])
+        for i in np.argsort(gaps.pair_gap, kind="stable"):
+            posture = gaps.posture[i]
+            if gaps.pair_gap[i] < clearance[posture]:
+                distance = self._distance(poses[place[i]], gaps.pair[i])
+                clearance[posture] = min(clearance[posture], distance)
+        clearance[gaps.is_hit] = gaps.gap[gaps.is_hit]
+        return clearance
+
+    def _distance(self, poses: FloatArray, pair: int) -> float:
+        """Distance of a pair with the segments posed so, (d + 1, 4, 4) [m]."""
+        i, j = self.body.pairs[pair]
+        one, other = (self.body.parts[k].segment for k in (i, j))
+        return self._exact.distance(i, poses[one], j, poses[other])
+
+    def _touch(self, poses: FloatArray, pair: int) -> bool:
+        """Whether a pair touches with the segments posed so, (d + 1, 4, 4)."""
+        i, j = self.body.pairs[pair]
+        one, other = (self.body.parts[k].segment for k in (i, j))
+        return self._exact.touch(i, poses[one], j, poses[other], self.self_margin)
+
+    def _gaps(self, rows: FloatArray) -> SelfGaps:
+        return self._self_model.gaps(rows, self.self_margin, self.self_margin)
 
     @cached_property
-    def _exact(self) -> list[tuple[Any, FloatArray]]:
-        return [_exact_shape(part.solid) for part in self.body.parts]
+    def _exact(self) -> ExactSolids:
+        return ExactSolids([part.solid for part in self.body.parts])
 
-    def _doubtful(self, poses: FloatArray) -> tuple[IntArray, IntArray]:
-        """Postures and pairs that the spheres can't tell apart, by posture."""
-        posture, pair = self._near_pairs(poses)
-        row, cover = self._moving_cover
-        parts, is_kept = self.body.parts, np.zeros(len(pair), dtype=bool)
-        segments = np.array([part.segment for part in parts])
-        moved, still = self.body.pairs[pair].T
-        for j in np.unique(still):
-            mine = np.flatnonzero(still == j)
-            where, others = posture[mine], moved[mine]
-            T_other_base = SE3(poses[:, parts[j].segment]).inverse().matrix
-            T = T_other_base[where] @ poses[where, segments[others]]
-            near = self._bounding.touching(others, T, parts[j].solid)
-            close = cover.touching(row[others[near]], T[near], parts[j].solid)
-            is_kept[mine[near[close]]] = True
-        return posture[is_kept], pair[is_kept]
+    @cached_property
+    def _self_model(self) -> SelfModel:
+        return SelfModel.fit(self.body, _SELF_EXCESS)
 
-    def _near_pairs(self, poses: FloatArray) -> tuple[IntArray, IntArray]:
-        """Postures and pairs whose bounding spheres overlap, by posture."""
-        T = poses[:, [part.segment for part in self.body.parts]]
-        middles = (T[..., :3, :3] @ self._bounding.centers[:, 0, :, None])[..., 0]
-        middles = np.moveaxis(middles + T[..., :3, 3], -1, 0).astype(np.float32)
-        a, b = self.body.pairs.T
-        reach = self._bounding.radii[a, 0] + self._bounding.radii[b, 0]
-        # Rounding to single precision must not lose a contact.
-        limit = ((reach + 1e-5) ** 2).astype(np.float32)
-        gap = middles[:, :, a]
-        gap -= middles[:, :, b]
-        gap *= gap
-        posture, pair = np.nonzero(gap.sum(axis=0) < limit)
-        return posture, pair
+    @cached_property
+    def _scene_spheres(self) -> list[tuple[int, bool, FloatArray, FloatArray]]:
+        """Segment, whether of the hand, centres (s, 3) and radii of the spheres."""
+        frames, found = joint_frames_of_segments(self.body.chain), []
+        for segment in range(1, self.body.chain.n_joints + 1):
+            for is_hand in (False, True):
+                covers = [
+                    covering_spheres(part.solid, _SCENE_EXCESS, self.sphere_radius)
+                    for part in self.body.parts
+                    if part.segment == segment and part.is_hand == is_hand
+                ]
+                if covers:
+                    centers = np.concatenate([points for points, _ in covers])
+                    placed = frames[segment].apply(centers)
+                    found.append(
+                        (
+                            segment,
+                            is_hand,
+                            placed,
+                            np.concatenate([radii for _, radii in covers]) + 1e-5,
+                        )
+                    )
+        return found
 
     def _rows(self, q: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
         q = np.asarray(q, dtype=np.float64)
         d = self.body.chain.n_joints
         require_trailing(q, "joint values", (d,))
+        require_finite(q, "joint values")
         return q.reshape(-1, d), q.shape[:-1]
-
-
-def _chunks(n: int) -> Iterator[slice]:
-    for start in range(0, n, _CHUNK):
-        yield slice(start, min(start + _CHUNK, n))
-
-
-def _exact_shape(solid: Solid) -> tuple[Any, FloatArray]:
-    """Shape for the exact checker, and its pose in the solid's frame (4, 4)."""
-    import coal  # slow to load
-
-    if isinstance(solid, Sphere):
-        return coal.Sphere(solid.radius), SE3.from_parts(p=solid.center).matrix
-    if isinstance(solid, Box):
-        return coal.Box(*(2.0 * solid.half_extents)), solid.T_frame_solid.matrix
-    if isinstance(solid, Cylinder):
-        return coal.Cylinder(solid.radius, solid.length), solid.T_frame_solid.matrix
-    if isinstance(solid, Capsule):
-        return coal.Capsule(solid.radius, solid.length), solid.T_frame_solid.matrix
-    raise TypeError(f"no exact shape for {type(solid).__name__}")

@@ -7,23 +7,27 @@ tolerance by the chain's own forward kinematics, within its limits.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng, require_finite, require_trailing
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
 from .chain import KinematicChain
+from .formulas import AxisGoals
+from .ik_input import checked_poses, checked_postures
 from .ik_types import IkConfig, IkResult, IkStatus
 from .reach_map import ReachMap
-from .search import PoseSearch
-from .serial import Lanes
+from .search import HANDFUL, PoseSearch
+from .single import PoseByPose, Posture
 
 __all__ = ["solve", "solve_distinct"]
 
-_RIGID_TOLERANCE = 1e-3
-"""How far ``R.T @ R`` of a target may be from the identity."""
+_STARTS = 8
+"""Seeds tried one by one before the search on lanes."""
 
 
 def solve(
@@ -67,14 +71,22 @@ def solve(
         If a pose is not finite or not rigid, or the seed has the wrong shape.
     """
     config = config or IkConfig()
-    targets, batch = _require_poses(T_base_tip), T_base_tip.batch
-    search = PoseSearch(chain, config, targets, reach_map, rng)
+    targets, batch = checked_poses(T_base_tip), T_base_tip.batch
+    wanted = seeds = None
     if q_seed is not None:
-        seeds = _seed_lanes(chain, q_seed, batch)
-        near = np.flatnonzero(~search.is_far)
-        search.improve(near, lambda index, _: seeds[:, near[index]], 1)
-    search.exhaust(np.zeros(len(targets), dtype=np.intp))
-    return search.result(batch)
+        wanted = checked_postures(chain, q_seed, "q_seed", batch)
+        seeds = chain.clipped(wanted)
+    if len(targets) <= HANDFUL and chain.has_turning_ends and not config.freedom.n_axes:
+        found = _solve_few(chain, config, targets, seeds, reach_map, rng)
+    else:
+        search = PoseSearch(chain, config, targets, reach_map, rng)
+        if seeds is not None:
+            search.try_from(seeds)
+        search.exhaust(np.zeros(len(targets), dtype=np.intp))
+        found = search.result()
+    if wanted is not None:
+        found = replace(found, q=chain.unwound(found.q, wanted))
+    return found.reshaped(batch)
 
 
 def solve_distinct(
@@ -107,12 +119,12 @@ def solve_distinct(
     if n_solutions < 1:
         raise InputError("n_solutions", got=n_solutions, expected="at least 1")
     config = config or IkConfig()
-    targets, batch = _require_poses(T_base_tip), T_base_tip.batch
+    targets, batch = checked_poses(T_base_tip), T_base_tip.batch
     repeated = np.repeat(targets, n_solutions, axis=0)
     search = PoseSearch(chain, config, repeated, reach_map, rng)
     # Every copy of a target starts from another seed.
     search.exhaust(np.tile(n_seeds_used + np.arange(n_solutions), len(targets)))
-    found = search.result((*batch, n_solutions))
+    found = search.result()
     q = found.q.reshape(-1, n_solutions, chain.n_joints)
     status = found.status.reshape(-1, n_solutions).copy()
     for later in range(1, n_solutions):
@@ -135,42 +147,44 @@ def solve_distinct(
     )
 
 
-def _require_poses(T_base_tip: SE3) -> FloatArray:
-    """Poses as (n, 4, 4), checked to be finite and rigid."""
-    T = T_base_tip.matrix.reshape(-1, 4, 4)
-    require_finite(T, "target pose")
-    x, y, z = np.ascontiguousarray(T[:, :3, :3].transpose(2, 1, 0))
-    products = ((x, x, 1), (y, y, 1), (z, z, 1), (x, y, 0), (y, z, 0), (z, x, 0))
-    error = np.max(
-        [np.abs((a * b).sum(axis=0) - want) for a, b, want in products], axis=0
+def _solve_few(
+    chain: KinematicChain,
+    config: IkConfig,
+    targets: FloatArray,
+    seeds: FloatArray | None,
+    reach_map: ReachMap | None,
+    rng: Rng,
+) -> IkResult:
+    """Solve a handful of targets (n, 4, 4) one by one; seeds (n, d)."""
+    one = PoseByPose(chain, config)
+    n_tried = min(_STARTS, config.attempts)
+    if reach_map is not None:
+        reach_map.require_chain(chain)
+    found: list[Posture | None] = []
+    for i, target in enumerate(targets):
+        goal = one.goal(target)
+        posture = None
+        if seeds is not None:
+            posture = one.from_posture(goal, seeds[i].tolist())
+        if posture is None:
+            if reach_map is not None:
+                starts = reach_map.middles_of_one(*AxisGoals.of_one(goal))[:n_tried]
+            else:
+                starts = chain.sampled(n_tried, rng=rng)[:, 1:-1].tolist()
+            posture = one.from_any(goal, starts)
+        found.append(posture)
+    missing = [i for i, posture in enumerate(found) if posture is None]
+    n, d = len(targets), chain.n_joints
+    q, errors, status = np.empty((n, d)), np.empty((2, n)), np.zeros(n, dtype=np.intp)
+    for i, posture in enumerate(found):
+        if posture is not None:
+            q[i], errors[0, i], errors[1, i] = posture
+    if missing:
+        search = PoseSearch(chain, config, targets[missing], reach_map, rng)
+        search.exhaust(np.full(len(missing), n_tried, dtype=np.intp))
+        rest = search.result()
+        q[missing], status[missing] = rest.q, rest.status
+        errors[:, missing] = rest.position_error, rest.rotation_error
+    return IkResult(
+        q=q, status=status, position_error=errors[0], rotation_error=errors[1]
     )
-    is_mirrored = (np.cross(x, y, axis=0) * z).sum(axis=0) < 0.0
-    is_bad = (error > _RIGID_TOLERANCE) | is_mirrored
-    if is_bad.any():
-        raise InputError(
-            "target pose",
-            got=f"{np.count_nonzero(is_bad)} of {len(T)} with a rotation that is "
-            f"mirrored or not orthonormal (error {error.max():.3g})",
-            expected=f"rigid transforms (error at most {_RIGID_TOLERANCE:g})",
-            mend="SE3.from_matrix projects a nearly rigid matrix onto a rigid one.",
-        )
-    return T
-
-
-def _seed_lanes(
-    chain: KinematicChain, q_seed: ArrayLike, batch: tuple[int, ...]
-) -> Lanes:
-    """Seeds brought within the limits, one for each pose, shape (d, n)."""
-    seed = np.asarray(q_seed, dtype=np.float64)
-    require_trailing(seed, "q_seed", (chain.n_joints,))
-    require_finite(seed, "q_seed")
-    try:
-        seed = np.broadcast_to(seed, (*batch, chain.n_joints))
-    except ValueError as error:
-        raise ShapeError(
-            "shape of q_seed",
-            got=seed.shape,
-            expected=f"({chain.n_joints},) or {(*batch, chain.n_joints)}",
-        ) from error
-    lanes = chain.clipped(seed).reshape(-1, chain.n_joints).T
-    return lanes.astype(np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -10,7 +11,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp.errors import ConfigError
 
-__all__ = ["IkConfig", "IkResult", "IkStatus"]
+__all__ = ["Freedom", "IkConfig", "IkResult", "IkStatus"]
 
 
 class IkStatus(IntEnum):
@@ -27,6 +28,45 @@ class IkStatus(IntEnum):
     """All attempts ended in postures from which no small motion leads nearer."""
     BUDGET = 4
     """The attempts were used up while still coming nearer."""
+    FAR = 5
+    """Reached, but only by postures farther from the seed than was allowed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Freedom:
+    """Which turns of the tip about its own origin do not matter."""
+
+    n_axes: int = 0
+    """0: every turn matters. 1: those about one axis don't. 3: none does."""
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    """The free axis, in the frame of the tip; any length."""
+
+    def __post_init__(self) -> None:
+        if self.n_axes not in (0, 1, 3):
+            raise ConfigError("Freedom.n_axes", got=self.n_axes, expected="0, 1 or 3")
+        length = math.hypot(*self.axis) if len(self.axis) == 3 else 0.0
+        if not 0.0 < length < math.inf:
+            raise ConfigError(
+                "Freedom.axis", got=self.axis, expected="three numbers, not all zero"
+            )
+
+    @classmethod
+    def spin(cls, axis: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> Freedom:
+        """Let the tip turn about one of its own axes, as a round bar allows."""
+        return cls(1, axis)
+
+    @classmethod
+    def position_only(cls) -> Freedom:
+        """Let the tip turn in any way."""
+        return cls(3)
+
+    @property
+    def frame(self) -> FloatArray:
+        """Rotation whose third column is the axis, shape (3, 3)."""
+        z = np.array(self.axis) / math.hypot(*self.axis)
+        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+        x /= np.linalg.norm(x)
+        return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,17 +87,36 @@ class IkConfig:
     arm's length."""
     damping: float = 0.1
     """Weight of the squared error in the damping; larger is slower and steadier."""
-    width: int = 2048
+    width: int = 4096
     """Lanes that run side by side; sets memory, and speed through cache use."""
     separation: float = 0.3
     """Two solutions count as distinct if a joint differs by this much [rad or m]."""
+    freedom: Freedom = Freedom()
+    """Turns of the tip that are free; a map then rules nothing out."""
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
-            if not getattr(self, name) > 0:
+            if name != "freedom" and not getattr(self, name) > 0:
                 raise ConfigError(
                     f"IkConfig.{name}", got=getattr(self, name), expected="above zero"
                 )
+
+    @property
+    def weighted_tolerance(self) -> float:
+        """Weighted error [m] that keeps both errors within tolerance.
+
+        They add up at the tip, so each takes a part.
+        """
+        rotation = self.rotation_tolerance * self.rotation_weight
+        return 0.3 * min(self.position_tolerance, rotation)
+
+    @property
+    def last_step_error(self) -> float:
+        """Weighted error [m] from which a step that meets no limit is the last.
+
+        It squares the error; the proof finds the few for which it was not enough.
+        """
+        return min(2e-3, 0.4 * math.sqrt(self.weighted_tolerance))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -71,9 +130,18 @@ class IkResult:
     position_error: FloatArray
     """Distance left to the pose [m], shape (...)."""
     rotation_error: FloatArray
-    """Angle left to the pose [rad], shape (...)."""
+    """Angle left to the pose [rad], shape (...); without turns that are free."""
 
     @property
     def is_solved(self) -> BoolArray:
         """Whether the pose is reached, shape (...)."""
         return np.asarray(self.status == IkStatus.SOLVED)
+
+    def reshaped(self, batch: tuple[int, ...]) -> IkResult:
+        """Return the same results with other leading axes."""
+        return IkResult(
+            q=self.q.reshape(*batch, self.q.shape[-1]),
+            status=self.status.reshape(batch),
+            position_error=self.position_error.reshape(batch),
+            rotation_error=self.rotation_error.reshape(batch),
+        )

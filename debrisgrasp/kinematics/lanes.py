@@ -15,9 +15,7 @@ __all__ = ["LanePool", "SeedSource"]
 SeedSource = Callable[[IntArray, IntArray], Lanes]
 """Maps targets (n,) and which attempt each makes (n,) to seeds (d, n) [rad or m]."""
 
-_STALL_INTERVAL = 4
-"""Iterations between two looks at whether a lane still makes progress."""
-_LEAST_WIDTH = 128
+_FEW_LANES = 1024
 """Below this number of lanes the overhead of array calls sets the time, so that further
 seeds of the same targets cost almost nothing."""
 
@@ -53,7 +51,7 @@ class LanePool:
     Parameters
     ----------
     goals
-        Columns of all goals, shape (4, 3, targets).
+        Goals, any shape (..., targets).
     seeds
         Where an attempt starts.
     attempts
@@ -66,16 +64,16 @@ class LanePool:
         self, goals: Lanes, seeds: SeedSource, attempts: int, width: int
     ) -> None:
         n_targets = goals.shape[-1]
-        self._goals, self._seeds = goals, seeds
+        self._goals, self._seeds, self._attempts = goals, seeds, attempts
         self._queue = _Queue(n_targets, attempts)
-        n_lanes = min(width, max(n_targets, min(8 * n_targets, _LEAST_WIDTH)))
+        n_lanes = min(width, max(n_targets, min(attempts * n_targets, _FEW_LANES)))
         none_solved = np.zeros(n_targets, dtype=bool)
         self.target, attempt = self._queue.take(n_lanes, none_solved)
         """Target of each lane, shape (lanes,)."""
         self.q = seeds(self.target, attempt)
         """Posture of each lane, shape (d, lanes)."""
-        self.goal = goals[:, :, self.target]
-        """Goal of each lane, shape (4, 3, lanes)."""
+        self.goal = goals[..., self.target]
+        """Goal of each lane, shape (..., lanes)."""
         self.age: IntArray = np.zeros(len(self.target), dtype=np.intp)
         """Iterations each lane has made, shape (lanes,)."""
         self._reference = np.full(len(self.target), np.inf, dtype=goals.dtype)
@@ -85,9 +83,9 @@ class LanePool:
         """Number of lanes that run."""
         return len(self.target)
 
-    def has_stalled(self, error: Lanes, ratio: float) -> BoolArray:
+    def has_stalled(self, error: Lanes, ratio: float, interval: int) -> BoolArray:
         """Lanes whose error is above ``ratio`` times what it was a while ago."""
-        is_due = self.age % _STALL_INTERVAL == 0
+        is_due = self.age % interval == 0
         is_slow: BoolArray = is_due & (error > ratio * self._reference)
         self._reference = np.where(is_due, error, self._reference)
         return is_slow
@@ -103,18 +101,18 @@ class LanePool:
         n_busy = self.n_lanes - len(free)
         # A few seeds of a target side by side are welcome, dozens are waste.
         n_unsolved = len(is_solved) - int(np.count_nonzero(is_solved))
-        n_useful = max(3 * n_unsolved, min(8 * n_unsolved, _LEAST_WIDTH))
+        n_useful = max(n_unsolved, min(self._attempts * n_unsolved, _FEW_LANES))
         fresh, attempt = self._queue.take(min(len(free), n_useful - n_busy), is_solved)
         slots = free[: len(fresh)]
         if len(fresh):
             self.target[slots] = fresh
             self.q[:, slots] = self._seeds(fresh, attempt)
-            self.goal[:, :, slots] = self._goals[:, :, fresh]
+            self.goal[..., slots] = self._goals[..., fresh]
             self.age[slots], self._reference[slots] = 0, np.inf
         if len(slots) < len(free):
             is_kept = np.ones(self.n_lanes, dtype=bool)
             is_kept[free[len(slots) :]] = False
             kept = np.flatnonzero(is_kept)
             self.target, self.q = self.target[kept], self.q[:, kept]
-            self.goal, self.age = self.goal[:, :, kept], self.age[kept]
+            self.goal, self.age = self.goal[..., kept], self.age[kept]
             self._reference = self._reference[kept]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,13 +17,13 @@ from .collision import ArmCollision, Distance
 from .descent import Goals
 from .ik import solve, solve_distinct
 from .ik_types import IkConfig, IkStatus
+from .posture import PostureCost, self_motions
+from .reach_files import cached_reach_map
 from .reach_map import ReachMap
 from .robot import RobotModel
 
 __all__ = ["ArmReach", "ReachConfig", "ReachResult"]
 
-_LIMIT_ZONE = 0.05
-"""Part of a joint's range, at either end, that postures rather avoid."""
 _OK = ""
 _WORDS = {
     IkStatus.SOLVED: _OK,
@@ -49,7 +49,17 @@ class ReachConfig:
     self_margin: float = 0.005
     """Distance that the parts of the robot keep from one another [m]."""
     limit_weight: float = 1.0
-    """Cost of coming near a joint limit, against one radian of travel."""
+    """Cost of a joint at its limit, in radians of travel; see `PostureCost`."""
+    singularity_weight: float = 1.0
+    """Cost of a singular posture, in radians of travel."""
+    free_dexterity: float = 0.04
+    """Smallest singular value of the Jacobian from which on a posture counts as free of
+    singularities; see `dexterity`."""
+    scene_weight: float = 0.5
+    """Cost of a link that touches the scene, in radians of travel."""
+    slides: int = 1
+    """Steps in which a chain with more than six joints moves within its nullspace to
+    where the posture costs less; 0 takes it as it was found."""
     ik: IkConfig = IkConfig(attempts=16)
     """Solver settings; seeds of the map make further attempts pointless."""
 
@@ -59,7 +69,19 @@ class ReachConfig:
                 raise ConfigError(
                     f"ReachConfig.{name}", got=getattr(self, name), expected="1 or more"
                 )
-        for name in ("margin", "self_margin", "limit_weight"):
+        if self.slides < 0 or not self.free_dexterity > 0:
+            raise ConfigError(
+                "ReachConfig.slides, free_dexterity",
+                got=(self.slides, self.free_dexterity),
+                expected="0 or more, above zero",
+            )
+        for name in (
+            "margin",
+            "self_margin",
+            "limit_weight",
+            "singularity_weight",
+            "scene_weight",
+        ):
             if not getattr(self, name) >= 0:
                 raise ConfigError(
                     f"ReachConfig.{name}", got=getattr(self, name), expected="0 or more"
@@ -129,7 +151,7 @@ class ArmReach:
     def reach_map(self) -> ReachMap | None:
         """Map of the chain, or None if it has a prismatic end joint."""
         if self.chain.is_revolute[0] and self.chain.is_revolute[-1]:
-            return ReachMap.build(self.chain)
+            return cached_reach_map(self.chain)
         return None
 
     @cached_property
@@ -189,7 +211,48 @@ class ArmReach:
                 break
             again = self._look(T_base_hand[open_poses], distance, round_, rng)
             found = found.improved(np.array(open_poses), again)
+        for step in range(self.config.slides if self.chain.n_joints > 6 else 0):
+            found = self._slid(found, T_base_hand, distance, 0.4 * 0.5**step, rng)
         return found
+
+    def _slid(
+        self,
+        found: ReachResult,
+        T_base_hand: SE3,
+        distance: Distance,
+        length: float,
+        rng: Rng,
+    ) -> ReachResult:
+        """Move within the nullspace by steps [rad] of which only cheaper ones stay."""
+        rows = np.flatnonzero(found.is_reached)
+        if not len(rows):
+            return found
+        chain, q = self.chain, found.joints[rows]
+        clearance = found.clearance[rows]
+        cost = self._cost(chain, q, self.q_present, clearance)
+        for direction in self_motions(chain, q, length):
+            near = solve(
+                chain,
+                T_base_hand[rows],
+                q_seed=chain.clipped(q + direction),
+                rng=rng,
+                config=replace(self.config.ik, attempts=1),
+            )
+            # Only a posture that the descent kept nearby is the same one, moved.
+            is_near = np.abs(chain.difference(near.q, q)).max(axis=-1) < 2.0 * length
+            trial = np.flatnonzero(near.is_solved & is_near)
+            q_new = near.q[trial]
+            clearance_new = self.collision.scene_clearance(q_new, distance)
+            cost_new = self._cost(chain, q_new, self.q_present, clearance_new)
+            is_better = cost_new < cost[trial] - 1e-6
+            is_better &= clearance_new >= self.config.margin
+            is_better[is_better] = ~self.collision.hits_itself(q_new[is_better])
+            kept = trial[is_better]
+            q[kept], cost[kept] = q_new[is_better], cost_new[is_better]
+            clearance[kept] = clearance_new[is_better]
+        joints, all_clearance = found.joints.copy(), found.clearance.copy()
+        joints[rows], all_clearance[rows] = q, clearance
+        return replace(found, joints=joints, clearance=all_clearance)
 
     def _look(
         self, T_base_hand: SE3, distance: Distance, round_: int, rng: Rng
@@ -200,7 +263,7 @@ class ArmReach:
         clearance = np.full(is_solved.shape, -np.inf)
         clearance[is_solved] = self.collision.scene_clearance(q[is_solved], distance)
         is_clear = clearance >= self.config.margin
-        choice = self._choose(q, is_clear)
+        choice = self._choose(q, clearance, is_clear)
         is_reached = choice >= 0
         reasons = np.array([_WORDS[IkStatus(code)] for code in status[:, 0]], object)
         reasons[is_solved.any(axis=1)] = _HITS_SCENE
@@ -255,23 +318,24 @@ class ArmReach:
             q[again, 1:], status[again, 1:] = others.q, others.status
         return q, status
 
-    def _choose(self, q: FloatArray, is_clear: BoolArray) -> IntArray:
+    def _choose(
+        self, q: FloatArray, clearance: FloatArray, is_clear: BoolArray
+    ) -> IntArray:
         """Index of the cheapest posture that doesn't touch the robot, or -1; (k,)."""
         is_free = is_clear.copy()
         is_free[is_clear] = ~self.collision.hits_itself(q[is_clear])
-        cost = np.where(is_free, self._cost(q), np.inf)
+        cost = np.full(is_free.shape, np.inf)
+        cost[is_free] = self._cost(
+            self.chain, q[is_free], self.q_present, clearance[is_free]
+        )
         return np.where(is_free.any(axis=1), cost.argmin(axis=1), -1)
 
-    def _cost(self, q: FloatArray) -> FloatArray:
-        """Travel from the present posture [rad], plus nearness to limits; (k, n)."""
-        chain, is_bounded = self.chain, np.isfinite(self.chain.lower)
-        # Joints with limits can't take the short way round, even if it would fit.
-        gap = np.where(
-            is_bounded, q - self.q_present, chain.difference(q, self.q_present)
+    @cached_property
+    def _cost(self) -> PostureCost:
+        config = self.config
+        return PostureCost(
+            limit_weight=config.limit_weight,
+            singularity_weight=config.singularity_weight,
+            free_dexterity=config.free_dexterity,
+            scene_weight=config.scene_weight,
         )
-        lower, upper = chain.lower[is_bounded], chain.upper[is_bounded]
-        inner = q[..., is_bounded]
-        edge = np.minimum(inner - lower, upper - inner) / (upper - lower)
-        nearness = np.maximum(0.0, 1.0 - edge / _LIMIT_ZONE).sum(axis=-1)
-        travel = np.sqrt((gap * gap).sum(axis=-1))
-        return np.asarray(travel + self.config.limit_weight * nearness)

@@ -12,17 +12,20 @@ A cell that no sample has met, nor any cell next to it, counts as unreachable.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from debrisgrasp._arrays import BoolArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp.errors import ConfigError
 
 from .chain import KinematicChain
 from .descent import Goals
+from .formulas import AxisGoals
 from .serial import Lanes
 
 __all__ = ["ReachMap", "ReachMapConfig"]
@@ -31,6 +34,11 @@ __all__ = ["ReachMap", "ReachMapConfig"]
 _SEED = 4_198_273_651
 """An unusual number: poses drawn elsewhere from a usual seed must not coincide with the
 map's own samples, which would flatter every measurement."""
+_ALL = np.uint16(0xFFFF)
+_GOLDEN = 0.6180339887498949
+"""Multiples of it fill the unit interval evenly, however many there are."""
+_INWARDS = -0.7
+"""Outward component of the last axis below which its turn is not to be relied on."""
 _CHUNK = 4096
 """Postures evaluated at once while building; keeps the lanes in cache."""
 
@@ -73,13 +81,22 @@ class ReachMap:
     lowest: float
     highest: float
     """Smallest and largest height of the map [m]."""
-    may_reach_cell: BoolArray
-    """Cells met by a sample or next to one, shape (cells,)."""
+    azimuths: NDArray[np.uint16]
+    """Azimuths of the points met in a cell or next to it while the first joint stands
+    at zero, one bit for each sixteenth of a turn. Zero: no reach. Shape (cells,)."""
+    turns: NDArray[np.uint16]
+    """The same of the last frame's turns about its axis, the last joint at zero."""
+    outer_limits: FloatArray
+    """Lower and upper limits of the first and of the last joint, shape (2, 2)."""
+    fitting: NDArray[np.uint16]
+    """For each sixteenth of azimuths and of turns that may be wanted, the bits of what
+    is met that the limits of first and last joint allow for; shape (2, 16)."""
     seed_cell: IntArray
     """Nearest cell that holds seeds, shape (cells,)."""
-    seeds: NDArray[np.float32]
-    """Azimuth of the point reached, then the joints between first and last [rad or m],
-    shape (cells, n_seeds, d - 1); cells with fewer seeds repeat them."""
+    seeds: NDArray[np.float16]
+    """Azimuth of the point reached while the first joint stands at zero, the joints
+    between first and last, and the last frame's turn while the last joint stands at
+    zero [rad or m]; shape (cells, n_seeds, d). Cells with fewer seeds repeat them."""
 
     @classmethod
     def build(
@@ -104,51 +121,71 @@ class ReachMap:
         rng = np.random.default_rng(_SEED)
         q = chain.sampled(config.n_samples, rng=rng).T.astype(np.float32)
         q[0] = q[-1] = 0.0
-        four, azimuth = [], []
+        parts = []
         for start in range(0, config.n_samples, _CHUNK):
             frames = chain.single_form.frames(q[:, start : start + _CHUNK])
-            part, angle = _invariants(frames.p, frames.z)
-            four.append(part)
-            azimuth.append(angle)
-        invariants = np.concatenate(four, axis=1)
-        radius, height = invariants[:2]
+            columns = np.stack([frames.x, frames.y, frames.z, frames.p])
+            parts.append(AxisGoals.from_columns(columns))
+        rows = np.concatenate([part.rows for part in parts], axis=1)
+        q[0] = np.concatenate([part.azimuth for part in parts])
+        q[-1] = np.concatenate([part.turn for part in parts])
+        radius, height = rows[:2]
         # One cell of margin, so that growing the map never meets its border.
         step_r = radius.max() / max(config.n_radius - 1, 1)
         step_z = np.ptp(height) / max(config.n_height - 2, 1)
+        outer_limits = np.array([chain.lower, chain.upper])[:, [0, -1]].T
         bare = cls(
             chain_hash=chain.hash,
             config=config,
             radius=float(radius.max() + step_r),
             lowest=float(height.min() - step_z),
             highest=float(height.max() + step_z),
-            may_reach_cell=np.zeros(0, dtype=bool),
+            azimuths=np.zeros(0, dtype=np.uint16),
+            turns=np.zeros(0, dtype=np.uint16),
+            outer_limits=outer_limits,
+            fitting=np.stack([_fitting(*limits) for limits in outer_limits]),
             seed_cell=np.zeros(0, dtype=np.intp),
-            seeds=np.zeros((0, config.n_seeds, len(q) - 1), dtype=np.float32),
+            seeds=np.zeros((0, config.n_seeds, len(q)), dtype=np.float16),
         )
-        q[0] = np.concatenate(azimuth)
-        return bare._filled(bare._cells(invariants), q[:-1])
+        return bare._filled(bare._cells(rows), q)
 
     def _filled(self, cell: IntArray, values: Lanes) -> ReachMap:
         shape, n_seeds = self._shape, self.config.n_seeds
-        order = np.argsort(cell, kind="stable")
+        n_cells = int(np.prod(shape))
+        order = np.lexsort((values[0], cell))
         cells, first, count = np.unique(
             cell[order], return_index=True, return_counts=True
         )
-        pick = first[:, None] + np.arange(n_seeds) % np.minimum(count, n_seeds)[:, None]
-        seeds = np.zeros((int(np.prod(shape)), n_seeds, len(values)), dtype=np.float32)
+        # Seeds of a cell are spread over the azimuths met, so that one suits the limits
+        # of the first joint, and consecutive ones differ.
+        share = (np.arange(n_seeds) * _GOLDEN) % 1.0
+        pick = first[:, None] + (share * count[:, None]).astype(np.intp)
+        seeds = np.zeros((n_cells, n_seeds, len(values)), dtype=np.float16)
         seeds[cells] = values.T[order[pick]]
         is_met = np.zeros(shape, dtype=bool)
         is_met.reshape(-1)[cells] = True
         nearest = ndimage.distance_transform_edt(
             ~is_met, return_distances=False, return_indices=True
         )
-        return ReachMap(
-            chain_hash=self.chain_hash,
-            config=self.config,
-            radius=self.radius,
-            lowest=self.lowest,
-            highest=self.highest,
-            may_reach_cell=_grown(is_met).reshape(-1),
+        masks = []
+        for angle in (values[0], values[-1]):
+            bits = np.left_shift(np.uint16(1), _sixteenth(angle).astype(np.uint16))
+            mask = np.bitwise_or.reduceat(bits[order], first)
+            met = np.zeros(n_cells, dtype=np.uint16)
+            met[cells] = mask
+            masks.append(met.reshape(shape))
+        azimuths, turns = masks
+        # Close to the first axis the azimuth means nothing; the turn does not where
+        # the last axis points inwards.
+        azimuths[0] = np.where(is_met[0], _ALL, azimuths[0])
+        rise = (np.arange(shape[2]) + 0.5) * 2.0 / shape[2] - 1.0
+        heading = (np.arange(shape[3]) + 0.5) * 2.0 * np.pi / shape[3] - np.pi
+        outward = np.sqrt(1.0 - rise * rise)[:, None] * np.cos(heading)
+        turns[is_met & (outward < _INWARDS)] = _ALL
+        return replace(
+            self,
+            azimuths=_grown(azimuths).reshape(-1),
+            turns=_grown(turns).reshape(-1),
             seed_cell=np.ravel_multi_index(tuple(nearest), shape).reshape(-1),
             seeds=seeds,
         )
@@ -170,83 +207,169 @@ class ReachMap:
 
     def may_reach(self, goals: Goals) -> BoolArray:
         """Which goals (targets) are not ruled out, shape (targets,)."""
-        invariants, _ = _invariants(goals.columns[3], goals.columns[2])
-        radius, height = invariants[:2]
-        is_inside = radius < self.radius
-        is_inside &= (height > self.lowest) & (height < self.highest)
-        is_inside &= self.may_reach_cell[self._cells(invariants)]
-        return np.asarray(is_inside)
+        return self.admits(AxisGoals.from_columns(goals.columns))
+
+    def admits(self, goals: AxisGoals) -> BoolArray:
+        """As `may_reach`, of goals already in the radial frame."""
+        radius, height = goals.rows[:2]
+        cell = self._cells(goals.rows)
+        is_open = radius < self.radius
+        is_open &= (height > self.lowest) & (height < self.highest)
+        angles = (goals.azimuth, goals.turn)
+        for masks, angle, fitting in zip(
+            (self.azimuths, self.turns), angles, self.fitting, strict=True
+        ):
+            is_open &= (masks[cell] & fitting[_sixteenth(angle)]) != 0
+        return np.asarray(is_open)
+
+    def middles(self, goals: AxisGoals, rank: IntArray) -> Lanes:
+        """Values of the joints between first and last to start from.
+
+        Parameters
+        ----------
+        goals
+            Targets (targets).
+        rank
+            Which of the seeds of each target, the best first; shape (targets,). Best
+            are those for which the limits of first and last joint allow.
+
+        Returns
+        -------
+        Lanes
+            Shape (d - 2, targets).
+        """
+        rows = self.seed_cell[self._cells(goals.rows)]
+        choice = rank % self.config.n_seeds
+        if any(_has_gap(*limits) for limits in self.outer_limits):
+            wanted = np.stack([goals.azimuth, goals.turn]).astype(np.float32)
+            excess = self._outer_excess(wanted, self.seeds[rows].astype(np.float32))
+            if excess is not None:
+                order = np.argsort(excess, axis=1, kind="stable")
+                choice = order[np.arange(len(rows)), choice]
+        flat = self.seeds.reshape(-1, self.seeds.shape[-1])
+        picked = flat.take(rows * self.config.n_seeds + choice, axis=0)
+        return np.ascontiguousarray(picked[:, 1:-1].T, dtype=np.float32)
+
+    def middles_of_one(
+        self, rows: Sequence[float], azimuth: float, turn: float
+    ) -> list[list[float]]:
+        """All seeds of one target, the best first; none if it is ruled out.
+
+        Parameters
+        ----------
+        rows, azimuth, turn
+            What `AxisGoals.of_one` returns.
+        """
+        radius, height, out, side, up = rows
+        if not (radius < self.radius and self.lowest < height < self.highest):
+            return []
+        cell = 0
+        for number, low, high, size in (
+            (radius, 0.0, self.radius, self.config.n_radius),
+            (height, self.lowest, self.highest, self.config.n_height),
+            (up, -1.0, 1.0, self.config.n_rise),
+            (math.atan2(side, out), -math.pi, math.pi, self.config.n_heading),
+        ):
+            place = int((number - low) * (size / (high - low)))
+            cell = cell * size + min(max(place, 0), size - 1)
+        angles = (azimuth, turn)
+        for masks, angle, fitting in zip(
+            (self.azimuths, self.turns), angles, self.fitting, strict=True
+        ):
+            sixteenth = math.floor(angle * (8.0 / math.pi)) % 16
+            if not int(masks[cell]) & int(fitting[sixteenth]):
+                return []
+        seeds = self.seeds[self.seed_cell[cell]].astype(np.float64)
+        excess = self._outer_excess(np.array([angles]).T, seeds[None])
+        if excess is not None:
+            seeds = seeds[np.argsort(excess[0], kind="stable")]
+        middles: list[list[float]] = seeds[:, 1:-1].tolist()
+        return middles
+
+    def _outer_excess(self, wanted: Lanes, seeds: Lanes) -> Lanes | None:
+        """How far seeds (n, n_seeds, d) lead the outer joints beyond their limits.
+
+        ``wanted`` are azimuth and turn of the goals, shape (2, n). None if the limits
+        keep these joints from no direction.
+        """
+        total: Lanes | None = None
+        for k, limits in zip((0, -1), self.outer_limits, strict=True):
+            if _has_gap(*limits):
+                excess = _excess(wanted[k][:, None] - seeds[:, :, k], *limits)
+                total = excess if total is None else total + excess
+        return total
 
     def starts(self, chain: KinematicChain, goals: Goals, rank: IntArray) -> Lanes:
-        """Joint values (d, targets) to start from, the ``rank``-th best of each goal.
+        """Whole postures (d, targets) to start from, the outer joints set as well.
 
-        The first joint turns to the azimuth of the goal; seeds for which its limits
-        allow that come first. The last joint takes the turn that fits best.
+        ``rank`` is that of `middles`.
         """
-        invariants, azimuth = _invariants(goals.columns[3], goals.columns[2])
-        rows = self.seed_cell[self._cells(invariants)]
-        choice = rank % self.config.n_seeds
-        if not chain.is_cyclic[0]:
-            first = _wrapped(azimuth[:, None] - self.seeds[rows, :, 0])
-            excess = np.maximum(chain.lower[0] - first, first - chain.upper[0])
-            excess = excess.clip(min=0.0)
-            order = np.argsort(excess, axis=1, kind="stable")
-            choice = order[np.arange(len(rows)), choice]
-        q = np.empty((chain.n_joints, len(rows)), dtype=np.float32)
-        picked = self.seeds[rows, choice].T
-        q[0] = _wrapped(azimuth - picked[0])
-        q[1:-1] = picked[1:]
-        q[-1] = 0.0
+        axis_goals = AxisGoals.from_columns(goals.columns)
+        middle = self.middles(axis_goals, rank)
+        rows = np.zeros((1, middle.shape[1]), dtype=np.float32)
+        q = np.concatenate([rows, middle, rows])
         frames = chain.single_form.frames(q)
-        # Maximise the trace of the remaining rotation over a turn about the last axis.
-        want_x, want_y = goals.columns[0], goals.columns[1]
-        sine = (want_x * frames.y).sum(axis=0) - (want_y * frames.x).sum(axis=0)
-        cosine = (want_x * frames.x).sum(axis=0) + (want_y * frames.y).sum(axis=0)
-        q[-1] = np.arctan2(sine, cosine)
-        for i in (0, -1):
-            if not chain.is_cyclic[i]:
-                q[i] = q[i].clip(chain.lower[i], chain.upper[i])
-        return q
+        columns = np.stack([frames.x, frames.y, frames.z, frames.p])
+        reached = AxisGoals.from_columns(columns)
+        q[0] = axis_goals.azimuth - reached.azimuth
+        q[-1] = axis_goals.turn - reached.turn
+        return chain.clipped(chain.wrapped(q.T)).T.astype(np.float32)
 
-    def _cells(self, invariants: Lanes) -> IntArray:
-        """Flat cell index of invariants (4, n), shape (n,)."""
-        lower = np.array([0.0, self.lowest, -1.0, -np.pi])
-        upper = np.array([self.radius, self.highest, 1.0, np.pi])
-        scale = np.array(self._shape) / (upper - lower)
-        cell = np.zeros(invariants.shape[1], dtype=np.intp)
-        for k, size in enumerate(self._shape):
-            place = ((invariants[k] - lower[k]) * scale[k]).astype(np.intp)
+    def _cells(self, rows: Lanes) -> IntArray:
+        """Flat cell index of goals (5, n), shape (n,)."""
+        radius, height, out, side, up = rows
+        numbers = (radius, height, up, np.arctan2(side, out))
+        lower = (0.0, self.lowest, -1.0, -np.pi)
+        upper = (self.radius, self.highest, 1.0, np.pi)
+        cell = np.zeros(rows.shape[1], dtype=np.intp)
+        for number, low, high, size in zip(
+            numbers, lower, upper, self._shape, strict=True
+        ):
+            place = ((number - low) * (size / (high - low))).astype(np.intp)
             cell = cell * size + place.clip(0, size - 1)
         return cell
 
 
-def _invariants(p: Lanes, axis: Lanes) -> tuple[Lanes, Lanes]:
-    """Radius, height, rise and heading (4, n) of last axes, and azimuth (n,) [rad].
+def _sixteenth(angle: Lanes) -> IntArray:
+    """Which sixteenth of a turn an angle [rad] lies in, counted from -pi."""
+    return np.asarray(np.floor(angle * (8.0 / np.pi)).astype(np.intp) % 16)
 
-    ``p`` and ``axis`` (3, n) are in the frame of the first joint, z along its axis.
+
+def _fitting(lower: float, upper: float) -> NDArray[np.uint16]:
+    """Which sixteenths may be met at zero by what is wanted in each, shape (16,).
+
+    Wanted angle minus met angle is the value of the joint, which has limits.
     """
-    radius, azimuth = np.hypot(p[0], p[1]), np.arctan2(p[1], p[0])
-    safe = np.maximum(radius, 1e-9)
-    c, s = p[0] / safe, p[1] / safe
-    outwards = axis[0] * c + axis[1] * s
-    sideways = axis[1] * c - axis[0] * s
-    heading = np.arctan2(sideways, outwards)
-    return np.stack([radius, p[2], axis[2], heading]), azimuth
+    step = np.pi / 8.0
+    value = step * np.subtract.outer(np.arange(16), np.arange(16))
+    # Either angle may lie anywhere in its sixteenth, and a neighbour's is close by.
+    fits = _excess(value, lower, upper) <= 2.0 * step
+    return np.asarray((fits << np.arange(16)).sum(axis=1), dtype=np.uint16)
 
 
-def _grown(is_met: BoolArray) -> BoolArray:
-    """Cells met or next to one that is; shape (radius, height, rise, heading)."""
-    met = is_met.copy()
-    for ambiguous in (met[0], met[:, :, 0], met[:, :, -1]):
+def _has_gap(lower: float, upper: float) -> bool:
+    """Whether the limits [rad] keep a joint from some directions."""
+    return bool(upper - lower < 2.0 * np.pi)
+
+
+def _excess(value: Lanes, lower: float, upper: float) -> Lanes:
+    """How far [rad] a turn must exceed the limits to take the direction of a value."""
+    if not _has_gap(lower, upper):
+        return np.zeros_like(value)
+    middle, half = float(0.5 * (lower + upper)), float(0.5 * (upper - lower))
+    turns = np.round((value - middle) / (2.0 * np.pi))
+    return np.maximum(np.abs(value - middle - 2.0 * np.pi * turns) - half, 0.0)
+
+
+def _grown(bits: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """Bits of a cell and its neighbours; shape (radius, height, rise, heading)."""
+    grown = bits.copy()
+    for ambiguous in (grown[0], grown[:, :, 0], grown[:, :, -1]):
         # At radius zero and straight up or down the heading means nothing.
-        ambiguous |= ambiguous.any(axis=-1, keepdims=True)
-    ring = np.concatenate([met[..., -1:], met, met[..., :1]], axis=-1)
-    grown: BoolArray = ndimage.binary_dilation(
-        ring, structure=np.ones((3,) * 4, dtype=bool)
-    )
-    return grown[..., 1:-1]
-
-
-def _wrapped(angle: Lanes) -> Lanes:
-    turns = np.round(angle / np.float32(2.0 * np.pi))
-    return angle - np.float32(2.0 * np.pi) * turns
+        ambiguous |= np.bitwise_or.reduce(ambiguous, axis=-1, keepdims=True)
+    for axis in range(3):
+        at = np.moveaxis(grown, axis, 0)
+        before = at.copy()
+        at[1:] |= before[:-1]
+        at[:-1] |= before[1:]
+    return grown | np.roll(grown, 1, axis=-1) | np.roll(grown, -1, axis=-1)

@@ -11,6 +11,7 @@ from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, Solid
 
 from .chain import KinematicChain
+from .limits import LimitFamily, LimitSet
 from .robot_file import ArmSpec, RobotFile
 from .solids import solids_of_shape
 from .urdf import UrdfTree
@@ -116,6 +117,21 @@ class RobotModel:
         return KinematicChain.from_tree(
             self.tree, self.base, spec.tip, {**held, **(locked or {})}
         )
+
+    def limits(self, arm: str, chain: KinematicChain | None = None) -> LimitFamily:
+        """Limits of the joints of an arm's chain; None: those of `chain`.
+
+        Speeds come from the URDF, the rest from the robot's file.
+        """
+        spec, chain = self.arm(arm), chain or self.chain(arm)
+        hardware = LimitSet.of_chain(
+            chain,
+            velocity=[self.tree.joints[name].velocity for name in chain.joint_names],
+            acceleration=spec.limits["acceleration"],
+            force=spec.limits["force"],
+            torque=spec.limits["torque"],
+        )
+        return LimitFamily.around(hardware)
 
     def posture(self, arm: str, name: str) -> dict[str, float]:
         """Joint values of an arm's named posture."""

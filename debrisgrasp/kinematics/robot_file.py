@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, UnknownNameError
 
 __all__ = ["ArmSpec", "RobotFile"]
 
@@ -32,6 +32,9 @@ class ArmSpec:
     """Posture the arm is taken to be in when a search starts."""
     idle: str
     """Posture while another arm works."""
+    limits: Mapping[str, float]
+    """What a URDF can't say: ``acceleration`` [rad/s^2 or m/s^2] of every joint,
+    ``force`` [N] and ``torque`` [N m] at the hand."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -69,7 +72,9 @@ class RobotFile:
 
 def _arm(name: str, content: Any, path: Path) -> ArmSpec:
     reader = _Reader(content, f"{path}, arm {name}")
-    reader.allow("tip", "gripper", "hand", "joints", "postures", "present", "idle")
+    reader.allow(
+        "tip", "gripper", "hand", "joints", "postures", "present", "idle", "limits"
+    )
     postures = reader.mapping("postures")
     within = _Reader(postures, f"{path}, arm {name}, postures")
     spec = ArmSpec(
@@ -81,6 +86,7 @@ def _arm(name: str, content: Any, path: Path) -> ArmSpec:
         postures={key: within.numbers(key) for key in postures},
         present=reader.text("present"),
         idle=reader.text("idle"),
+        limits=_limits(reader),
     )
     for field in ("present", "idle"):
         if getattr(spec, field) not in spec.postures:
@@ -90,6 +96,19 @@ def _arm(name: str, content: Any, path: Path) -> ArmSpec:
                 expected="one of its postures: " + ", ".join(spec.postures),
             )
     return spec
+
+
+def _limits(reader: _Reader) -> dict[str, float]:
+    known = {"acceleration": 2.0, "force": 150.0, "torque": 40.0}
+    given = reader.numbers("limits") if reader.has("limits") else {}
+    for name, value in given.items():
+        if name not in known:
+            raise UnknownNameError(f"limit in {reader.where}", name, known)
+        if value <= 0.0:
+            raise ConfigError(
+                f"limits.{name} in {reader.where}", got=value, expected="above zero"
+            )
+    return known | given
 
 
 class _Reader:

@@ -17,9 +17,8 @@ operation runs over contiguous lanes.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from numpy.typing import NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 
-__all__ = ["ComplexLanes", "LaneFrames", "Lanes", "Scratch", "SerialForm"]
+__all__ = ["ComplexLanes", "LaneFrames", "Lanes", "SerialForm"]
 
 Lanes = NDArray[np.floating[Any]]
 """Floats of single or double precision, last axis: lanes."""
@@ -36,25 +35,6 @@ ComplexLanes = NDArray[np.complexfloating[Any]]
 
 _PARALLEL = 1e-2
 """Axes whose angle [rad] is below this have no usable common normal."""
-
-
-class Scratch:
-    """Memory that the iterations of one loop share.
-
-    Arrays of some hundred kilobytes are returned to the system when they are freed, and
-    fetching them again page by page costs more than the arithmetic done in them.
-    """
-
-    def __init__(self) -> None:
-        self._buffers: dict[str, NDArray[Any]] = {}
-
-    def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-        """Array with what was last left under its name; zeros the first time."""
-        size = math.prod(shape)
-        buffer = self._buffers.get(name)
-        if buffer is None or buffer.size < size or buffer.dtype != dtype:
-            buffer = self._buffers[name] = np.zeros(size, dtype=dtype)
-        return buffer[:size].reshape(shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +98,10 @@ class SerialForm:
     """Homogeneous matrix, shape (4, 4)."""
     frames_at_zero: FloatArray
     """Joint frames F_i in base when all joints stand at zero, shape (d, 4, 4)."""
+    T_first_base: FloatArray
+    """Inverse of ``T_base_first``, shape (4, 4)."""
+    T_tip_last: FloatArray
+    """Inverse of ``T_last_tip``, shape (4, 4)."""
     dtype: type[np.floating[Any]] = np.float64
 
     @classmethod
@@ -161,36 +145,30 @@ class SerialForm:
             T_base_first=frames[0],
             T_last_tip=np.linalg.inv(frames[-1]) @ T_base_tip,
             frames_at_zero=frames,
+            T_first_base=np.linalg.inv(frames[0]),
+            T_tip_last=np.linalg.inv(T_base_tip) @ frames[-1],
         )
 
     def in_single_precision(self) -> SerialForm:
         """Return the form for float32 lanes, rid of terms below their precision."""
-        return SerialForm(
-            is_revolute=self.is_revolute,
-            offsets=self.offsets,
+        return replace(
+            self,
             rotations=_snapped(self.rotations, 1e-7),
             shifts=_snapped(self.shifts, 1e-8),
-            T_base_first=self.T_base_first,
-            T_last_tip=self.T_last_tip,
-            frames_at_zero=self.frames_at_zero,
             dtype=np.float32,
         )
 
-    def frames(self, q: Lanes, scratch: Scratch | None = None) -> LaneFrames:
-        """Joint frames of postures q (d, lanes) [rad or m].
-
-        With ``scratch`` the result lies in its memory, until the next call.
-        """
+    def frames(self, q: Lanes) -> LaneFrames:
+        """Joint frames of postures q (d, lanes) [rad or m]."""
         n, lanes = q.shape
-        scratch = Scratch() if scratch is None else scratch
         angles = q + self.offsets.astype(self.dtype)[:, None]
         complex_dtype = np.result_type(self.dtype, np.complex64)
         # (x + i y) exp(-i angle) turns the columns x and y about z.
-        phases = scratch.array("phases", (n, lanes), complex_dtype)
+        phases = np.empty((n, lanes), dtype=complex_dtype)
         np.cos(angles, out=phases.real)
         np.sin(-angles, out=phases.imag)
-        axes = scratch.array("axes", (3, n, lanes), self.dtype)
-        origins = scratch.array("origins", (3, n, lanes), self.dtype)
+        axes = np.empty((3, n, lanes), dtype=self.dtype)
+        origins = np.empty((3, n, lanes), dtype=self.dtype)
         xy = np.zeros((3, lanes), dtype=complex_dtype)
         z, p = (np.zeros((3, lanes), dtype=self.dtype) for _ in range(2))
         xy[0], xy[1], z[2] = 1.0, 1.0j, 1.0
@@ -212,7 +190,7 @@ class SerialForm:
                 z = _combined(R[:, 2], columns, None)
         return LaneFrames(axes, origins, tuple(turns))
 
-    def jacobian(self, frames: LaneFrames, scratch: Scratch | None = None) -> Lanes:
+    def jacobian(self, frames: LaneFrames) -> Lanes:
         """Jacobian of the last frame's origin, axes of the first frame, linear first.
 
         Returns
@@ -220,17 +198,9 @@ class SerialForm:
         Lanes
             Shape (6, d, lanes).
         """
-        scratch = Scratch() if scratch is None else scratch
         axes = frames.axes
-        arm = scratch.array("arm", axes.shape, axes.dtype)
-        np.subtract(frames.p[:, None], frames.origins, out=arm)
-        J = scratch.array("jacobian", (6, *axes.shape[1:]), axes.dtype)
-        np.multiply(axes[1], arm[2], out=J[0])
-        J[0] -= axes[2] * arm[1]
-        np.multiply(axes[2], arm[0], out=J[1])
-        J[1] -= axes[0] * arm[2]
-        np.multiply(axes[0], arm[1], out=J[2])
-        J[2] -= axes[1] * arm[0]
+        J = np.empty((6, *axes.shape[1:]), dtype=axes.dtype)
+        J[:3] = np.cross(axes, frames.p[:, None] - frames.origins, axis=0)
         J[3:] = axes
         for i in np.flatnonzero(~self.is_revolute):
             J[:3, i], J[3:, i] = axes[:, i], 0.0

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from debrisgrasp.errors import ConfigError
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
 
+from .hull import Hull
 from .urdf import UrdfShape
 
 __all__ = ["solids_of_shape"]
@@ -17,7 +19,8 @@ __all__ = ["solids_of_shape"]
 def solids_of_shape(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, ...]:
     """Solids that contain a collision geometry, in the link's frame.
 
-    Primitives are taken as they are; a mesh is replaced by its bounding box.
+    Primitives are taken as they are; every connected piece of a mesh
+    is replaced by its convex hull.
 
     Parameters
     ----------
@@ -42,16 +45,22 @@ def solids_of_shape(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, .
         return (Cylinder(size[0], size[1], T),)
     if shape.kind == "capsule":
         return (Capsule(size[0], size[1], T),)
-    return (_mesh_box(shape, link, folder),)
+    return _mesh_hulls(shape, link, folder)
 
 
-def _mesh_box(shape: UrdfShape, link: str, folder: Path) -> Box:
+def _mesh_hulls(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, ...]:
+    """Convex hull of every connected piece of a mesh."""
     import trimesh  # slow to load, and only robots with meshes need it
 
     path = _mesh_path(shape.file, folder)
     try:
         mesh = trimesh.load(path, force="mesh")
-        lower, upper = np.asarray(mesh.bounds) * np.array(shape.size)
+        pieces = [
+            np.asarray(piece.vertices) * np.array(shape.size)
+            for piece in mesh.split(only_watertight=False)
+        ]
+        if not pieces:
+            raise ValueError("no triangles")
     except Exception as error:  # loaders raise whatever they please
         raise ConfigError(
             f"collision mesh of link {link!r}",
@@ -60,9 +69,18 @@ def _mesh_box(shape: UrdfShape, link: str, folder: Path) -> Box:
             mend="Put the mesh there, or give the link collision primitives; "
             "a KinematicChain alone needs no meshes.",
         ) from error
-    center = SE3.from_parts(p=0.5 * (lower + upper))
-    half = np.maximum(0.5 * np.abs(upper - lower), 1e-4)
-    return Box(half, shape.T_link_shape @ center)
+    return tuple(_hull(points, shape.T_link_shape) for points in pieces)
+
+
+def _hull(points: FloatArray, T_link_mesh: SE3) -> Solid:
+    """Hull of points, or their box if they lie in a plane."""
+    try:
+        return Hull(points, T_link_mesh)
+    except InputError:
+        lower, upper = points.min(axis=0), points.max(axis=0)
+        center = SE3.from_parts(p=0.5 * (lower + upper))
+        half = np.maximum(0.5 * (upper - lower), 1e-4)
+        return Box(half, T_link_mesh @ center)
 
 
 def _mesh_path(file: str, folder: Path) -> Path:

@@ -42,6 +42,8 @@ class UrdfJoint:
     lower: float
     """Smallest value [rad or m]; minus infinity for a continuous joint."""
     upper: float
+    velocity: float
+    """Largest speed [rad/s or m/s]; infinity if the file gives none."""
     mimics: str | None
     """Name of the joint that drives this one, if it is a mimic joint."""
 
@@ -312,5 +314,6 @@ def _joint(element: ElementTree.Element, path: Path) -> UrdfJoint:
         axis=axis / max(length, 1e-9),
         lower=lower,
         upper=upper,
+        velocity=float(_numbers(limit, "velocity", (np.inf,), path)[0]),
         mimics=None if mimic is None else _attribute(mimic, "joint", path),
     )

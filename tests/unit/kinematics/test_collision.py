@@ -7,9 +7,12 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from debrisgrasp.errors import ConfigError, ShapeError
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.kinematics import ArmCollision, RobotModel
+from debrisgrasp.kinematics.body import RobotBody
+from debrisgrasp.kinematics.exact import ExactSolids
 
+from .example_robots import PANDA, UR10, ExampleArm, loaded_or_skip
 from .robots import ROMAN_URDF, JointText, written
 
 
@@ -152,7 +155,7 @@ def _meshed_robot(folder: Path, mesh: str, scale: str = "1 1 1") -> RobotModel:
     return RobotModel.load(path)
 
 
-def test_a_collision_mesh_is_covered_by_its_box(tmp_path: Path) -> None:
+def test_a_collision_mesh_is_taken_as_the_hulls_of_its_pieces(tmp_path: Path) -> None:
     import trimesh
 
     trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "part.stl")
@@ -163,6 +166,12 @@ def test_a_collision_mesh_is_covered_by_its_box(tmp_path: Path) -> None:
     mirrored = _meshed_robot(tmp_path, "part.stl", "-2 1 1").links_solids()
     np.testing.assert_allclose(mirrored[0][1].bounds.size, (0.2, 0.2, 0.3))
     ArmCollision.fit(robot, "one")
+    two = [trimesh.creation.icosphere(radius=0.05) for _ in range(2)]
+    two[1].apply_translation((0.3, 0.0, 0.0))
+    trimesh.util.concatenate(two).export(tmp_path / "part.stl")
+    pieces = _meshed_robot(tmp_path, "part.stl").links_solids()
+    assert len(pieces) == 14
+    assert not pieces[0][1].contains([0.15, 0.0, 0.0])
 
 
 def test_a_missing_collision_mesh_is_named_when_it_is_needed(tmp_path: Path) -> None:
@@ -170,3 +179,116 @@ def test_a_missing_collision_mesh_is_named_when_it_is_needed(tmp_path: Path) -> 
     assert robot.chain("one").n_joints == 6
     with pytest.raises(ConfigError, match=r"none\.stl"):
         ArmCollision.fit(robot, "one")
+
+
+def test_clearance_never_exceeds_the_distance_of_the_exact_solids(
+    collision: ArmCollision, rng: np.random.Generator
+) -> None:
+    q = collision.body.chain.sampled(60, rng=rng)
+    clearance = collision.clearance(q)
+    exact = np.array([collision.self_distance(row) for row in q])
+    is_apart = exact > 0
+    assert 10 < is_apart.sum() < 50
+    assert (clearance[is_apart] <= exact[is_apart] + 1e-6).all()
+    assert (clearance[is_apart] > 0).all()
+    assert (clearance[~is_apart] <= 1e-6).all()
+    assert (np.minimum(exact, 0.1) - clearance)[is_apart].max() < 0.06
+    assert collision.clearance(q, horizon=0.02).max() <= 0.02 + 1e-6
+
+
+def test_free_postures_keep_clear_of_robot_and_scene(
+    collision: ArmCollision, rng: np.random.Generator
+) -> None:
+    q = collision.body.chain.sampled(300, rng=rng)
+
+    def wall(points: np.ndarray) -> np.ndarray:
+        return np.minimum(0.9 - points[..., 0], 0.1)
+
+    free = collision.is_free(q, wall, margin=0.01)
+    assert 10 < free.sum() < 200
+    np.testing.assert_array_equal(collision.is_free(q), ~collision.hits_itself(q))
+    assert not collision.hits_itself(q[free]).any()
+    assert collision.scene_clearance(q[free], wall, with_hand=True).min() >= 0.01
+    palm = collision.body.chain.fk(q[free]).p
+    assert palm[:, 0].max() < 0.9
+    without = collision.is_free(q, wall, margin=0.01, with_hand=False)
+    assert without.sum() > free.sum()
+    assert (without | ~free).all()
+
+
+@pytest.mark.parametrize("robot_arm", [PANDA, UR10], ids=["panda", "ur10"])
+def test_no_contact_of_another_arm_is_missed(
+    robot_arm: ExampleArm, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    robot = loaded_or_skip(robot_arm, tmp_path)
+    fitted = ArmCollision.fit(robot, "arm")
+    q = fitted.body.chain.sampled(1500, rng=rng)
+    may, hits = fitted.may_hit_itself(q), fitted.hits_itself(q)
+    exact = np.array([len(fitted.self_contacts(row)) > 0 for row in q[:400]])
+    np.testing.assert_array_equal(hits[:400], exact)
+    assert may[hits].all()
+    assert 50 < hits.sum() < 600
+    ready = fitted.body.chain.vector(robot.posture("arm", "ready"))
+    assert fitted.is_free(ready)
+    assert fitted.clearance(ready) > 0
+
+
+def test_no_contact_is_missed_in_thousands_of_postures(
+    collision: ArmCollision, roman: RobotModel, rng: np.random.Generator
+) -> None:
+    # All pairs that the robot has, none passed over, decided by the exact checker.
+    every = RobotBody.fit(roman, "right", collision.body.chain)
+    exact = ExactSolids([part.solid for part in every.parts])
+    q = collision.body.chain.sampled(3000, rng=rng)
+    free = np.flatnonzero(~collision.may_hit_itself(q))
+    assert len(free) > 900
+    poses = every.segment_poses(q[free])
+    segments = [part.segment for part in every.parts]
+    for i, j in every.pairs[:: 1 + len(every.pairs) // 60]:
+        for T in poses[:200]:
+            assert not exact.touch(i, T[segments[i]], j, T[segments[j]], 0.0)
+    assert all(not collision.self_contacts(row) for row in q[free[:200]])
+
+
+def test_pairs_that_can_never_touch_are_left_out(
+    collision: ArmCollision, roman: RobotModel, rng: np.random.Generator
+) -> None:
+    every = RobotBody.fit(roman, "right", collision.body.chain)
+    kept = {tuple(pair) for pair in collision.body.pairs.tolist()}
+    dropped = [pair for pair in every.pairs.tolist() if tuple(pair) not in kept]
+    assert len(dropped) > 50
+    exact = ExactSolids([part.solid for part in every.parts])
+    segments = [part.segment for part in every.parts]
+    for T in every.segment_poses(every.chain.sampled(60, rng=rng)):
+        for i, j in dropped[::3]:
+            assert not exact.touch(i, T[segments[i]], j, T[segments[j]], 0.0)
+
+
+def test_links_that_always_touch_are_named_and_not_tested(tmp_path: Path) -> None:
+    # Balls larger than the distance of the joints, so that every other one overlaps.
+    shape = '<collision><geometry><sphere radius="0.25"/></geometry></collision>'
+    arm = {
+        "tip": "link6",
+        "gripper": "none",
+        "hand": "link6",
+        "joints": [f"joint{i}" for i in range(1, 7)],
+        "postures": {"zero": {}},
+        "present": "zero",
+        "idle": "zero",
+    }
+    written(tmp_path, [JointText(xyz=(0, 0, 0.2), axis=(0, 1, 0))] * 6, shape)
+    content = {"name": "row", "urdf": "row.urdf", "base": "link0", "arms": {"one": arm}}
+    path = tmp_path / "row.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    fitted = ArmCollision.fit(RobotModel.load(path), "one")
+    assert ("link2", "link0") in fitted.body.always_touching
+    assert fitted.is_free(np.zeros(6)) == (len(fitted.self_contacts(np.zeros(6))) == 0)
+
+
+def test_postures_that_are_no_numbers_are_refused(collision: ArmCollision) -> None:
+    q = np.full((2, 8), np.nan)
+    for test in (collision.is_free, collision.clearance, collision.hits_itself):
+        with pytest.raises(InputError, match="joint values"):
+            test(q)
+    with pytest.raises(ShapeError, match="joint values"):
+        collision.is_free(np.zeros((3, 7)))

@@ -1,0 +1,196 @@
+"""Reachability maps on disk: saved, loaded, and kept in the user's cache.
+
+A map is bound to the hash of its chain, which covers geometry, limits and the tool at
+the tip, and to the code that built it. A file of anything else is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import struct
+import sys
+import tokenize
+import warnings
+import zipfile
+import zlib
+from dataclasses import asdict, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from debrisgrasp._files import PathLike, write_atomic
+from debrisgrasp.errors import ConfigError, OutputError
+
+from . import descent, formulas, reach_map, serial
+from .chain import KinematicChain
+from .reach_map import ReachMap, ReachMapConfig
+
+__all__ = ["cache_folder", "cached_reach_map", "load_reach_map", "save_reach_map"]
+
+_SCHEMA = "debrisgrasp/reach-map/1"
+_VARIABLE = "DEBRISGRASP_CACHE"
+_UNREADABLE = (
+    AttributeError,
+    EOFError,
+    KeyError,
+    MemoryError,  # a damaged header may claim any size
+    NotImplementedError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,  # also raised for pickled objects, which are never loaded
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What NumPy raises for damaged or foreign files."""
+
+
+def cache_folder() -> Path | None:
+    """Folder for what can be built again, or None where there is no home.
+
+    ``$DEBRISGRASP_CACHE`` if set; else as the platform has it: ``$XDG_CACHE_HOME`` or
+    ``~/.cache``, on macOS ``~/Library/Caches``, on Windows ``%LOCALAPPDATA%``, and in
+    there ``debrisgrasp``. It need not exist.
+    """
+    if chosen := os.environ.get(_VARIABLE):
+        return Path(chosen)
+    if chosen := os.environ.get("XDG_CACHE_HOME"):
+        return Path(chosen) / "debrisgrasp"
+    if sys.platform == "win32" and (chosen := os.environ.get("LOCALAPPDATA")):
+        return Path(chosen) / "debrisgrasp"
+    try:
+        home = Path.home()
+    except RuntimeError:
+        return None
+    inner = "Library/Caches" if sys.platform == "darwin" else ".cache"
+    return home / inner / "debrisgrasp"
+
+
+def cached_reach_map(
+    chain: KinematicChain, config: ReachMapConfig | None = None
+) -> ReachMap:
+    """Take the map of a chain from the user's cache, or build it and leave it there.
+
+    A file that is damaged, or belongs to something else, is replaced with a warning
+    that says so. Where the cache can't be written, the map is built every time.
+
+    Raises
+    ------
+    ConfigError
+        If there is no map for such a chain; see `ReachMap.build`.
+    """
+    config = config or ReachMapConfig()
+    folder = cache_folder()
+    if folder is None:
+        return ReachMap.build(chain, config)
+    path = folder / f"reach-{chain.hash}-{_digest(asdict(config))}.npz"
+    if path.exists():
+        try:
+            found = load_reach_map(path, chain)
+            _require(found.config, config, "settings of the map", path)
+        except ConfigError as error:
+            warnings.warn(f"{error} It is built again.", stacklevel=2)
+        else:
+            return found
+    built = ReachMap.build(chain, config)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        save_reach_map(built, path)
+    except OSError:
+        # A cache is a convenience: without one everything works, only later.
+        pass
+    return built
+
+
+def save_reach_map(built: ReachMap, path: PathLike) -> None:
+    """Write a map, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written.
+    """
+    values = {field.name: getattr(built, field.name) for field in fields(ReachMap)}
+    arrays: dict[str, NDArray[Any]] = {
+        k: v for k, v in values.items() if isinstance(v, np.ndarray)
+    }
+    facts = {k: v for k, v in values.items() if k not in arrays and k != "config"}
+    facts |= {"schema": _SCHEMA, "maker": _maker(), "config": asdict(built.config)}
+    stream = io.BytesIO()
+    arrays["facts"] = np.array(json.dumps(facts))
+    np.savez(stream, allow_pickle=False, **arrays)
+    try:
+        write_atomic(path, stream.getvalue())
+    except FileNotFoundError as error:
+        raise OutputError(path, "there is no such folder") from error
+
+
+def load_reach_map(path: PathLike, chain: KinematicChain) -> ReachMap:
+    """Read the map of a chain.
+
+    Raises
+    ------
+    ConfigError
+        If the file can't be read, is no map, or is out of date: built for other
+        geometry, limits or tool, or by another version. Says which.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            facts = json.loads(str(content["facts"]))
+            arrays = {k: content[k] for k in content.files if k != "facts"}
+        schema = facts.pop("schema")
+    except _UNREADABLE as error:
+        why = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+        raise _unusable(path, f"no map, or a part of one ({why})") from error
+    _require(schema, _SCHEMA, "schema", path)
+    _require(facts.pop("maker", None), _maker(), "version of the code that built", path)
+    try:
+        found = ReachMap(
+            **{**facts, "config": ReachMapConfig(**facts["config"])}, **arrays
+        )
+    except (TypeError, KeyError) as error:
+        raise _unusable(path, f"other fields than a map has ({error})") from error
+    _require(
+        found.chain_hash, chain.hash, "geometry, limits or tool of the chain in", path
+    )
+    return found
+
+
+def _require(got: Any, wanted: Any, what: str, path: PathLike) -> None:
+    if got != wanted:
+        raise ConfigError(
+            f"{what} {path}",
+            got=got,
+            expected=str(wanted),
+            mend="The reachability map is out of date.",
+        )
+
+
+def _unusable(path: PathLike, why: str) -> ConfigError:
+    return ConfigError(
+        f"reachability map {path}", got=why, expected="a map written by this version"
+    )
+
+
+@cache
+def _maker() -> str:
+    """Digest of the code that decides what a map holds."""
+    digest = hashlib.sha256()
+    for module in (reach_map, serial, descent, formulas):
+        source = Path(module.__file__ or "")
+        digest.update(source.read_bytes() if source.is_file() else b"")
+    return digest.hexdigest()[:16]
+
+
+def _digest(values: dict[str, Any]) -> str:
+    text = json.dumps(values, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
