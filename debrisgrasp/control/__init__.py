@@ -1,0 +1,109 @@
+"""Layer 4: motion under load. Legs, contact, grips, compliance, and what stops them.
+
+Every step is a pure function of state and reading; nothing here has a clock.
+"""
+
+from .baseline import BaselineConfig, BaselineLook, BaselineVerdict, judge_baseline
+from .compliance import Compliance, DeflectionMode, TaskFrame
+from .contact import ContactGuard
+from .controller import LegController
+from .faults import Fault, FaultClass, Stop
+from .filters import WrenchFilter, reference_wrench
+from .grip import (
+    FingerReading,
+    GripCommand,
+    GripConfig,
+    GripController,
+    GripPhase,
+    GripState,
+)
+from .leg_state import (
+    Command,
+    ControllerConfig,
+    Engagement,
+    LegOutcome,
+    LegState,
+    TarePolicy,
+)
+from .legs import CartesianLeg, LegPlan, LegPlanner, LegStatus
+from .loads import Body, LoadModel, ToolFit, identify_payload, identify_tool
+from .oscillation import OscillationGuard, OscillationState
+from .posture import PostureKinematics
+from .preview import Preview, preview
+from .pull import PullChoice, PullConfig, choose_pull
+from .readings import BiasBound, Reading, SafetyConfig, SafetyState, Verdict
+from .rehearsal import LaggingArm, PressResult, Rehearsal, press, rehearse
+from .servo import CartesianServo, ServoConfig, ServoState
+from .stability import (
+    ArmResponse,
+    Contact,
+    StabilityBound,
+    StabilityVerdict,
+    contact_gain,
+)
+from .supervisor import Supervisor
+
+__all__ = [
+    "ArmResponse",
+    "BaselineConfig",
+    "BaselineLook",
+    "BaselineVerdict",
+    "BiasBound",
+    "Body",
+    "CartesianLeg",
+    "CartesianServo",
+    "Command",
+    "Compliance",
+    "Contact",
+    "ContactGuard",
+    "ControllerConfig",
+    "DeflectionMode",
+    "Engagement",
+    "Fault",
+    "FaultClass",
+    "FingerReading",
+    "GripCommand",
+    "GripConfig",
+    "GripController",
+    "GripPhase",
+    "GripState",
+    "LaggingArm",
+    "LegController",
+    "LegOutcome",
+    "LegPlan",
+    "LegPlanner",
+    "LegState",
+    "LegStatus",
+    "LoadModel",
+    "OscillationGuard",
+    "OscillationState",
+    "PostureKinematics",
+    "PressResult",
+    "Preview",
+    "PullChoice",
+    "PullConfig",
+    "Reading",
+    "Rehearsal",
+    "SafetyConfig",
+    "SafetyState",
+    "ServoConfig",
+    "ServoState",
+    "StabilityBound",
+    "StabilityVerdict",
+    "Stop",
+    "Supervisor",
+    "TarePolicy",
+    "TaskFrame",
+    "ToolFit",
+    "Verdict",
+    "WrenchFilter",
+    "choose_pull",
+    "contact_gain",
+    "identify_payload",
+    "identify_tool",
+    "judge_baseline",
+    "press",
+    "preview",
+    "reference_wrench",
+    "rehearse",
+]

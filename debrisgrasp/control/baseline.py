@@ -1,0 +1,197 @@
+"""A new zero for the wrist sensor, taken only where free space is proven.
+
+One pose can't tell contact from bias: 15 N of contact look like a bias of 15 N. In two
+poses the bias stays with the sensor while a contact stays with the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp.errors import InputError
+
+from .loads import LoadModel
+from .readings import BiasBound
+
+__all__ = ["BaselineConfig", "BaselineLook", "BaselineVerdict", "judge_baseline"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BaselineConfig:
+    """What counts as proof."""
+
+    clearance: float = 0.05
+    """Between hand and everything else, ground included [m]."""
+    duration: float = 1.0
+    """Of each look [s]."""
+    noise_force: float = 0.3
+    """Of the sensor at rest, one standard deviation [N]."""
+    noise_torque: float = 0.01
+    """[N m]."""
+    angle: float = float(np.deg2rad(45.0))
+    """Between the directions of gravity in two of the looks, at least [rad]."""
+    slack_force: float = 1.0
+    """Added to three standard deviations when looks are compared [N]."""
+    slack_torque: float = 0.1
+    """[N m]."""
+    sensor_force: float = 660.0
+    """Range of a force axis [N]; the bias may use up a tenth of it."""
+    sensor_torque: float = 60.0
+    """[N m]."""
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            require_range(f"BaselineConfig.{name}", getattr(self, name), 1e-9, 1e6)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class BaselineLook:
+    """Readings in one posture, and what is known about it."""
+
+    raw: FloatArray
+    """As the sensor gave them [N, N m], shape (n, 6)."""
+    R_base_ft: FloatArray
+    """Orientation of the sensor, shape (3, 3)."""
+    duration: float
+    """Time the readings cover [s]."""
+    clearance: float
+    """Distance from hand to scene and ground [m]."""
+    is_open_and_empty: bool
+    """What the gripper reports."""
+    is_standing: bool
+    """Whether all joints stood still."""
+
+    def __post_init__(self) -> None:
+        raw = frozen(self.raw, "readings of a baseline", (None, 6))
+        require_finite(raw, "readings of a baseline")
+        object.__setattr__(self, "raw", raw)
+        R = frozen(self.R_base_ft, "orientation of the sensor", (3, 3))
+        object.__setattr__(self, "R_base_ft", R)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BaselineVerdict:
+    """The new bias, or why there is none."""
+
+    bias: FloatArray | None
+    """[N, N m], shape (6,); None if refused."""
+    refusals: tuple[str, ...]
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether the bias may be used."""
+        return self.bias is not None
+
+
+def judge_baseline(
+    looks: Sequence[BaselineLook],
+    loads: LoadModel,
+    commissioned_bias: FloatArray,
+    *,
+    age: float,
+    drift: BiasBound | None = None,
+    config: BaselineConfig | None = None,
+) -> BaselineVerdict:
+    """Decide whether looks at free space give a new bias.
+
+    Parameters
+    ----------
+    looks
+        At least two, with gravity from different sides.
+    loads
+        Tool and present bias.
+    commissioned_bias
+        Bias when the robot was put into service, shape (6,); small accepted steps must
+        not add up to a large one.
+    age
+        Seconds since the present bias was found; it bounds how far it may have moved.
+    """
+    if len(looks) == 0:
+        raise InputError("looks for a baseline", got=0, expected="at least two")
+    config, drift = config or BaselineConfig(), drift or BiasBound()
+    refusals = [words for look in looks for words in _unfit(look, config)]
+    unbiased = loads.with_bias(np.zeros(6))
+    biases = np.array(
+        [unbiased.load_ft(look.raw.mean(axis=0), look.R_base_ft) for look in looks]
+    )
+    refusals += _disagreement(looks, biases, loads, config)
+    bias = biases.mean(axis=0)
+    allowed = np.repeat(drift.at(age), 3)
+    for what, shift, most in (
+        ("jump since the last baseline", bias - loads.bias, allowed),
+        (
+            "shift since commissioning",
+            bias - commissioned_bias,
+            np.repeat([0.1 * config.sensor_force, 0.1 * config.sensor_torque], 3),
+        ),
+    ):
+        over = np.abs(shift) / most
+        if over.max() > 1.0:
+            i = int(over.argmax())
+            unit = "N" if i < 3 else "N m"
+            refusals.append(
+                f"{what} of {abs(shift[i]):.3g} {unit}, expected at most {most[i]:.3g}"
+            )
+    if refusals:
+        return BaselineVerdict(None, tuple(refusals))
+    return BaselineVerdict(bias, ())
+
+
+def _unfit(look: BaselineLook, config: BaselineConfig) -> list[str]:
+    """Why one look proves nothing."""
+    words = []
+    if not look.is_open_and_empty:
+        words.append("the gripper does not report open and empty")
+    if not look.is_standing:
+        words.append("the arm does not stand still")
+    if not look.clearance >= config.clearance:
+        words.append(
+            f"{1000 * look.clearance:.0f} mm of clearance, "
+            f"expected {1000 * config.clearance:.0f}"
+        )
+    if not look.duration >= config.duration:
+        words.append(f"{look.duration:g} s of readings, expected {config.duration:g}")
+    scatter = look.raw.std(axis=0)
+    noise = np.repeat([config.noise_force, config.noise_torque], 3)
+    if (scatter > 2.0 * noise).any():
+        i = int((scatter / noise).argmax())
+        words.append(
+            f"noise of {scatter[i]:.3g} {'N' if i < 3 else 'N m'}, "
+            f"expected at most {2.0 * noise[i]:.3g}"
+        )
+    return words
+
+
+def _disagreement(
+    looks: Sequence[BaselineLook],
+    biases: FloatArray,
+    loads: LoadModel,
+    config: BaselineConfig,
+) -> list[str]:
+    """Why the looks together prove nothing."""
+    down = loads.gravity / np.linalg.norm(loads.gravity)
+    felt = np.array([look.R_base_ft.T @ down for look in looks])
+    angle = float(np.arccos(np.clip(felt @ felt.T, -1.0, 1.0)).max())
+    words = []
+    if angle < config.angle:
+        words.append(
+            f"orientations at most {np.rad2deg(angle):.0f} degrees apart, expected "
+            f"{np.rad2deg(config.angle):.0f} or more between two"
+        )
+    spread = biases.max(axis=0) - biases.min(axis=0)
+    sigma = np.repeat([config.noise_force, config.noise_torque], 3)
+    slack = np.repeat([config.slack_force, config.slack_torque], 3)
+    most = 3.0 * sigma + slack
+    if (spread > most).any():
+        i = int((spread / most).argmax())
+        unit = "N" if i < 3 else "N m"
+        words.append(
+            f"the orientations differ by {spread[i]:.3g} {unit}, expected at most "
+            f"{most[i]:.3g}: the hand touches or holds something, or the tool is not "
+            "the one that was identified"
+        )
+    return words

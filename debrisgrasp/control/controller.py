@@ -1,0 +1,379 @@
+"""One leg of the hand, watched and, if wanted, compliant: the tick of the control loop.
+
+`LegController.step` is a pure function of state and reading: no clock, no input or
+output. It fits into anybody's loop at 250 Hz or 1 kHz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, sqrt
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.kinematics import KinematicChain, LimitSet
+
+from ._rigid import Rotation, Vector, Wrench, norm, parts, pose, six
+from .compliance import Compliance, deflected, in_base_axes
+from .contact import ContactGuard
+from .faults import Fault
+from .filters import ZERO_WRENCH, WrenchFilter, blended
+from .leg_state import (
+    Command,
+    ControllerConfig,
+    Engagement,
+    LegOutcome,
+    LegState,
+    TarePolicy,
+)
+from .legs import CartesianLeg
+from .loads import LoadModel
+from .oscillation import OscillationGuard, OscillationState
+from .readings import Reading, SafetyState, Verdict
+from .servo import CartesianServo, ServoState, pose_error, stoppable
+from .stability import StabilityBound, StabilityVerdict, contact_gain
+from .supervisor import Supervisor
+
+__all__ = ["LegController"]
+
+_Sensed = tuple[Wrench, OscillationState, Compliance | None, LegOutcome]
+"""Filtered reaction, swinging, compliance in force, and outcome after a load."""
+
+
+class LegController:
+    """Moves the hand along one leg: rigid, guarded, or giving way to a wrench."""
+
+    def __init__(
+        self,
+        chain: KinematicChain,
+        limits: LimitSet,
+        loads: LoadModel,
+        leg: CartesianLeg,
+        config: ControllerConfig | None = None,
+        *,
+        compliance: Compliance | None = None,
+        guard: ContactGuard | None = None,
+        baseline_time: float = 0.0,
+    ) -> None:
+        """Prepare one leg.
+
+        Parameters
+        ----------
+        limits
+            The controller's, of a `LimitFamily`.
+        loads
+            Sensor and tool, with the bias of the last verified baseline.
+        compliance
+            How the hand gives way; None: it doesn't.
+        guard
+            Ends the leg at a touch; None: only the limits stop it.
+        baseline_time
+            When the baseline was taken, by the clock of the readings [s].
+
+        Raises
+        ------
+        ConfigError
+            If a guarded leg is faster than its guard allows.
+        """
+        self.config = config = config or ControllerConfig()
+        self.chain, self.limits, self.leg, self.guard = chain, limits, leg, guard
+        self.compliance, self.loads = compliance, loads
+        self._servo = CartesianServo(chain, limits, config.period, config.servo)
+        self._supervisor = Supervisor(
+            self._servo.kinematics,
+            limits,
+            loads,
+            config.period,
+            config.safety,
+            baseline_time,
+        )
+        self.filter = WrenchFilter(tau=config.tau, period=config.period)
+        self.bound = StabilityBound(config.arm, self.filter)
+        if guard is not None:
+            guard.require_speed(config.speed, limits)
+        per_period = config.period * min(
+            config.speed / max(leg.length, 1e-9),
+            config.turn_rate / max(leg.angle, 1e-9),
+        )
+        self._pace = min(per_period, 1.0)
+        self._pace_gain = self._pace * config.period / config.ramp
+        self._alpha = self.filter.alpha
+        self._swing = OscillationGuard(
+            crossover=self.bound.crossover,
+            force=0.05 * limits.force,
+            torque=0.05 * limits.torque,
+        )
+
+    def engage(
+        self,
+        reading: Reading,
+        reference: Sequence[float] | FloatArray | None = None,
+    ) -> Engagement:
+        """Check everything that must hold before the arm moves by force.
+
+        Parameters
+        ----------
+        reading
+            The present one; the arm must stand at the start of the leg.
+        reference
+            Mean load at a standstill (`reference_wrench`), six floats, axes of the
+            hand; used with the policy ``motion``. None: the present load.
+        """
+        supervisor, guard = self._supervisor, self.guard
+        safety = supervisor.start(reading)
+        servo = self._servo.start(safety.q)
+        now = float(reading.time)
+        refusals = [
+            words
+            for words in (
+                supervisor.baseline_fault(now),
+                *self._load_faults(safety.load, supervisor.load_limits(now)),
+                self._place_fault(servo),
+                *([guard.braking_fault(self._braking_time(servo))] if guard else []),
+            )
+            if words
+        ]
+        warnings: tuple[str, ...] = ()
+        if self.compliance is not None:
+            verdict = self._stability(self.compliance, servo)
+            refusals += verdict.refusals
+            warnings = verdict.warnings
+        if refusals:
+            return Engagement(None, tuple(refusals), warnings)
+        chosen = ZERO_WRENCH
+        if self.config.tare is TarePolicy.MOTION:
+            mean = six(safety.load if reference is None else reference, "reference")
+            chosen = tuple(mean.tolist())
+        state = LegState(
+            safety=safety,
+            servo=servo,
+            filtered=ZERO_WRENCH,
+            deflection=ZERO_WRENCH,
+            swing=OscillationState(slow=safety.load),
+            compliance=self.compliance,
+            reference=chosen,
+        )
+        return Engagement(state, (), warnings)
+
+    def _load_faults(self, load: Wrench, limits: tuple[float, float]) -> list[str]:
+        """Why what the hand carries already is too much to begin with."""
+        share = 0.6 if self.config.tare is TarePolicy.MOTION else 1.0
+        faults = []
+        for name, part, most in zip(
+            ("force", "torque"), (load[:3], load[3:]), limits, strict=True
+        ):
+            if not norm(part) <= share * most:
+                faults.append(
+                    f"the {name} on the hand is {norm(part):.3g} already, over "
+                    f"{share * most:.3g}: {100 * share:.0f} % of its limit {most:.3g}"
+                )
+        return faults
+
+    def _place_fault(self, servo: ServoState) -> str:
+        """Why the hand is not where the leg begins."""
+        measured = self._servo.kinematics.pose(servo.q)
+        error = pose_error(*measured, *parts(self.leg.start))
+        gap, angle = norm(error[:3]), norm(error[3:])
+        if gap <= self.config.lag and angle <= 0.01:
+            return ""
+        return (
+            f"the hand is {1000 * gap:.1f} mm and {angle:.3f} rad from the start of "
+            "the leg"
+        )
+
+    def _stability(self, compliance: Compliance, servo: ServoState) -> StabilityVerdict:
+        """Judge a compliance where the hand is now."""
+        contact = self.config.contact
+        tensor = compliance.tensor_at_hand(pose(*self._servo.kinematics.pose(servo.q)))
+        return self.bound.verdict(
+            contact_gain(tensor, contact.lever),
+            contact,
+            contact_gain(tensor, contact.mass_lever),
+        )
+
+    def _braking_time(self, servo: ServoState) -> float:
+        """How long the joints need to stop from the leg's speed [s]."""
+        begin, ahead = self.leg.at(0.0), self.leg.at(min(self._pace, 1.0))
+        _, _, J = self._servo.kinematics.pose_and_jacobian(servo.q)
+        step, _ = self._servo.solved(J, pose_error(*begin, *ahead))
+        most = (self.limits.acceleration * self.config.period).tolist()
+        return float(max(abs(d) / a for d, a in zip(step, most, strict=True)))
+
+    def step(self, state: LegState, reading: Reading) -> tuple[LegState, Command]:
+        """One tick: reading in, joint command out."""
+        safety, verdict = self._supervisor.step(
+            state.safety,
+            reading,
+            state.servo.q,
+            state.reference,
+            is_moving=state.servo.is_moving,
+        )
+        if safety.stop is not None:
+            return self._stopped(state, safety)
+        sensed = self._sensed(state, verdict, safety.time)
+        if isinstance(sensed, str):
+            latched = self._supervisor.stopped(safety, Fault.OSCILLATION, sensed)
+            return self._stopped(state, latched)
+        moved = self._moved(state, safety, verdict, sensed)
+        return moved, Command(
+            moved.servo.q,
+            moved.outcome,
+            moved.share,
+            moved.deflection,
+            verdict.load,
+        )
+
+    def _sensed(self, state: LegState, verdict: Verdict, now: float) -> _Sensed | str:
+        """Take in a fresh load: smooth it, look for swinging, and for a touch.
+
+        A string says why to stop.
+        """
+        compliance, outcome = state.compliance, state.outcome
+        filtered, swing = state.filtered, state.swing
+        if verdict.is_fresh:
+            load = verdict.load
+            if compliance is not None:
+                filtered = blended(
+                    filtered, self._reaction(state, verdict), self._alpha
+                )
+                swing, struck = self._swing.step(swing, now, self.config.period, load)
+                if struck and swing.strikes > 1:
+                    return "again after the compliance was halved"
+                if struck:
+                    compliance = compliance.scaled(0.5)
+            if (
+                self.guard is not None
+                and outcome is LegOutcome.RUNNING
+                and self.guard.is_touched(load, state.reference)
+            ):
+                outcome = LegOutcome.CONTACT
+        return filtered, swing, compliance, outcome
+
+    def _moved(
+        self, state: LegState, safety: SafetyState, verdict: Verdict, sensed: _Sensed
+    ) -> LegState:
+        """Advance along the leg, give way, and let the joints follow."""
+        filtered, swing, compliance, outcome = sensed
+        share, pace, waited, deflection = state.share, 0.0, 0.0, state.deflection
+        if outcome is LegOutcome.CONTACT:
+            servo = self._servo.braked(state.servo)
+        else:
+            share, pace, waited, outcome = self._advanced(state, verdict)
+            R, p = self.leg.at(share)
+            if compliance is not None:
+                if verdict.is_fresh:
+                    deflection = self._deflection(
+                        deflection, compliance, filtered, verdict.measured, (R, p)
+                    )
+                R, p = deflected(R, p, deflection, compliance.mode)
+            servo = self._servo.step(state.servo, R, p)
+        return LegState(
+            safety,
+            servo,
+            filtered,
+            deflection,
+            swing,
+            compliance,
+            state.reference,
+            share,
+            pace,
+            waited,
+            outcome,
+        )
+
+    def _reaction(self, state: LegState, verdict: Verdict) -> Wrench:
+        """Load less its reference: what the hand gives way to."""
+        load, zero = verdict.load, state.reference
+        if self.config.tare is TarePolicy.SESSION and self.loads.payload.mass > 0.0:
+            zero = self.loads.payload_ee(verdict.measured[0])
+        a, b, c, d, e, f = load
+        p, q, r, s, t, u = zero
+        return a - p, b - q, c - r, d - s, e - t, f - u
+
+    def _advanced(
+        self, state: LegState, verdict: Verdict
+    ) -> tuple[float, float, float, LegOutcome]:
+        """Share of the leg, its pace, time waited and outcome after this tick."""
+        config, servo, outcome = self.config, state.servo, state.outcome
+        if outcome is not LegOutcome.RUNNING:
+            return state.share, 0.0, 0.0, outcome
+        is_behind = servo.gap > config.lag or servo.turn > config.lag_turn
+        left = 1.0 - state.share
+        if is_behind or not verdict.may_advance:
+            pace = max(state.pace - self._pace_gain, 0.0)
+        else:
+            pace = min(state.pace + self._pace_gain, self._pace)
+            pace = min(pace, max(stoppable(left, self._pace_gain), state.pace * 0.5))
+        waited = state.waited + config.period if is_behind else 0.0
+        if waited > config.patience:
+            outcome = LegOutcome.BLOCKED
+        if left - pace <= 1e-9:
+            return 1.0, 0.0, waited, outcome if is_behind else LegOutcome.DONE
+        return state.share + pace, pace, waited, outcome
+
+    def _deflection(
+        self,
+        last: Wrench,
+        compliance: Compliance,
+        filtered: Wrench,
+        measured: tuple[Rotation, Vector],
+        nominal: tuple[Rotation, Vector],
+    ) -> Wrench:
+        """Twist of the hand: within its clamp, and no faster than it may change."""
+        most = self.limits.deflection
+        reaction = compliance.without_dead_band(filtered)
+        target = compliance.deflection(
+            in_base_axes(measured[0], reaction),
+            measured,
+            nominal,
+            (most.translation, most.rotation),
+        )
+        period = self.config.period
+        change = [a - b for a, b in zip(target, last, strict=True)]
+        rate = _share(
+            change, most.translation_rate * period, most.rotation_rate * period
+        )
+        moved = target
+        if rate < 1.0:
+            moved = tuple([b + rate * c for b, c in zip(last, change, strict=True)])
+        # About a distant pivot a small turn is a large shift: clamped as one screw.
+        inside = _share(moved, most.translation, most.rotation)
+        if inside < 1.0:
+            moved = tuple([inside * value for value in moved])
+        return moved if isfinite(sum(moved)) else last
+
+    def _stopped(
+        self, state: LegState, safety: SafetyState
+    ) -> tuple[LegState, Command]:
+        """Hold where the joints were measured; a stop never commands a motion."""
+        lower, upper = self.limits.lower.tolist(), self.limits.upper.tolist()
+        q = tuple(
+            [
+                min(max(value, low), high)
+                for value, low, high in zip(safety.q, lower, upper, strict=True)
+            ]
+        )
+        servo = ServoState(q, (0.0,) * len(q))
+        following = state._replace(
+            safety=safety, servo=servo, pace=0.0, outcome=LegOutcome.STOPPED
+        )
+        command = Command(
+            q=q,
+            outcome=LegOutcome.STOPPED,
+            share=state.share,
+            deflection=state.deflection,
+            load=safety.load,
+            stop=safety.stop,
+        )
+        return following, command
+
+
+def _share(twist: Sequence[float], translation: float, rotation: float) -> float:
+    """Share of a twist, at most 1, that keeps both of its parts within bounds."""
+    x, y, z, a, b, c = twist
+    gap, angle = x * x + y * y + z * z, a * a + b * b + c * c
+    share = 1.0
+    if gap > translation * translation:
+        share = translation / sqrt(gap)
+    if angle > rotation * rotation:
+        share = min(share, rotation / sqrt(angle))
+    return share

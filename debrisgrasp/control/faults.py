@@ -1,0 +1,64 @@
+"""What can go wrong while the robot moves, and whose matter it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+__all__ = ["Fault", "FaultClass", "Stop"]
+
+
+class FaultClass(Enum):
+    """Where to look for the cause."""
+
+    DRIVER = "driver"
+    SAFETY = "safety"
+    MECHANICAL = "mechanical"
+    BAD_GRASP = "bad_grasp"
+
+
+class Fault(Enum):
+    """What was noticed."""
+
+    WRENCH_LOST = "no usable wrench"
+    WRENCH_FROZEN = "the wrench does not change although the arm moves"
+    WRENCH_SATURATED = "the sensor is at the end of its range"
+    WRENCH_JUMP = "the wrench jumped"
+    OVERLOAD = "the load reached its limit"
+    MOTION_OVERLOAD = "the load changed more than this motion may change it"
+    JOINT_STUCK = "a joint does not follow"
+    ENCODER_JUMP = "a joint's reading jumped"
+    ENCODER_INVALID = "a joint's reading is not a number"
+    CLOCK_GAP = "the control loop was interrupted"
+    OSCILLATION = "the hand swings against what it touches"
+
+    @property
+    def fault_class(self) -> FaultClass:
+        """Where to look for the cause."""
+        return _CLASSES[self]
+
+
+_CLASSES = {
+    Fault.WRENCH_LOST: FaultClass.DRIVER,
+    Fault.WRENCH_FROZEN: FaultClass.DRIVER,
+    Fault.WRENCH_SATURATED: FaultClass.SAFETY,
+    Fault.WRENCH_JUMP: FaultClass.MECHANICAL,
+    Fault.OVERLOAD: FaultClass.SAFETY,
+    Fault.MOTION_OVERLOAD: FaultClass.SAFETY,
+    Fault.JOINT_STUCK: FaultClass.MECHANICAL,
+    Fault.ENCODER_JUMP: FaultClass.MECHANICAL,
+    Fault.ENCODER_INVALID: FaultClass.DRIVER,
+    Fault.CLOCK_GAP: FaultClass.DRIVER,
+    Fault.OSCILLATION: FaultClass.SAFETY,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A latched stop; only a person, or the executive on their behalf, resets it."""
+
+    fault: Fault
+    message: str
+    """What was measured, and which limit it met."""
+    time: float
+    """When, by the clock of the readings [s]."""

@@ -1,0 +1,242 @@
+"""Fingers: take the preshape, close until they meet resistance, hold on, notice a loss.
+
+As everywhere in control, a step is a pure function: measurement in, command out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from math import isfinite
+from typing import NamedTuple
+
+from debrisgrasp._arrays import require_range
+from debrisgrasp.errors import ConfigError
+
+__all__ = [
+    "FingerReading",
+    "GripCommand",
+    "GripConfig",
+    "GripController",
+    "GripPhase",
+    "GripState",
+]
+
+
+class GripPhase(Enum):
+    """How a grip stands."""
+
+    PRESHAPING = "taking the preshape"
+    READY = "the fingers stand as for the approach"
+    CLOSING = "closing"
+    HOLDING = "holding"
+    EMPTY = "nothing between the fingers"
+    SLIPPED = "the object slips"
+    JAMMED = "a finger does not move"
+    LOST = "no usable reading of the fingers"
+
+
+_ENDED = (GripPhase.EMPTY, GripPhase.SLIPPED, GripPhase.JAMMED, GripPhase.LOST)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GripConfig:
+    """One grip, taken from the prototype that the planner chose."""
+
+    opening: float
+    """Distance between the pads during the approach: the preshape [m]."""
+    width: float
+    """Distance at which the object is expected [m]."""
+    resistance: float = 20.0
+    """A finger that feels this stops closing [N]: the preset of the task. Lower is
+    gentler on what is fragile; too low stops at friction in the joints."""
+    squeeze: float = 40.0
+    """Held from then on [N]; more holds heavier things, up to what the hand can."""
+    speed: float = 0.05
+    """At which the pads close [m/s]."""
+    empty_margin: float = 0.015
+    """Closed by more than this beyond ``width`` without resistance, the hand counts as
+    empty [m]."""
+    tolerance: float = 0.003
+    """At which the preshape counts as taken [m]."""
+    timeout: float = 4.0
+    """For preshape and closing each [s]."""
+    slip_travel: float = 0.005
+    """Fingers that close so much while holding have lost their object [m]."""
+    slip_load: float = 0.3
+    """So does a carried load that falls by this share."""
+    slip_time: float = 0.05
+    """For so long, before it counts [s]."""
+    period: float = 0.004
+    """Of the control loop [s]."""
+    max_force: float = 60.0
+    """Of the hand [N]; `squeeze` may not be more."""
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            require_range(f"GripConfig.{name}", getattr(self, name), 0.0, 1e4)
+        if not self.resistance <= self.squeeze <= self.max_force:
+            raise ConfigError(
+                "forces of a grip [N]",
+                got=f"resistance {self.resistance:g}, squeeze {self.squeeze:g}",
+                expected=f"resistance <= squeeze <= {self.max_force:g}",
+            )
+        if not self.width <= self.opening:
+            raise ConfigError(
+                "opening of a grip [m]",
+                got=f"{self.opening:g}",
+                expected=f"at least the width {self.width:g}",
+            )
+
+
+class FingerReading(NamedTuple):
+    """What the hand measured."""
+
+    openings: Sequence[float]
+    """Of each finger: distance of its pad from the opposing one [m], f of them."""
+    forces: Sequence[float]
+    """Resistance that each finger feels [N], f of them."""
+    carried: float | None = None
+    """Weight that the wrist carries for the object [N]; None: not known."""
+
+
+class GripState(NamedTuple):
+    """What passes from one tick to the next."""
+
+    phase: GripPhase
+    targets: tuple[float, ...]
+    """Where each pad is sent [m]."""
+    is_stopped: tuple[bool, ...]
+    """Which fingers have met resistance."""
+    elapsed: float = 0.0
+    """In this phase [s]."""
+    held_openings: tuple[float, ...] = ()
+    """When holding began [m]."""
+    most_carried: float = 0.0
+    """Largest weight carried so far [N]."""
+    slipping: float = 0.0
+    """How long there have been signs of slip [s]."""
+
+
+class GripCommand(NamedTuple):
+    """What the hand is to do."""
+
+    openings: tuple[float, ...]
+    """Where each pad should go [m]."""
+    force: float
+    """Largest force of each finger [N]."""
+
+
+class GripController:
+    """Runs one grip of a hand with any number of fingers."""
+
+    def __init__(self, config: GripConfig) -> None:
+        self.config = config
+
+    def preshape(self, reading: FingerReading) -> GripState:
+        """Begin to take the preshape."""
+        n = len(reading.openings)
+        return GripState(GripPhase.PRESHAPING, (self.config.opening,) * n, (False,) * n)
+
+    def close(self, state: GripState) -> GripState:
+        """Begin to close; only from a preshape that was taken.
+
+        Raises
+        ------
+        ConfigError
+            If the fingers do not stand ready.
+        """
+        if state.phase is not GripPhase.READY:
+            raise ConfigError(
+                "phase of the grip before closing",
+                got=state.phase.value,
+                expected=GripPhase.READY.value,
+            )
+        return state._replace(phase=GripPhase.CLOSING, elapsed=0.0)
+
+    def step(
+        self, state: GripState, reading: FingerReading
+    ) -> tuple[GripState, GripCommand]:
+        """One tick; a phase that ended without a grip keeps the fingers where they are.
+
+        A lost reading, like a slip, goes on squeezing: letting go is worse.
+        """
+        config, n = self.config, len(state.targets)
+        values = (*reading.openings, *reading.forces)
+        is_whole = len(reading.openings) == len(reading.forces) == n
+        if not is_whole or not isfinite(sum(values)):
+            if state.phase not in _ENDED:
+                state = state._replace(phase=GripPhase.LOST)
+        elif state.phase is GripPhase.PRESHAPING:
+            state = self._preshaping(state, reading)
+        elif state.phase is GripPhase.CLOSING:
+            state = self._closing(state, reading)
+        elif state.phase is GripPhase.HOLDING:
+            state = self._holding(state, reading)
+        state = state._replace(elapsed=state.elapsed + config.period)
+        is_squeezing = any(state.is_stopped) or state.phase is GripPhase.SLIPPED
+        force = config.squeeze if is_squeezing else config.resistance
+        return state, GripCommand(state.targets, force)
+
+    def _preshaping(self, state: GripState, reading: FingerReading) -> GripState:
+        gap = max(abs(x - self.config.opening) for x in reading.openings)
+        if gap <= self.config.tolerance:
+            return state._replace(phase=GripPhase.READY, elapsed=0.0)
+        if state.elapsed > self.config.timeout:
+            return state._replace(phase=GripPhase.JAMMED)
+        return state
+
+    def _closing(self, state: GripState, reading: FingerReading) -> GripState:
+        config = self.config
+        step = config.speed * config.period
+        stopped = tuple(
+            was or force >= config.resistance
+            for was, force in zip(state.is_stopped, reading.forces, strict=True)
+        )
+        targets = tuple(
+            opening if is_stopped else max(target - step, 0.0)
+            for opening, target, is_stopped in zip(
+                reading.openings, state.targets, stopped, strict=True
+            )
+        )
+        state = state._replace(targets=targets, is_stopped=stopped)
+        if all(stopped):
+            # Squeezing sends the pads beyond the surface and lets the force decide.
+            beyond = tuple(max(x - config.empty_margin, 0.0) for x in reading.openings)
+            return state._replace(
+                phase=GripPhase.HOLDING,
+                targets=beyond,
+                held_openings=tuple(reading.openings),
+                elapsed=0.0,
+            )
+        least = max(config.width - config.empty_margin, 0.0)
+        loose = [
+            x
+            for x, is_stopped in zip(reading.openings, stopped, strict=True)
+            if not is_stopped
+        ]
+        if min(loose) < least or (least == 0.0 and min(loose) <= config.tolerance):
+            return state._replace(
+                phase=GripPhase.EMPTY, targets=tuple(reading.openings)
+            )
+        if state.elapsed > config.timeout:
+            return state._replace(phase=GripPhase.JAMMED)
+        return state
+
+    def _holding(self, state: GripState, reading: FingerReading) -> GripState:
+        config = self.config
+        travel = max(
+            held - now
+            for held, now in zip(state.held_openings, reading.openings, strict=True)
+        )
+        carried, most = reading.carried, state.most_carried
+        has_fallen = False
+        if carried is not None and isfinite(carried):
+            # Half a kilogram is where a share of the load rises above the noise.
+            has_fallen = most > 5.0 and carried < (1.0 - config.slip_load) * most
+            most = max(most, carried)
+        is_slipping = travel >= config.slip_travel or has_fallen
+        slipping = state.slipping + config.period if is_slipping else 0.0
+        phase = GripPhase.SLIPPED if slipping > config.slip_time else state.phase
+        return state._replace(most_carried=most, slipping=slipping, phase=phase)

@@ -1,0 +1,299 @@
+r"""From the raw reading of a wrist sensor to the load on the hand.
+
+The sensor sees contact, the tool's weight, what the tool holds, and a bias that drifts:
+
+.. math:: s W_\text{raw} = W_\text{contact} + W_\text{tool}(R) + W_\text{payload}(R) + b
+
+What is left after bias and tool is the *load*. It is absolute: zero only for an empty
+hand in free space. Limits hold for it, and never for a tared value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.geometry import SE3, so3
+
+from ._rigid import (
+    Rotation,
+    Vector,
+    Wrench,
+    added,
+    cross,
+    parts,
+    six,
+    turned,
+    turned_back,
+)
+
+__all__ = [
+    "Body",
+    "LoadModel",
+    "ToolFit",
+    "identify_payload",
+    "identify_tool",
+]
+
+_GRAVITY = (0.0, 0.0, -9.81)
+_LEAST_POSES = 4
+_LEAST_SPAN = np.deg2rad(60.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """Something rigid that hangs on the sensor."""
+
+    mass: float = 0.0
+    """[kg]."""
+    com: FloatArray = field(default_factory=lambda: np.zeros(3))
+    """Centre of mass in the sensor frame [m], shape (3,)."""
+
+    def __post_init__(self) -> None:
+        require_range("mass of a body [kg]", self.mass, 0.0, 1e4)
+        object.__setattr__(self, "com", frozen(self.com, "centre of mass", (3,)))
+        require_finite(self.com, "centre of mass")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadModel:
+    """What a sensor reads without contact, and where the hand is on it."""
+
+    T_ee_ft: SE3
+    """Pose of the sensor frame in the frame of the hand, ``ee``."""
+    tool: Body = field(default_factory=Body)
+    """Everything beyond the sensor that is always there."""
+    payload: Body = field(default_factory=Body)
+    """What the hand holds, once it is known; it is part of the load."""
+    bias: FloatArray = field(default_factory=lambda: np.zeros(6))
+    """Reading without any force [N, N m], sensor frame, shape (6,)."""
+    wrench_sign: float = 1.0
+    """-1 for a driver that reports what the tool exerts on the environment."""
+    gravity: FloatArray = field(default_factory=lambda: np.array(_GRAVITY))
+    """In base [m/s^2], shape (3,)."""
+    _mount: tuple[Rotation, Vector] = field(init=False, repr=False)
+    """`T_ee_ft` as plain floats."""
+    _tool: tuple[Vector, Vector, Wrench] = field(init=False, repr=False)
+    """Mass times gravity in base; centre of mass and bias at the hand."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bias", frozen(six(self.bias, "bias"), "bias", (6,)))
+        object.__setattr__(self, "gravity", frozen(self.gravity, "gravity", (3,)))
+        require_finite(self.gravity, "gravity")
+        if self.wrench_sign not in (1.0, -1.0):
+            raise ConfigError("wrench_sign", got=self.wrench_sign, expected="1 or -1")
+        # All that doesn't change is moved to the hand once.
+        com = self.T_ee_ft.apply(self.tool.com).tolist()
+        bias = self.T_ee_ft.map_wrench(self.bias).tolist()
+        g = tuple((self.tool.mass * self.gravity).tolist())
+        object.__setattr__(self, "_mount", parts(self.T_ee_ft))
+        object.__setattr__(self, "_tool", (g, tuple(com), tuple(bias)))
+
+    def with_bias(self, bias: ArrayLike) -> LoadModel:
+        """Return the model after a new baseline."""
+        return replace(self, bias=six(bias, "bias"))
+
+    def with_payload(self, payload: Body) -> LoadModel:
+        """Return the model once the payload is identified."""
+        return replace(self, payload=payload)
+
+    def load_ft(self, raw: ArrayLike, R_base_ft: ArrayLike) -> FloatArray:
+        """Return loads in the sensor frame, shape (..., 6).
+
+        Parameters
+        ----------
+        raw
+            Readings (f, tau) [N, N m], shape (..., 6).
+        R_base_ft
+            Orientation of the sensor at each reading, shape (..., 3, 3).
+        """
+        raw, R = np.asarray(raw, dtype=np.float64), np.asarray(R_base_ft)
+        weight = _weight(self.tool, R, self.gravity)
+        return self.wrench_sign * raw - self.bias - weight
+
+    def payload_ee(self, R_base_ee: Rotation) -> Wrench:
+        """Weight of the payload in the axes and at the origin of the hand."""
+        x, y, z = self.gravity.tolist()
+        m = self.payload.mass
+        com = self.T_ee_ft.apply(self.payload.com)
+        f = turned_back(R_base_ee, (m * x, m * y, m * z))
+        return (*f, *cross(tuple(com.tolist()), f))
+
+    def reading(self, load_ee: ArrayLike, R_base_ee: Rotation) -> FloatArray:
+        """Return what the sensor reads under a load; undoes `load_ee`, shape (6,)."""
+        load = self.T_ee_ft.inverse().map_wrench(six(load_ee, "load"))
+        R = np.array(R_base_ee).reshape(3, 3) @ self.T_ee_ft.R
+        total = load + self.bias + _weight(self.tool, R, self.gravity)
+        return np.asarray(self.wrench_sign * total)
+
+    def load_ee(self, raw: Sequence[float], R_base_ee: Rotation) -> Wrench:
+        """Load at the hand: equation (7) with the inverse that power demands.
+
+        Parameters
+        ----------
+        raw
+            One reading in the sensor frame, six floats.
+        R_base_ee
+            Measured orientation of the hand.
+        """
+        (R, p), (g, com, bias), s = self._mount, self._tool, self.wrench_sign
+        a, b, c, d, e, f = raw
+        force = turned(R, (s * a, s * b, s * c))
+        torque = added(turned(R, (s * d, s * e, s * f)), cross(p, force))
+        weight = turned_back(R_base_ee, g)
+        moment = cross(com, weight)
+        return (
+            force[0] - weight[0] - bias[0],
+            force[1] - weight[1] - bias[1],
+            force[2] - weight[2] - bias[2],
+            torque[0] - moment[0] - bias[3],
+            torque[1] - moment[1] - bias[4],
+            torque[2] - moment[2] - bias[5],
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ToolFit:
+    """Tool and bias found from readings in several orientations."""
+
+    tool: Body
+    bias: FloatArray
+    """[N, N m], shape (6,)."""
+    rms: FloatArray
+    """Root mean square of what the model leaves of force [N] and torque [N m], (2,)."""
+    span: float
+    """Largest angle between two directions of gravity as the sensor felt it [rad]."""
+
+
+def identify_tool(
+    raw: ArrayLike,
+    R_base_ft: ArrayLike,
+    *,
+    wrench_sign: float = 1.0,
+    expected_mass: float | None = None,
+    gravity: ArrayLike = _GRAVITY,
+) -> ToolFit:
+    """Find mass, centre of mass and bias of an empty hand in free space.
+
+    Parameters
+    ----------
+    raw
+        Mean reading in each orientation [N, N m], shape (n, 6), n at least 4.
+    R_base_ft
+        Orientations of the sensor, shape (n, 3, 3); gravity must turn by at least
+        60 degrees between two of them.
+    expected_mass
+        Configured mass of the tool [kg]; a fit that misses it by more than 10 % is
+        refused.
+
+    Raises
+    ------
+    InputError
+        If there are too few or too similar orientations, the fitted mass is negative
+        (the sign of the sensor is inverted), or it is not the expected one.
+    """
+    raw, R, g = _readings(raw, R_base_ft, gravity)
+    n = len(raw)
+    g_ft = np.einsum("nji,j->ni", R, g)
+    unit = g_ft / np.linalg.norm(g)
+    span = float(np.arccos(np.clip(unit @ unit.T, -1.0, 1.0)).max())
+    if n < _LEAST_POSES or span < _LEAST_SPAN:
+        raise InputError(
+            "orientations for the identification of the tool",
+            got=f"{n} that turn gravity by {np.rad2deg(span):.0f} degrees",
+            expected="at least 4 that turn it by 60 degrees or more",
+            mend="Tilt the hand further, about two different axes.",
+        )
+    A = np.zeros((n, 6, 10))
+    A[:, :3, 0], A[:, 3:, 1:4] = g_ft, -so3.hat(g_ft)
+    A[:, :3, 4:7] = A[:, 3:, 7:] = np.eye(3)
+    rows = A.reshape(-1, 10)
+    rank = np.linalg.matrix_rank(rows, tol=0.02 * float(np.linalg.norm(g)))
+    if rank < 10:
+        raise InputError(
+            "orientations for the identification of the tool",
+            got=f"rank {rank}",
+            expected="rank 10",
+            mend="Add an orientation tilted about another axis.",
+        )
+    y = wrench_sign * raw
+    x = np.asarray(np.linalg.lstsq(rows, y.ravel(), rcond=None)[0], dtype=np.float64)
+    mass = float(x[0])
+    if mass < 0.0:
+        raise InputError(
+            "mass of the tool",
+            got=f"{mass:.3g} kg",
+            expected="a positive mass",
+            mend="The sign of the sensor is inverted: set wrench_sign to "
+            f"{-wrench_sign:g}. Do not start before that.",
+        )
+    if expected_mass is not None and abs(mass - expected_mass) > 0.1 * expected_mass:
+        raise InputError(
+            "mass of the tool",
+            got=f"{mass:.3f} kg",
+            expected=f"{expected_mass:g} kg within 10 %",
+            mend="Something hangs on the hand, or it touches something.",
+        )
+    rest = (y.ravel() - rows @ x).reshape(n, 2, 3)
+    com = x[1:4] / mass if mass > 1e-9 else np.zeros(3)
+    return ToolFit(
+        tool=Body(mass, com),
+        bias=x[4:],
+        rms=np.sqrt((rest**2).sum(axis=2).mean(axis=0)),
+        span=span,
+    )
+
+
+def identify_payload(
+    model: LoadModel, raw: ArrayLike, R_base_ft: ArrayLike
+) -> tuple[Body, bool]:
+    """Find what a hand holds freely in the air.
+
+    The mass needs one orientation, the whole centre of mass two: along gravity it has
+    no effect. A constant tare instead of this is wrong by ``2 m g sin(angle / 2)``
+    after the hand has turned by an angle.
+
+    Returns
+    -------
+    payload, is_complete
+        ``is_complete`` is false if the centre of mass is only known across gravity.
+    """
+    raw, R, g = _readings(raw, R_base_ft, model.gravity)
+    load = model.load_ft(raw, R)
+    g_ft = np.einsum("nji,j->ni", R, g)
+    mass = float((load[:, :3] * g_ft).sum() / (g_ft * g_ft).sum())
+    if mass < 0.0:
+        raise InputError(
+            "mass of the payload",
+            got=f"{mass:.3g} kg",
+            expected="zero or more",
+            mend="The hand is pushed up by something, or the bias has drifted.",
+        )
+    if mass < 1e-3:
+        return Body(0.0), False
+    A = -so3.hat(g_ft).reshape(-1, 3)
+    solution = np.linalg.lstsq(A, load[:, 3:].ravel(), rcond=0.05)
+    return Body(mass, np.asarray(solution[0] / mass)), bool(solution[2] == 3)
+
+
+def _weight(body: Body, R_base_ft: FloatArray, gravity: FloatArray) -> FloatArray:
+    """Wrench of a body's weight in the sensor frame, shape (..., 6)."""
+    f = body.mass * np.einsum("...ji,j->...i", R_base_ft, gravity)
+    return np.concatenate([f, np.cross(body.com, f)], axis=-1)
+
+
+def _readings(
+    raw: ArrayLike, R_base_ft: ArrayLike, gravity: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    raw = np.atleast_2d(np.asarray(raw, dtype=np.float64))
+    R = np.asarray(R_base_ft, dtype=np.float64).reshape(-1, 3, 3)
+    if raw.shape != (len(R), 6):
+        raise ShapeError("readings", got=raw.shape, expected=f"({len(R)}, 6)")
+    require_finite(raw, "readings")
+    require_finite(R, "orientations of the sensor")
+    return raw, R, np.asarray(gravity, dtype=np.float64)

@@ -1,0 +1,125 @@
+"""What the robot measured, what is expected of it, and what is remembered of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from debrisgrasp._arrays import FloatArray, require_range
+
+from ._rigid import Rotation, Vector, Wrench
+from .faults import Stop
+
+__all__ = ["BiasBound", "Reading", "SafetyConfig", "SafetyState", "Verdict"]
+
+
+class Reading(NamedTuple):
+    """What the robot measured; anything in it may be wrong."""
+
+    time: float
+    """When this tick takes place [s]."""
+    q: Sequence[float] | FloatArray
+    """Measured joint values [rad or m], d of them."""
+    wrench_ft: Sequence[float] | FloatArray
+    """As the sensor's driver gave it [N, N m], six values."""
+    wrench_time: float
+    """When the wrench was measured, by the same clock [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BiasBound:
+    """How wrong the bias of the sensor may have become since its last baseline."""
+
+    force: float = 2.0
+    """At once [N]."""
+    torque: float = 0.1
+    """At once [N m]."""
+    force_per_hour: float = 5.0
+    """[N/h]; until the sensor has been characterised."""
+    torque_per_hour: float = 0.3
+    """[N m/h]."""
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            require_range(f"BiasBound.{name}", getattr(self, name), 0.0, 1e6)
+
+    def at(self, age: float) -> tuple[float, float]:
+        """Bounds on force [N] and torque [N m] after so many seconds."""
+        hours = max(age, 0.0) / 3600.0
+        return (
+            self.force + self.force_per_hour * hours,
+            self.torque + self.torque_per_hour * hours,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafetyConfig:
+    """When readings are too old, too equal or too large to go on."""
+
+    hold_after: float = 0.012
+    """Without a new wrench for longer, the motion pauses [s]."""
+    stop_after: float = 0.040
+    """Without a new wrench, or a tick, for longer, it stops [s]."""
+    frozen_after: float = 0.050
+    """A wrench that is equal to the last digit for so long while moving is dead [s]."""
+    sensor_force: float = 660.0
+    """Range of each force axis [N]."""
+    sensor_torque: float = 60.0
+    """Range of each torque axis [N m]."""
+    jump_force: float = 60.0
+    """Largest change of the force from one sample to the next [N]."""
+    jump_torque: float = 15.0
+    """Largest change of the torque from one sample to the next [N m]."""
+    following_error: float = 0.05
+    """Largest distance between commanded and measured joint [rad or m] ..."""
+    following_time: float = 0.100
+    """... for so long [s]."""
+    motion_force: float | None = None
+    """Largest change of the force within one motion [N]; None: only the absolute
+    limit counts."""
+    motion_torque: float | None = None
+    """[N m]."""
+    bias: BiasBound = BiasBound()
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            value = getattr(self, name)
+            if name != "bias" and value is not None:
+                require_range(f"SafetyConfig.{name}", value, 1e-6, 1e6)
+        require_range("SafetyConfig.stop_after", self.stop_after, self.hold_after, 1.0)
+
+
+class SafetyState(NamedTuple):
+    """What the supervisor remembers from tick to tick."""
+
+    time: float
+    """Of the last tick [s]."""
+    wrench_time: float
+    """Of the last usable wrench [s]."""
+    raw: Wrench
+    """That wrench, as read."""
+    changed: float
+    """When the wrench last differed from the one before, or the arm stood [s]."""
+    q: tuple[float, ...]
+    """Last believable measured posture."""
+    followed: float
+    """When the joints last followed [s]."""
+    recent: tuple[Wrench, Wrench]
+    """The two loads before the latest."""
+    load: Wrench
+    """Latest load, median of three."""
+    stop: Stop | None = None
+
+
+class Verdict(NamedTuple):
+    """What a tick may rely on."""
+
+    load: Wrench
+    """Absolute load at the hand, unfiltered, in its axes [N, N m]."""
+    is_fresh: bool
+    """Whether the load is from this tick."""
+    may_advance: bool
+    """Whether the motion may go on; else it pauses."""
+    measured: tuple[Rotation, Vector]
+    """Pose of the hand at the measured posture."""

@@ -1,0 +1,299 @@
+"""Watches readings and loads, and stops the arm when they are not what they must be.
+
+Every limit holds for the unfiltered, absolute load. A load that was tared before each
+motion could grow by one threshold with each of them until the hand breaks; here the
+tare has no way into the decision. A stop is latched: it stays until a new state is
+made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot, inf, isfinite
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.errors import InputError
+from debrisgrasp.kinematics import LimitSet
+
+from ._rigid import Wrench
+from .faults import Fault, Stop
+from .loads import LoadModel
+from .posture import PostureKinematics
+from .readings import Reading, SafetyConfig, SafetyState, Verdict
+
+__all__ = ["Supervisor"]
+
+_CLOCK = 1e-6
+"""Times closer than this are equal [s]."""
+
+
+class Supervisor:
+    """Decides for every reading whether the arm may go on."""
+
+    def __init__(
+        self,
+        kinematics: PostureKinematics,
+        limits: LimitSet,
+        loads: LoadModel,
+        period: float,
+        config: SafetyConfig | None = None,
+        baseline_time: float = 0.0,
+    ) -> None:
+        """Prepare for one arm.
+
+        Parameters
+        ----------
+        loads
+            Sensor and tool; its bias is that of the last verified baseline.
+        period
+            Of the control loop [s].
+        baseline_time
+            When that baseline was taken, by the clock of the readings [s].
+        """
+        self.limits, self.loads = limits, loads
+        self.config = config or SafetyConfig()
+        self.baseline_time = baseline_time
+        self._kinematics, self._period = kinematics, period
+        c = self.config
+        self._range = (0.98 * c.sensor_force,) * 3 + (0.98 * c.sensor_torque,) * 3
+        self._speeds = tuple((2.0 * limits.velocity).tolist())
+
+    def load_limits(self, now: float) -> tuple[float, float]:
+        """Limits of force [N] and torque [N m], less what the bias may be wrong by."""
+        force, torque = self.config.bias.at(now - self.baseline_time)
+        return self.limits.force - force, self.limits.torque - torque
+
+    def baseline_fault(self, now: float) -> str:
+        """Say why no forceful motion may start before a new baseline, or nothing."""
+        bounds = self.config.bias.at(now - self.baseline_time)
+        for name, bound, limit in zip(
+            ("force", "torque"),
+            bounds,
+            (self.limits.force, self.limits.torque),
+            strict=True,
+        ):
+            if not bound <= 0.2 * limit:
+                return (
+                    f"the bias of the {name} may be wrong by {bound:.3g}, over 20 % of "
+                    f"its limit {limit:g}: take a new baseline in free space"
+                )
+        return ""
+
+    def start(self, reading: Reading) -> SafetyState:
+        """State at the begin of a motion.
+
+        Raises
+        ------
+        InputError
+            If the first reading is not finite, or its wrench is too old.
+        """
+        q, raw = _floats(reading.q), _floats(reading.wrench_ft)
+        is_whole = len(q) == self._kinematics.n_joints and len(raw) == 6
+        if not is_whole or not isfinite(reading.time):
+            raise InputError(
+                "first reading",
+                got=f"{len(q)} and {len(raw)} of them, or no time",
+                expected=f"{self._kinematics.n_joints} joints and 6 finite components",
+            )
+        if not abs(reading.time - reading.wrench_time) <= self.config.hold_after:
+            raise InputError(
+                "age of the first wrench [s]",
+                got=reading.time - reading.wrench_time,
+                expected=f"at most {self.config.hold_after:g}",
+            )
+        R, _ = self._kinematics.pose(q)
+        load = self.loads.load_ee(raw, R)
+        now = float(reading.time)
+        stamp = float(reading.wrench_time)
+        wrench = raw
+        return SafetyState(now, stamp, wrench, now, q, now, (load, load), load)
+
+    def step(
+        self,
+        state: SafetyState,
+        reading: Reading,
+        commanded: Sequence[float],
+        reference: Wrench,
+        *,
+        is_moving: bool,
+    ) -> tuple[SafetyState, Verdict]:
+        """Judge one reading; after a stop nothing changes any more.
+
+        Parameters
+        ----------
+        commanded
+            Posture commanded last, d values.
+        reference
+            Load at the start of this motion; only for ``motion_force`` and
+            ``motion_torque``.
+        is_moving
+            Whether the arm was commanded to move.
+        """
+        if state.stop is not None:
+            return state, self._verdict(state, is_fresh=False, may_advance=False)
+        now, gap = self._advanced(state, reading.time)
+        if gap > self.config.stop_after + _CLOCK:
+            words = f"{1000 * gap:.0f} ms without a tick"
+            return self._stopped(state, Fault.CLOCK_GAP, words, now)
+        q = _floats(reading.q)
+        fault, words, is_following = self._judged_joints(state, q, commanded, gap)
+        if fault is not None:
+            return self._stopped(state, fault, words, now)
+        followed = now if is_following else state.followed
+        if now - followed > self.config.following_time:
+            state = state._replace(q=q)
+            words = f"off by more than {self.config.following_error:g} for "
+            words += f"{1000 * (now - followed):.0f} ms"
+            return self._stopped(state, Fault.JOINT_STUCK, words, now)
+        raw = _floats(reading.wrench_ft)
+        stamp = reading.wrench_time
+        # A NaN fails every comparison, and so is not fresh.
+        is_fresh = (
+            len(raw) == 6
+            and state.wrench_time < stamp <= now + self._period
+            and now - stamp <= self.config.hold_after + _CLOCK
+        )
+        if not is_fresh:
+            return self._without_wrench(state, now, q, followed)
+        return self._with_wrench(
+            state, now, q, followed, raw, stamp, reference, is_moving
+        )
+
+    def _advanced(self, state: SafetyState, time: float) -> tuple[float, float]:
+        """Time of this tick, and since the last; a standing clock is not believed."""
+        if time > state.time:
+            return (time, time - state.time) if time < inf else (state.time, inf)
+        return state.time + self._period, self._period
+
+    def _judged_joints(
+        self,
+        state: SafetyState,
+        q: tuple[float, ...],
+        commanded: Sequence[float],
+        gap: float,
+    ) -> tuple[Fault | None, str, bool]:
+        if len(q) != len(state.q):
+            return Fault.ENCODER_INVALID, "some are missing or not finite", False
+        is_following, most = True, self.config.following_error
+        for i, (value, last, wanted, speed) in enumerate(
+            zip(q, state.q, commanded, self._speeds, strict=True)
+        ):
+            if abs(value - last) > speed * gap + 0.02:
+                name = self.limits.joint_names[i]
+                words = f"{name} from {last:.3f} to {value:.3f} in {1000 * gap:.0f} ms"
+                return Fault.ENCODER_JUMP, words, False
+            if abs(value - wanted) > most:
+                is_following = False
+        return None, "", is_following
+
+    def _without_wrench(
+        self, state: SafetyState, now: float, q: tuple[float, ...], followed: float
+    ) -> tuple[SafetyState, Verdict]:
+        age = now - state.wrench_time
+        state = state._replace(time=now, q=q, followed=followed)
+        if age >= self.config.stop_after - _CLOCK:
+            words = f"the last one is {1000 * age:.0f} ms old"
+            return self._stopped(state, Fault.WRENCH_LOST, words, now)
+        may_advance = age <= self.config.hold_after + _CLOCK
+        return state, self._verdict(state, is_fresh=False, may_advance=may_advance)
+
+    def _with_wrench(
+        self,
+        state: SafetyState,
+        now: float,
+        q: tuple[float, ...],
+        followed: float,
+        raw: Wrench,
+        stamp: float,
+        reference: Wrench,
+        is_moving: bool,  # noqa: FBT001 - private; the public step has it by keyword
+    ) -> tuple[SafetyState, Verdict]:
+        R, p = self._kinematics.pose(q)
+        latest = self.loads.load_ee(raw, R)
+        older, last = state.recent
+        load = _median(older, last, latest)
+        changed = state.changed if is_moving and raw == state.raw else now
+        before, previous = state.raw, state.load
+        state = SafetyState(now, stamp, raw, changed, q, followed, (last, latest), load)
+        fault, words = self._judged_load(load, previous, reference, now)
+        if fault is None:
+            fault, words = self._judged_sensor(raw, before, now - changed)
+        if fault is not None:
+            return self._stopped(state, fault, words, now)
+        return state, Verdict(load, True, True, (R, p))  # noqa: FBT003 - quicker
+
+    def _judged_sensor(
+        self, raw: Wrench, before: Wrench, equal_for: float
+    ) -> tuple[Fault | None, str]:
+        for value, most in zip(raw, self._range, strict=True):
+            if not -most < value < most:
+                words = f"{value:.4g} of {most / 0.98:g} N or N m"
+                return Fault.WRENCH_SATURATED, words
+        if raw == before and equal_for > self.config.frozen_after:
+            words = f"for {1000 * equal_for:.0f} ms"
+            return Fault.WRENCH_FROZEN, words
+        return None, ""
+
+    def _judged_load(
+        self, load: Wrench, previous: Wrench, reference: Wrench, now: float
+    ) -> tuple[Fault | None, str]:
+        most_force, most_torque = self.load_limits(now)
+        a, b, c, d, e, f = load
+        force, torque = hypot(a, b, c), hypot(d, e, f)
+        if not (force < most_force and torque < most_torque):
+            words = f"force {force:.0f} of {most_force:.0f} N"
+            if not torque < most_torque:
+                words = f"torque {torque:.1f} of {most_torque:.1f} N m"
+            return Fault.OVERLOAD, words
+        config = self.config
+        p, q, r, s, t, u = previous
+        jump, twist = hypot(a - p, b - q, c - r), hypot(d - s, e - t, f - u)
+        if jump > config.jump_force or twist > config.jump_torque:
+            words = f"by {jump:.0f} N, {twist:.1f} N m between two samples"
+            return Fault.WRENCH_JUMP, words
+        if config.motion_force is not None or config.motion_torque is not None:
+            p, q, r, s, t, u = reference
+            change, turn = hypot(a - p, b - q, c - r), hypot(d - s, e - t, f - u)
+            if change >= (config.motion_force or inf) or turn >= (
+                config.motion_torque or inf
+            ):
+                words = f"by {change:.0f} N, {turn:.1f} N m"
+                return Fault.MOTION_OVERLOAD, words
+        return None, ""
+
+    def stopped(self, state: SafetyState, fault: Fault, message: str) -> SafetyState:
+        """Latch a stop that was found elsewhere."""
+        if state.stop is not None:
+            return state
+        return state._replace(stop=Stop(fault, message, state.time))
+
+    def _stopped(
+        self, state: SafetyState, fault: Fault, words: str, now: float
+    ) -> tuple[SafetyState, Verdict]:
+        stop = Stop(fault, f"{fault.value}: {words}", now)
+        state = state._replace(time=now, stop=stop)
+        return state, self._verdict(state, is_fresh=False, may_advance=False)
+
+    def _verdict(
+        self, state: SafetyState, *, is_fresh: bool, may_advance: bool
+    ) -> Verdict:
+        measured = self._kinematics.pose(state.q)
+        return Verdict(state.load, is_fresh, may_advance, measured)
+
+
+def _floats(values: Sequence[float] | FloatArray) -> tuple[float, ...]:
+    """Plain floats of a sequence or an array; empty if any is not finite."""
+    try:
+        plain = values if type(values) is tuple else tuple(map(float, values))
+        return plain if isfinite(sum(plain)) else ()
+    except (TypeError, ValueError, OverflowError):
+        return ()
+
+
+def _median(a: Wrench, b: Wrench, c: Wrench) -> Wrench:
+    """Median of each component: one spike passes unnoticed, a second does not."""
+    middle = [
+        y if x <= y <= z or z <= y <= x else x if y <= x <= z or z <= x <= y else z
+        for x, y, z in zip(a, b, c, strict=True)
+    ]
+    return tuple(middle)

@@ -1,0 +1,158 @@
+"""Fingers: preshape, resistance, squeeze, nothing, slip."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import (
+    FingerReading,
+    GripConfig,
+    GripController,
+    GripPhase,
+)
+from debrisgrasp.errors import ConfigError
+
+CONFIG = GripConfig(opening=0.12, width=0.08)
+
+
+class Hand:
+    """Three fingers that go where they are sent, and an object between them."""
+
+    def __init__(self, object_width: float | tuple[float, ...] = 0.08) -> None:
+        self.widths = np.broadcast_to(object_width, (3,))
+        self.openings = np.full(3, 0.15)
+
+    def follow(self, command) -> FingerReading:
+        wanted = np.array(command.openings)
+        step = np.clip(wanted - self.openings, -0.0008, 0.0008)
+        moved = np.maximum(self.openings + step, self.widths)
+        touching = (self.openings + step) < self.widths - 1e-12
+        self.openings = moved
+        forces = np.where(touching, command.force, 1.0)
+        return FingerReading(tuple(moved.tolist()), tuple(forces.tolist()))
+
+
+def run(hand: Hand, *, until: tuple[GripPhase, ...], most: int = 3000, state=None):
+    grip = GripController(CONFIG)
+    reading = FingerReading(tuple(hand.openings), (1.0,) * 3)
+    state = state or grip.preshape(reading)
+    for _ in range(most):
+        state, command = grip.step(state, reading)
+        if state.phase is GripPhase.READY:
+            state = grip.close(state)
+        if state.phase in until:
+            return state, command
+        reading = hand.follow(command)
+    raise AssertionError(state.phase)
+
+
+def test_fingers_close_until_resistance_and_squeeze_from_then_on():
+    hand = Hand((0.08, 0.074, 0.077))
+    state, command = run(hand, until=(GripPhase.HOLDING,))
+    np.testing.assert_allclose(hand.openings, (0.08, 0.074, 0.077), atol=1e-9)
+    assert state.is_stopped == (True,) * 3
+    assert command.force == CONFIG.squeeze
+    assert max(command.openings) < 0.074
+
+
+def test_nothing_between_the_fingers_is_noticed():
+    state, command = run(Hand(0.02), until=(GripPhase.EMPTY, GripPhase.HOLDING))
+    assert state.phase is GripPhase.EMPTY
+    assert min(command.openings) > CONFIG.width - CONFIG.empty_margin - 0.002
+
+
+def test_a_flat_object_that_may_be_as_thin_as_nothing():
+    config = GripConfig(opening=0.05, width=0.01)
+    grip = GripController(config)
+    state = grip.preshape(FingerReading((0.05,), (0.0,)))
+    state, _ = grip.step(state, FingerReading((0.05,), (0.0,)))
+    state = grip.close(state)
+    state, _ = grip.step(state, FingerReading((0.0,), (0.0,)))
+    assert state.phase is GripPhase.EMPTY
+
+
+def test_a_jammed_finger_is_noticed():
+    grip = GripController(CONFIG)
+    reading = FingerReading((0.15, 0.12, 0.12), (1.0,) * 3)
+    state = grip.preshape(reading)
+    for _ in range(1100):
+        state, _ = grip.step(state, reading)
+    assert state.phase is GripPhase.JAMMED
+
+
+def holding():
+    hand = Hand()
+    return hand, run(hand, until=(GripPhase.HOLDING,))[0]
+
+
+def test_fingers_that_close_while_holding_have_lost_their_object():
+    hand, state = holding()
+    grip = GripController(CONFIG)
+    for k in range(100):
+        openings = tuple((hand.openings - 0.0001 * k).tolist())
+        state, command = grip.step(state, FingerReading(openings, (40.0,) * 3))
+        if state.phase is GripPhase.SLIPPED:
+            break
+    assert state.phase is GripPhase.SLIPPED
+    assert 50 <= k <= 65
+    assert command.force == CONFIG.squeeze
+
+
+def test_a_load_that_falls_by_a_third_means_slip_and_noise_does_not():
+    hand, state = holding()
+    grip = GripController(CONFIG)
+    rng = np.random.default_rng(0)
+    openings = tuple(hand.openings.tolist())
+    for k in range(400):
+        carried = 60.0 if k < 200 else 40.0
+        reading = FingerReading(openings, (40.0,) * 3, carried + rng.normal(0, 0.3))
+        state, _ = grip.step(state, reading)
+        if state.phase is GripPhase.SLIPPED:
+            break
+    assert 205 < k < 220
+
+
+def test_a_brief_dip_is_no_slip():
+    hand, state = holding()
+    grip = GripController(CONFIG)
+    openings = tuple(hand.openings.tolist())
+    for k in range(300):
+        carried = 20.0 if k % 50 == 0 else 60.0
+        state, _ = grip.step(state, FingerReading(openings, (40.0,) * 3, carried))
+    assert state.phase is GripPhase.HOLDING
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+def test_a_lost_reading_goes_on_squeezing(bad):
+    hand, state = holding()
+    openings = (bad, *hand.openings[1:])
+    state, command = GripController(CONFIG).step(
+        state, FingerReading(openings, (40.0,) * 3)
+    )
+    assert state.phase is GripPhase.LOST
+    assert command.force == CONFIG.squeeze
+    assert np.isfinite(command.openings).all()
+    state, _ = GripController(CONFIG).step(state, FingerReading((), ()))
+    assert state.phase is GripPhase.LOST
+
+
+def test_closing_needs_the_preshape():
+    grip = GripController(CONFIG)
+    state = grip.preshape(FingerReading((0.15,) * 3, (1.0,) * 3))
+    with pytest.raises(ConfigError, match="preshape"):
+        grip.close(state)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"resistance": 50.0, "squeeze": 40.0},
+        {"squeeze": 70.0},
+        {"width": 0.13},
+        {"speed": float("nan")},
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(ConfigError):
+        GripConfig(**{"opening": 0.12, "width": 0.08} | wrong)

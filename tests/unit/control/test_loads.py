@@ -1,0 +1,154 @@
+"""Identification of tool and sensor, baselines, references."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import (
+    BaselineConfig,
+    BaselineLook,
+    Body,
+    LoadModel,
+    identify_tool,
+    judge_baseline,
+    reference_wrench,
+)
+from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp.geometry import random_rotations
+
+from .rigs import T_EE_FT, rpy
+
+BIAS = np.array([6.0, -3.0, 12.0, 0.2, -0.1, 0.05])
+TOOL = Body(2.1, np.array([0.004, -0.006, 0.085]))
+LOADS = LoadModel(T_ee_ft=T_EE_FT, tool=TOOL, bias=BIAS)
+TILTS = np.stack([np.eye(3), rpy(0.9, 0, 0.3), rpy(-0.4, 1, 0), rpy(0.2, -0.8, 2)])
+
+
+def readings(R: np.ndarray, sign: float = 1.0) -> np.ndarray:
+    return -sign * LOADS.load_ft(np.zeros((len(R), 6)), R)
+
+
+def test_random_tools_are_found_through_noise(rng):
+    R = random_rotations(12, rng=rng)
+    noisy = readings(R) + rng.normal(0, 0.02, (12, 6)) * np.repeat([1, 0.02], 3)
+    fit = identify_tool(noisy, R)
+    assert fit.tool.mass == pytest.approx(2.1, abs=0.01)
+    np.testing.assert_allclose(fit.tool.com, TOOL.com, atol=1e-3)
+    assert 0.005 < fit.rms[0] < 0.06
+
+
+def test_an_inverted_sensor_is_found_and_refused():
+    with pytest.raises(InputError, match="wrench_sign to -1"):
+        identify_tool(readings(TILTS, sign=-1.0), TILTS)
+    fit = identify_tool(readings(TILTS, sign=-1.0), TILTS, wrench_sign=-1.0)
+    assert fit.tool.mass == pytest.approx(2.1)
+
+
+def test_too_few_and_too_similar_orientations_are_refused():
+    with pytest.raises(InputError, match="at least 4"):
+        identify_tool(readings(TILTS[:3]), TILTS[:3])
+    near = np.stack([rpy(0.2 * k, 0.1 * k, 0) for k in range(4)])
+    with pytest.raises(InputError, match="60 degrees"):
+        identify_tool(readings(near), near)
+    about_one_axis = np.stack([rpy(1.2, 0, 0), np.eye(3)] * 2)
+    with pytest.raises(InputError, match="rank 9"):
+        identify_tool(readings(about_one_axis), about_one_axis)
+
+
+def test_a_tool_of_the_wrong_mass_is_refused():
+    with pytest.raises(InputError, match="within 10 %"):
+        identify_tool(readings(TILTS), TILTS, expected_mass=1.5)
+
+
+def test_readings_are_checked():
+    with pytest.raises(ShapeError):
+        identify_tool(np.zeros((4, 5)), TILTS)
+    with pytest.raises(InputError, match="NaN"):
+        identify_tool(np.full((4, 6), np.nan), TILTS)
+
+
+def test_a_reference_needs_many_samples_at_rest(rng):
+    calm = rng.normal(0, 0.3, (200, 6)) * np.repeat([1, 0.02], 3) + np.arange(6)
+    np.testing.assert_allclose(reference_wrench(calm), np.arange(6), atol=0.1)
+    with pytest.raises(InputError, match="at least 50"):
+        reference_wrench(calm[:49])
+    moving = calm + np.linspace(0, 5, 200)[:, None]
+    with pytest.raises(InputError, match="stand still"):
+        reference_wrench(moving)
+
+
+def look(R, *, contact=(0.0, 0, 0), shift=0.0, rng=None, **changed) -> BaselineLook:
+    """Readings in one posture; a contact force is fixed in base."""
+    rng = rng or np.random.default_rng(5)
+    raw = readings(R[None])[0] + np.repeat([shift, 0.0], 3)
+    raw[:3] += R.T @ np.asarray(contact, dtype=float)
+    noise = rng.normal(0, 1, (250, 6)) * np.repeat([0.3, 0.01], 3)
+    fields = {
+        "raw": raw + noise,
+        "R_base_ft": R,
+        "duration": 1.0,
+        "clearance": 0.1,
+        "is_open_and_empty": True,
+        "is_standing": True,
+    }
+    return BaselineLook(**fields | changed)
+
+
+def judged(*looks, age=600.0, commissioned=BIAS):
+    return judge_baseline(looks, LOADS, commissioned, age=age)
+
+
+TILTED = rpy(np.deg2rad(50.0), 0.1, 0.4)
+
+
+def test_a_baseline_in_free_space_is_taken():
+    verdict = judged(look(np.eye(3), shift=1.0), look(TILTED, shift=1.0))
+    assert verdict.is_accepted, verdict.refusals
+    np.testing.assert_allclose(verdict.bias, BIAS + np.repeat([1.0, 0.0], 3), atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"is_open_and_empty": False}, "open and empty"),
+        ({"is_standing": False}, "stand still"),
+        ({"clearance": 0.03}, "30 mm of clearance"),
+        ({"clearance": float("nan")}, "clearance"),
+        ({"duration": 0.5}, "0.5 s of readings"),
+    ],
+)
+def test_a_look_that_proves_nothing_is_refused(changed, words):
+    verdict = judged(look(np.eye(3), **changed), look(TILTED))
+    assert not verdict.is_accepted
+    assert any(words in refusal for refusal in verdict.refusals)
+
+
+def test_contact_that_one_pose_cannot_see_is_found_by_two():
+    force = (0.0, 15.0, 0.0)
+    pair = look(np.eye(3), contact=force), look(TILTED, contact=force)
+    verdict = judged(*pair, age=1e5)
+    assert any("touches or holds" in refusal for refusal in verdict.refusals)
+    alike = judged(pair[0], pair[0], age=1e5)
+    assert any("degrees apart" in refusal for refusal in alike.refusals)
+
+
+def test_a_bias_that_moved_too_fast_or_too_far_is_refused():
+    shifted = look(np.eye(3), shift=4.0), look(TILTED, shift=4.0)
+    assert "jump" in judged(*shifted, age=60.0).refusals[0]
+    assert judged(*shifted, age=3600.0).is_accepted
+    crept = judged(*shifted, age=3600.0, commissioned=BIAS - 63.0)
+    assert any("since commissioning" in refusal for refusal in crept.refusals)
+
+
+def test_noise_beyond_twice_the_usual_is_refused(rng):
+    noisy = look(np.eye(3))
+    noisy = look(np.eye(3), raw=noisy.raw + rng.normal(0, 1.0, noisy.raw.shape))
+    verdict = judged(noisy, look(TILTED))
+    assert any("noise of" in refusal for refusal in verdict.refusals)
+
+
+def test_a_baseline_needs_looks():
+    with pytest.raises(InputError, match="looks"):
+        judged()
+    assert BaselineConfig().clearance == 0.05

@@ -1,0 +1,185 @@
+"""Joint steps within limits, and straight legs planned ahead."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import (
+    CartesianLeg,
+    CartesianServo,
+    LegPlanner,
+    LegStatus,
+    PostureKinematics,
+)
+from debrisgrasp.control._rigid import parts
+from debrisgrasp.control.servo import stoppable
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import KinematicChain
+from tests.unit.kinematics.robots import JointText, written
+
+from .rigs import CHAIN, LIMITS, PERIOD, READY, ROMAN, rpy
+
+T = CHAIN.fk(READY)
+
+
+def test_mixed_and_parallel_joints_equal_the_batched_kinematics(tmp_path, rng):
+    joints = (
+        JointText("continuous", axis=(0, 0, 1)),
+        JointText("revolute", rpy=(0.3, -0.2, 0.9), axis=(0, 1, 0.2)),
+        JointText("prismatic", xyz=(0.1, 0, 0), axis=(1, 1, 0), lower=-0.1, upper=0.4),
+        JointText("fixed", xyz=(0, 0.3, 0.1), rpy=(1, 2, 3)),
+        JointText("revolute", axis=(0, 0, 1)),
+        JointText("revolute", xyz=(0.3, 0, 0), axis=(0, 0, 1)),
+        JointText("prismatic", axis=(0, 0, 1), lower=-0.1, upper=0.4),
+        JointText("revolute", xyz=(0.2, 0, 0), rpy=(1e-6, 0, 0), axis=(0, 0, 1)),
+    )
+    chain = KinematicChain.from_urdf(written(tmp_path, joints), "link0", "link8")
+    kinematics = PostureKinematics(chain)
+    for q in chain.sampled(20, rng=rng):
+        R, p, J = kinematics.pose_and_jacobian(q.tolist())
+        pose = chain.fk(q)
+        np.testing.assert_allclose(np.reshape(R, (3, 3)), pose.R, atol=1e-12)
+        np.testing.assert_allclose(p, pose.p, atol=1e-12)
+        body = np.kron(np.eye(2), pose.R.T) @ J
+        np.testing.assert_allclose(body, chain.jacobian(q), atol=1e-12)
+
+
+def test_a_goal_is_reached_and_kept_without_swinging():
+    servo = CartesianServo(CHAIN, LIMITS, PERIOD)
+    goal = parts(SE3.from_parts(rpy(0.05, -0.1, 0.1) @ T.R, T.p + 0.04))
+    state, gaps = servo.start(READY), []
+    for _ in range(700):
+        state = servo.step(state, *goal)
+        gaps.append(state.gap)
+    assert gaps[-1] < 1e-9
+    assert np.diff(gaps).max() < 1e-4
+    assert not state.is_moving
+
+
+def test_a_singular_posture_is_damped():
+    servo = CartesianServo(CHAIN, LIMITS, PERIOD)
+    stretched = CHAIN.vector(ROMAN.posture("right", "zero"))
+    _, _, J = servo.kinematics.pose_and_jacobian(stretched.tolist())
+    assert np.linalg.svd(J, compute_uv=False)[-1] < 0.01
+    step, sigma = servo.solved(J, (0.002, 0.002, 0.002, 0.0, 0.0, 0.0))
+    assert sigma < 0.01
+    assert np.abs(step).max() < 0.1
+    regular = servo.kinematics.pose_and_jacobian(READY.tolist())[2]
+    error = np.array([1e-3, 0, 2e-3, 0, 1e-3, 0])
+    step, sigma = servo.solved(regular, error)
+    assert sigma == np.inf
+    np.testing.assert_allclose(step, np.linalg.pinv(regular) @ error, atol=1e-12)
+
+
+def test_what_can_be_stopped_in_time_is():
+    """Braking by one gain a step from the largest displacement never overruns."""
+    gain = 1.0
+    for distance in np.linspace(0.0, 30.0, 301):
+        step, left = stoppable(float(distance), gain), float(distance)
+        while step > 0.0:
+            left -= step
+            assert left >= -1e-12
+            step = max(step - gain, 0.0)
+        assert left <= max(1.0, 0.2 * distance)
+
+
+def test_braking_comes_to_rest_within_the_acceleration():
+    servo = CartesianServo(CHAIN, LIMITS, PERIOD)
+    state = servo.start(READY)
+    goal = parts(SE3.from_parts(T.R, T.p + 0.2))
+    for _ in range(60):
+        state = servo.step(state, *goal)
+    assert state.is_moving
+    for _ in range(60):
+        state = servo.braked(state)
+    assert not state.is_moving
+
+
+def test_servo_refuses_foreign_limits_and_impossible_starts():
+    torso = ROMAN.limits("right").controller
+    with pytest.raises(ConfigError, match="joints of the limits"):
+        CartesianServo(CHAIN, torso, PERIOD)
+    servo = CartesianServo(CHAIN, LIMITS, PERIOD)
+    with pytest.raises(InputError, match="right_arm_joint2"):
+        servo.start(READY + np.array([0, -9.0, 0, 0, 0, 0, 0]))
+    with pytest.raises(InputError, match="start posture"):
+        servo.start(np.full(7, np.nan))
+    with pytest.raises(ShapeError):
+        servo.start(READY[:6])
+
+
+@pytest.mark.parametrize(
+    "offset", [(0, 0, 0.2), (0.2, 0, 0), (-0.2, 0, 0), (0, 0.2, 0)]
+)
+def test_a_leg_is_straight_within_limits_and_carries_their_hash(offset):
+    planner = LegPlanner(CHAIN, LIMITS, speed=0.1)
+    turn = rpy(0.0, 0.2, 0.1)
+    plan = planner.plan(READY, SE3.from_parts(T.R @ turn, T.p + np.array(offset)))
+    assert plan.is_done, plan.reason
+    assert plan.share == 1.0
+    poses = CHAIN.fk(plan.q)
+    leg = CartesianLeg(T, plan.reached)
+    for s, pose in zip(np.linspace(0, 1, len(plan.q)), poses.matrix, strict=True):
+        np.testing.assert_allclose(pose, leg.pose(s).matrix, atol=1e-5)
+    trajectory = plan.trajectory
+    trajectory.require_executable(LIMITS)
+    np.testing.assert_allclose(trajectory.q[-1], plan.q[-1], atol=1e-9)
+    np.testing.assert_allclose(trajectory.dq[[0, -1]], 0.0, atol=1e-9)
+    q = trajectory.at(np.linspace(0, trajectory.duration, 200))[0]
+    p = CHAIN.fk(q).p - T.p
+    way = np.array(offset) / np.linalg.norm(offset)
+    assert np.abs(p - np.outer(p @ way, way)).max() < 1e-4
+    with pytest.raises(ConfigError, match="hash"):
+        trajectory.require_executable(LIMITS.scaled(velocity=0.5))
+
+
+def test_a_leg_that_ends_at_a_joint_limit_says_which_and_how_far():
+    plan = LegPlanner(CHAIN, LIMITS).plan(READY, SE3.from_parts(p=[0.6, 0, 0]) @ T)
+    assert plan.status is LegStatus.JOINT_LIMIT
+    assert "right_arm_joint1" in plan.reason
+    assert 0.5 < plan.share < 1.0
+    np.testing.assert_allclose(CHAIN.fk(plan.q[-1]).p, plan.reached.p, atol=1e-4)
+    assert LIMITS.violation(plan.q) == ""
+    assert plan.trajectory.violation(LIMITS) == ""
+
+
+def test_a_leg_beyond_the_arms_length_ends_stretched():
+    q = READY.copy()
+    far = SE3.from_parts(p=[0.0, -0.9, 0.0]) @ T
+    plan = LegPlanner(CHAIN, LIMITS).plan(q, far)
+    assert not plan.is_done
+    assert plan.reason
+
+
+def test_a_leg_stops_before_an_obstacle():
+    def is_free(q):
+        return CHAIN.fk(q).p[2] < T.p[2] + 0.05
+
+    plan = LegPlanner(CHAIN, LIMITS, is_free=is_free).plan(
+        READY, SE3.from_parts(p=[0, 0, 0.1]) @ T
+    )
+    assert plan.status is LegStatus.BLOCKED
+    assert plan.share == pytest.approx(0.5, abs=0.05)
+    assert "50 of 100 mm" in plan.reason or "48 of 100 mm" in plan.reason
+
+
+def test_a_leg_of_no_length_is_done_at_once():
+    plan = LegPlanner(CHAIN, LIMITS).plan(READY, T)
+    assert plan.is_done
+    assert plan.trajectory.duration == 0.0
+    q, dq, ddq = plan.trajectory.at(0.5)
+    np.testing.assert_allclose(q, READY)
+    assert not dq.any()
+    assert not ddq.any()
+
+
+def test_a_leg_is_only_accepted_with_room_for_the_deflection():
+    planner = LegPlanner(CHAIN, LIMITS)
+    short = planner.plan(READY, SE3.from_parts(p=[0, 0, 0.02]) @ T)
+    assert planner.margin_fault(short) == ""
+    long = planner.plan(READY, SE3.from_parts(p=[0.4, 0, 0]) @ T)
+    assert long.is_done
+    assert "joint" in planner.margin_fault(long)
+    assert planner.margin_fault(planner.plan(READY, SE3.from_parts(p=[0.6, 0, 0]) @ T))

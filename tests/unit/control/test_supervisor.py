@@ -1,0 +1,345 @@
+"""What stops the arm, when, and what can't be talked out of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import (
+    BiasBound,
+    Compliance,
+    Contact,
+    ControllerConfig,
+    Fault,
+    FaultClass,
+    LegOutcome,
+    LoadModel,
+    Reading,
+    SafetyConfig,
+    TarePolicy,
+)
+from debrisgrasp.errors import ConfigError, InputError
+
+from .rigs import LIMITS, PERIOD, T_EE_FT, Rig
+
+SOFT = Compliance.diagonal(1e-4, 1e-3)
+
+
+def pushed(rig: Rig, wrenches, *, rng=None, state=None, start=1):
+    """Run ticks with contact wrenches at the hand; returns states and commands."""
+    rng = rng or np.random.default_rng(0)
+    state = state or rig.engaged()
+    q, seen = state.servo.q, []
+    for k, wrench in enumerate(wrenches, start):
+        noise = rng.normal(0.0, 0.1, 6) * np.repeat([1.0, 0.05], 3)
+        state, command = rig.controller.step(
+            state, rig.reading(k, q, np.asarray(wrench) + noise)
+        )
+        q = command.q
+        seen.append(command)
+    return state, seen
+
+
+def wrench(*force: float) -> np.ndarray:
+    return np.array([*force, 0.0, 0.0, 0.0])
+
+
+def test_overload_stops_within_two_samples_however_slow_the_filter():
+    rig = Rig(SOFT)
+    ramp = [wrench(0, 0, -40 * min(k, 3)) for k in range(4)]
+    _, seen = pushed(rig, [*[wrench(0, 0, 0)] * 20, *ramp, *[wrench(0, 0, -160)] * 3])
+    assert not seen[23].is_stop
+    assert seen[25].is_stop
+    assert seen[25].stop.fault is Fault.OVERLOAD
+    assert seen[25].stop.fault.fault_class is FaultClass.SAFETY
+
+
+def test_torque_alone_stops_too():
+    rig = Rig(SOFT)
+    loads = [np.array([0, 0, 0, 0, 4.0 * min(k, 11), 0]) for k in range(20)]
+    _, seen = pushed(rig, loads)
+    assert seen[-1].stop.fault is Fault.OVERLOAD
+    assert "torque" in seen[-1].stop.message
+
+
+def test_limit_shrinks_by_what_the_bias_may_be_wrong():
+    rig = Rig(SOFT)
+    supervisor = rig.controller._supervisor
+    assert supervisor.load_limits(0.0) == pytest.approx((148.0, 39.9))
+    assert supervisor.load_limits(3600.0) == pytest.approx((143.0, 39.6))
+
+
+def test_one_spike_passes_and_two_stop():
+    rig = Rig(SOFT)
+    quiet = wrench(0, 0, 0)
+    _, seen = pushed(rig, [quiet, quiet, wrench(0, 0, 400), quiet, quiet])
+    assert not any(command.is_stop for command in seen)
+    _, seen = pushed(rig, [quiet, quiet, *[wrench(0, 0, 400)] * 2])
+    assert seen[-1].is_stop
+
+
+def test_a_stop_is_latched_and_stands_where_the_arm_was_measured():
+    rig = Rig(SOFT)
+    state, seen = pushed(rig, [wrench(0, 0, -30 * min(k, 6)) for k in range(10)])
+    assert seen[-1].is_stop
+    stood = seen[-1].q
+    state, later = pushed(rig, [wrench(0, 0, 0)] * 50, state=state, start=20)
+    assert {command.q for command in later} == {stood}
+    assert all(command.outcome is LegOutcome.STOPPED for command in later)
+    assert later[-1].stop == seen[-1].stop
+
+
+def test_stop_holds_the_measured_posture_and_not_the_commanded():
+    rig = Rig(SOFT)
+    state = rig.engaged()
+    q = np.array(rig.q_start)
+    for k in range(1, 30):
+        state, command = rig.controller.step(
+            state, rig.reading(k, q, np.full(6, 0.01 * k))
+        )
+        q = np.array(command.q) - 0.004
+    for k in range(30, 34):
+        state, command = rig.controller.step(
+            state, rig.reading(k, q, wrench(0, 0, 300))
+        )
+    assert command.is_stop
+    np.testing.assert_allclose(command.q, q, atol=1e-12)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_wrench_that_is_no_number_holds_then_pauses_then_stops(value):
+    rig = Rig(SOFT)
+    state, seen = pushed(rig, [wrench(5, 0, 0)] * 100)
+    q, deflections, shares, stopped = seen[-1].q, [], [], None
+    for k in range(101, 120):
+        now = k * PERIOD
+        reading = Reading(now, q, (value, 0.0, 0.0, 0.0, 0.0, 0.0), now)
+        state, command = rig.controller.step(state, reading)
+        q = command.q
+        if command.is_stop:
+            stopped = k - 100
+            break
+        deflections.append(command.deflection)
+        shares.append(state.pace)
+    assert set(deflections) == {seen[-1].deflection}
+    assert shares[2] == pytest.approx(seen[-1].share - seen[-2].share, rel=1e-6)
+    assert shares[-1] < 0.95 * shares[2]
+    assert stopped == 10  # 40 ms
+    assert command.stop.fault is Fault.WRENCH_LOST
+    assert np.isfinite(state.filtered).all()
+
+
+def test_a_frozen_wrench_stops_a_moving_arm_only():
+    rig = Rig(SOFT)
+    state, q = rig.engaged(), rig.q_start
+    raw = rig.raw(q, (0.0,) * 6)
+    for k in range(1, 20):
+        now = k * PERIOD
+        state, command = rig.controller.step(state, Reading(now, q, raw, now))
+        q = command.q
+        if command.is_stop:
+            break
+    assert command.stop.fault is Fault.WRENCH_FROZEN
+    assert k == 14  # it moves from the first tick on; frozen for over 50 ms
+    still = Rig(SOFT, offset=(0, 0, 0))
+    state = still.engaged()
+    for k in range(1, 100):
+        now = k * PERIOD
+        state, command = still.controller.step(
+            state, Reading(now, still.q_start, raw, now)
+        )
+    assert not command.is_stop
+
+
+def test_a_saturated_sensor_stops():
+    rig = Rig(SOFT)
+    raw = list(rig.raw(rig.q_start, (0.0,) * 6))
+    raw[5] = 59.5
+    _, command = rig.controller.step(
+        rig.engaged(), Reading(PERIOD, rig.q_start, tuple(raw), PERIOD)
+    )
+    assert command.stop.fault is Fault.WRENCH_SATURATED
+
+
+def test_a_jump_of_the_bias_stops():
+    rig = Rig(SOFT)
+    _, seen = pushed(rig, [*[wrench(0, 0, 0)] * 10, *[wrench(70, 0, 0)] * 2])
+    assert seen[-1].stop.fault is Fault.WRENCH_JUMP
+    assert seen[-1].stop.fault.fault_class is FaultClass.MECHANICAL
+
+
+def test_an_interrupted_loop_stops():
+    rig = Rig(SOFT)
+    state, _ = pushed(rig, [wrench(0, 0, 0)] * 10)
+    late = rig.reading(21, state.servo.q, (0.0,) * 6)
+    _, command = rig.controller.step(state, late)
+    assert command.stop.fault is Fault.CLOCK_GAP
+
+
+def test_old_and_early_stamps_are_dropped():
+    rig = Rig(SOFT)
+    state, seen = pushed(rig, [wrench(0, 0, 0)] * 10)
+    q = seen[-1].q
+    for stamp in (10 * PERIOD, 5 * PERIOD, 1e6, np.nan):
+        reading = rig.reading(11, q, (50.0, 0, 0, 0, 0, 0))._replace(wrench_time=stamp)
+        after, command = rig.controller.step(state, reading)
+        assert after.filtered == state.filtered
+        assert not command.is_stop
+
+
+def test_a_joint_that_does_not_follow_stops():
+    rig = Rig(SOFT)
+    state = rig.engaged()
+    off = np.array([0, 0, 0.06, 0, 0, 0, 0])
+    for i in range(1, 41):
+        q = np.array(state.servo.q) + off * min(i / 4, 1)
+        load = (0.1 * (i % 3), 0.0, 0.0, 0.0, 0.0, 0.0)
+        state, command = rig.controller.step(state, rig.reading(i, q, load))
+        if command.is_stop:
+            break
+    assert command.stop.fault is Fault.JOINT_STUCK
+    assert 0.100 < i * PERIOD < 0.130
+
+
+@pytest.mark.parametrize(
+    ("error", "fault"), [(0.2, Fault.ENCODER_JUMP), (np.nan, Fault.ENCODER_INVALID)]
+)
+def test_an_encoder_that_jumps_stops_at_the_last_believable_posture(error, fault):
+    rig = Rig(SOFT)
+    state, seen = pushed(rig, [wrench(0, 0, 0)] * 10)
+    q = np.array(seen[-1].q)
+    q[3] += error
+    reading = rig.reading(11, seen[-1].q, (0.0,) * 6)._replace(q=q)
+    _, command = rig.controller.step(state, reading)
+    assert command.stop.fault is fault
+    np.testing.assert_allclose(command.q, seen[-2].q, atol=1e-12)
+
+
+def test_repeated_motions_cannot_add_up_beyond_the_limit():
+    """Each motion is re-tared and adds 50 N; the absolute limit sees the sum."""
+    config = ControllerConfig(
+        tare=TarePolicy.MOTION,
+        contact=Contact(stiffness=1e3),
+        safety=SafetyConfig(motion_force=80.0),
+    )
+    held, worst, refused = 0.0, 0.0, False
+    for _ in range(6):
+        rig = Rig(SOFT, config=config)
+        engagement = rig.controller.engage(
+            rig.reading(0, rig.q_start, wrench(0, 0, -held))
+        )
+        if not engagement.is_engaged:
+            refused = True
+            assert "60 %" in engagement.refusals[0]
+            break
+        loads = [wrench(0, 0, -held - 0.5 * k) for k in range(100)]
+        _, seen = pushed(rig, loads, state=engagement.state)
+        if seen[-1].is_stop:
+            refused = True
+            break
+        held += 50.0
+        worst = max(worst, held)
+    assert refused
+    assert worst <= 150.0
+
+
+@pytest.mark.parametrize(
+    ("policy", "force", "is_engaged"),
+    [
+        (TarePolicy.MOTION, 85.0, True),
+        (TarePolicy.MOTION, 95.0, False),
+        (TarePolicy.SESSION, 95.0, True),
+        (TarePolicy.SESSION, 149.0, False),
+    ],
+)
+def test_a_motion_that_is_tared_anew_begins_below_60_percent(policy, force, is_engaged):
+    config = ControllerConfig(tare=policy, contact=Contact(stiffness=1e3))
+    rig = Rig(SOFT, config=config)
+    reading = rig.reading(0, rig.q_start, wrench(0, -force, 0))
+    assert rig.controller.engage(reading).is_engaged is is_engaged
+
+
+def test_the_absolute_limit_holds_within_a_re_tared_motion():
+    """Engaged at 80 N, stopped at 148, though the change is below its own limit."""
+    config = ControllerConfig(
+        tare=TarePolicy.MOTION,
+        contact=Contact(stiffness=1e3),
+        safety=SafetyConfig(motion_force=100.0),
+    )
+    rig = Rig(SOFT, config=config)
+    state = rig.engaged(wrench(0, 0, -80))
+    _, seen = pushed(rig, [wrench(0, 0, -80 - k) for k in range(90)], state=state)
+    assert seen[-1].stop.fault is Fault.OVERLOAD
+    assert np.linalg.norm(seen[-1].load[:3]) < 150.0
+
+
+def test_a_motion_may_have_a_limit_of_its_own():
+    config = ControllerConfig(
+        tare=TarePolicy.MOTION,
+        contact=Contact(stiffness=1e3),
+        safety=SafetyConfig(motion_force=40.0),
+    )
+    rig = Rig(SOFT, config=config)
+    state = rig.engaged(wrench(0, 0, -30))
+    _, seen = pushed(rig, [wrench(0, 0, -30 - k) for k in range(60)], state=state)
+    assert seen[-1].stop.fault is Fault.MOTION_OVERLOAD
+    assert np.linalg.norm(seen[-1].load[:3]) == pytest.approx(70.0, abs=3.0)
+
+
+def test_an_old_baseline_forbids_forceful_motion():
+    rig = Rig(SOFT, baseline_time=-7 * 3600.0)
+    engagement = rig.controller.engage(rig.reading(0, rig.q_start, (0.0,) * 6))
+    assert not engagement.is_engaged
+    assert "new baseline" in engagement.refusals[0]
+    with pytest.raises(InputError, match="new baseline"):
+        engagement.require()
+
+
+def test_engagement_is_refused_away_from_the_leg():
+    rig = Rig(SOFT)
+    q = np.array(rig.q_start)
+    q[2] += 0.03
+    engagement = rig.controller.engage(rig.reading(0, q, (0.0,) * 6))
+    assert "from the start of the leg" in engagement.refusals[0]
+
+
+def test_a_first_reading_must_be_whole_and_recent():
+    rig = Rig(SOFT)
+    good = rig.reading(0, rig.q_start, (0.0,) * 6)
+    with pytest.raises(InputError, match="first reading"):
+        rig.controller.engage(good._replace(wrench_ft=(np.nan,) * 6))
+    with pytest.raises(InputError, match="first reading"):
+        rig.controller.engage(good._replace(q=(0.0,)))
+    with pytest.raises(InputError, match="age of the first wrench"):
+        rig.controller.engage(good._replace(wrench_time=-0.05))
+
+
+def test_an_inverted_sensor_reads_the_same_load():
+    usual, inverted = Rig(SOFT), Rig(SOFT)
+    inverted.loads = LoadModel(
+        T_ee_ft=T_EE_FT,
+        tool=usual.loads.tool,
+        bias=usual.loads.bias,
+        wrench_sign=-1.0,
+    )
+    raw = inverted.raw(usual.q_start, (1.0, 2, 3, 0.1, 0.2, 0.3))
+    R, _ = usual.controller._servo.kinematics.pose(usual.q_start)
+    np.testing.assert_allclose(
+        inverted.loads.load_ee(raw, R), (1, 2, 3, 0.1, 0.2, 0.3), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        inverted.loads.reading((1.0, 2, 3, 0.1, 0.2, 0.3), R), raw, atol=1e-9
+    )
+
+
+def test_settings_out_of_range_are_refused():
+    with pytest.raises(ConfigError, match="stop_after"):
+        SafetyConfig(stop_after=0.001)
+    with pytest.raises(ConfigError, match="BiasBound"):
+        BiasBound(force=float("nan"))
+    with pytest.raises(ConfigError, match="wrench_sign"):
+        LoadModel(T_ee_ft=T_EE_FT, wrench_sign=0.5)
+
+
+def test_limits_are_those_of_the_robots_file():
+    assert (LIMITS.force, LIMITS.torque) == (150.0, 40.0)
