@@ -7,7 +7,7 @@ from debrisgrasp._files import data_path, read_json, read_yaml, write_atomic
 
 from .camera_pose import CameraPose, parse_camera_pose
 from .capture import Capture
-from .labels import measured, save_labels
+from .labels import measured, point_colors, save_labels
 
 __all__ = [
     "CameraPose",
@@ -15,6 +15,7 @@ __all__ = [
     "data_path",
     "measured",
     "parse_camera_pose",
+    "point_colors",
     "read_json",
     "read_yaml",
     "save_labels",

@@ -7,12 +7,12 @@ from io import BytesIO
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp._files import write_atomic
 
 from .capture import Capture
 
-__all__ = ["measured", "save_labels"]
+__all__ = ["measured", "point_colors", "save_labels"]
 
 
 def measured(capture: Capture) -> BoolArray:
@@ -25,6 +25,14 @@ def measured(capture: Capture) -> BoolArray:
     else:
         raise AssertionError("the constructor admits no other capture")
     return is_measured
+
+
+def point_colors(capture: Capture) -> FloatArray | None:
+    """Colours in [0, 1] of the points of ``capture.cloud()``, (n, 3); None if grey."""
+    if capture.rgb is None:
+        return None
+    colors: FloatArray = capture.rgb[measured(capture)] / 255.0
+    return colors
 
 
 def save_labels(

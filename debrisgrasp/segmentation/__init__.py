@@ -3,23 +3,39 @@
 from .ground import GroundConfig
 from .lccp import LccpConfig
 from .pipeline import SegmentationConfig, segment_cloud
-from .segmentation import GroundReport, Segment, Segmentation, SegmentEdges
+from .segmentation import (
+    GroundReport,
+    PointKind,
+    Segment,
+    Segmentation,
+    SegmentEdges,
+    Surrounding,
+)
 from .selection import (
+    DEFAULT_POINT,
     Candidate,
+    OperatorPick,
     PriorityPoint,
     SelectionPolicy,
     region_of_interest,
 )
 from .singulation import SingulationConfig
 from .supervoxels import SupervoxelConfig
+from .support import GROUND, SupportConfig, SupportGraph, support_graph
+from .support_aware import SupportAware
+from .surroundings import SurroundingsConfig
 from .voxels import Binning
 
 __all__ = [
+    "DEFAULT_POINT",
+    "GROUND",
     "Binning",
     "Candidate",
     "GroundConfig",
     "GroundReport",
     "LccpConfig",
+    "OperatorPick",
+    "PointKind",
     "PriorityPoint",
     "Segment",
     "SegmentEdges",
@@ -28,6 +44,12 @@ __all__ = [
     "SelectionPolicy",
     "SingulationConfig",
     "SupervoxelConfig",
+    "SupportAware",
+    "SupportConfig",
+    "SupportGraph",
+    "Surrounding",
+    "SurroundingsConfig",
     "region_of_interest",
     "segment_cloud",
+    "support_graph",
 ]

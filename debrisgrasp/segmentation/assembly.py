@@ -51,16 +51,20 @@ def assembled(
         convexity=np.empty(0),
         contact_length=np.empty(0),
         upper=np.empty(0, dtype=np.int32),
+        score=np.empty(0),
     )
+    certainty = np.ones(1)
     if graph is not None:
         object_label = _numbered_by_size(points[is_candidate], graph, min_points)
         patch_label = object_label[graph.patch_object]
-        labels[is_candidate] = patch_label[graph.point_patch]
+        # The last place answers for strays.
+        labels[is_candidate] = np.append(patch_label, 0)[graph.point_patch]
         patches[is_candidate] = graph.point_patch + 1
         edges = _segment_edges(graph, patch_label)
+        certainty = _certainty(graph, patch_label, object_label)
     return Segmentation(
         labels=frozen(labels, "labels", (None,), np.int32),
-        segments=measured_segments(points, labels),
+        segments=measured_segments(points, labels, certainty),
         edges=edges,
         patches=frozen(patches, "patches", (None,), np.int32),
         ground=ground,
@@ -72,17 +76,37 @@ def _numbered_by_size(
     points: FloatArray, graph: PatchGraph, min_points: int
 ) -> IntArray:
     """Label of each object: 1 for the largest, 0 for specks."""
-    own = graph.patch_object[graph.point_patch]
-    count = np.bincount(own)
-    mean = np.stack([np.bincount(own, weights=x) for x in points.T]) / np.maximum(
-        count, 1
-    )
+    n_objects = int(graph.patch_object.max(initial=-1)) + 1
+    on_patch = graph.point_patch >= 0
+    own = graph.patch_object[graph.point_patch[on_patch]]
+    count = np.bincount(own, minlength=n_objects)
+    total = [np.bincount(own, x[on_patch], n_objects) for x in points.T]
+    mean = np.stack(total) / np.maximum(count, 1)
     # Position settles ties, so that the order of the points can't.
     order = np.lexsort((mean[2], mean[1], mean[0], -count))
     label = np.empty(len(count), dtype=np.int32)
     label[order] = np.arange(1, len(count) + 1)
     label[count < max(min_points, 1)] = 0
     return label
+
+
+def _certainty(
+    graph: PatchGraph, patch_label: IntArray, object_label: IntArray
+) -> FloatArray:
+    """Certainty of each label from 0 on, shape (labels,)."""
+    certainty = np.ones(int(patch_label.max(initial=0)) + 1)
+    if graph.certainty is not None:
+        certainty[object_label] = graph.certainty
+        return certainty
+    ends = patch_label[graph.edges].reshape(-1, 2)
+    inner = ends[:, 0] == ends[:, 1]
+    length = graph.contact_length[inner]
+    convex = np.where(graph.is_convex[inner], length, 0.0)
+    total, share = (
+        np.bincount(ends[inner, 0], weights, len(certainty))
+        for weights in (length, convex)
+    )
+    return np.where(total > 0, share / np.maximum(total, 1e-12), certainty)
 
 
 def _segment_edges(graph: PatchGraph, patch_label: IntArray) -> SegmentEdges:
@@ -94,6 +118,7 @@ def _segment_edges(graph: PatchGraph, patch_label: IntArray) -> SegmentEdges:
     ends.sort(axis=1)
     length = graph.contact_length[crossing]
     rise = np.where(swapped, -1.0, 1.0) * graph.rise[crossing] * length
+    score = graph.is_convex if graph.score is None else graph.score
     pairs, index = np.unique(ends, axis=0, return_inverse=True)
     index = index.reshape(-1)
 
@@ -114,4 +139,5 @@ def _segment_edges(graph: PatchGraph, patch_label: IntArray) -> SegmentEdges:
         ),
         contact_length=frozen(contact, "contact length", (None,)),
         upper=frozen(upper, "upper", (None,), np.int32),
+        score=frozen(total(length * score[crossing]) / contact, "score", (None,)),
     )

@@ -106,7 +106,6 @@ def extended_convexity(
     ones = np.ones(2 * len(a), dtype=np.int32)
     both_ways = (np.concatenate([a, b]), np.concatenate([b, a]))
     graph = coo_array((ones, both_ways), shape=(n_patches, n_patches)).tocsr()
-    common = (graph @ graph).multiply(graph).tocsr()
     valid = convex.copy()
-    valid[convex] = common[a, b] >= n_common
+    valid[convex] = graph[a].multiply(graph[b]).sum(axis=1) >= n_common
     return valid

@@ -3,7 +3,7 @@
 The ground is expected at z = 0 of the base frame. It is fitted as a plane, then
 followed by a smooth map of local heights, so that uneven ground goes too. It is taken
 away only if everything speaks for it (see `GroundConfig`); otherwise nothing is, and
-the report says why.
+the report says why, and whether the scene contradicts the pose of the camera.
 """
 
 from __future__ import annotations
@@ -16,19 +16,22 @@ from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds, PointCloud
 
-from .height_map import DEEP, HeightMap, fitted_height_map
+from .gravity import dominant_plane, pose_doubt
+from .height_map import DEEP, HeightMap, fitted_height_map, raised_limits
 from .segmentation import GroundReport
-from .voxels import cell_ids
 
-__all__ = ["GroundConfig", "find_ground"]
+__all__ = ["GroundConfig", "find_ground", "spread_sample"]
 
 _FIT_BANDS = (0.12, 0.08, 0.05, 0.035, 0.025, 0.02)
 """Half widths of the successive slabs whose points are fitted [m]; the last are thinner
 than most things that lie flat, or these would lift the plane."""
-_FOOTPRINT_CELL = 0.05
-"""Edge of the cells that make up the region of interest [m]."""
-_MIN_STANDING = 10
-"""Points above the ground that make a cell part of it; fewer are noise."""
+_FIT_POINTS = 18_000
+"""About how many points the surface is fitted to."""
+_LOW = 0.06
+"""Height over the ground up to which things are looked for by averages [m]."""
+_MIN_STANDING = 6
+"""Points above the ground that make a block of cells part of the region of interest;
+fewer are noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,14 +48,15 @@ class GroundConfig:
     """Largest share of the points in the region of interest that removal may take.
 
     Unless the caller names a region, it is the ground plan of what stands: the cells of
-    5 cm that hold points above the ground. A floor seen around a small pile is outside
+    4 cm that hold points above the ground. A floor seen around a small pile is outside
     and doesn't count; a plane that eats what stands on it is found out."""
     min_left: int = 500
     """Fewest points that must be left over."""
     clearance: float = 0.012
-    """Points up to this height above the local ground belong to it [m], or up to three
-    times the noise seen at their distance; larger loses flat things, smaller leaves
-    patches of ground."""
+    """Points up to this height above the local ground belong to it [m]; larger loses
+    flat things, smaller leaves patches of ground. Where three times the noise is more
+    than that, it counts for single points, and the clearance for averages over a few
+    centimetres, so that boards stay whole."""
 
     def __post_init__(self) -> None:
         for name in ("max_tilt", "max_height", "clearance"):
@@ -99,49 +103,80 @@ def find_ground(
         removed_share=np.nan,
         n_removed=0,
     )
+    nothing = np.zeros(len(cloud), dtype=bool)
     if is_cropped:
-        return _refused(cloud, report, "the cloud is marked as cropped")
-    sample = _sample(cloud)
-    points = cloud.points[sample]
-    plane = _fitted_plane(points, cloud.normals[sample])
+        return nothing, replace(report, reason="the cloud is marked as cropped")
+    sample = spread_sample(cloud, _FIT_POINTS)
+    points, normals = cloud.points[sample], cloud.normals[sample]
+    is_ground, report = _weighed(cloud, points, normals, config, region, np.zeros(3))
+    if report.status == "removed":
+        return is_ground, report
+    largest = dominant_plane(points, normals)
+    # Steep or far from z = 0 at one end, the ground can escape the first slab.
+    if largest is not None and largest.plane[2] > np.cos(config.max_tilt):
+        a, b, c, d = largest.plane
+        slope = np.array([-a, -b, -d]) / c
+        is_ground, again = _weighed(cloud, points, normals, config, region, slope)
+        if again.status == "removed":
+            return is_ground, again
+    doubt = pose_doubt(
+        largest,
+        cloud.viewpoint,
+        max_tilt=config.max_tilt,
+        max_height=config.max_height,
+        min_share=config.min_inlier_share,
+    )
+    return nothing, replace(report, pose_doubt=doubt)
+
+
+def _weighed(
+    cloud: PointCloud,
+    points: FloatArray,
+    normals: FloatArray,
+    config: GroundConfig,
+    region: Bounds | None,
+    slope: FloatArray,
+) -> tuple[BoolArray, GroundReport]:
+    """Fit the ground from a first guess, and hold the evidence against the limits."""
+    report = GroundReport(
+        status="skipped",
+        reason="too few level points near z = 0 to fit a plane",
+        plane=None,
+        tilt=np.nan,
+        height=np.nan,
+        inlier_share=0.0,
+        removed_share=np.nan,
+        n_removed=0,
+    )
+    plane = _fitted_plane(points, normals, slope)
     if plane is None:
-        return _refused(cloud, report, "too few level points near z = 0 to fit a plane")
+        return np.zeros(len(cloud), dtype=bool), report
     over_plane = points @ plane[:3] + plane[3]
     x, y, _ = points[np.abs(over_plane) < _FIT_BANDS[-1]].mean(axis=0)
+    ground = fitted_height_map(points, over_plane, cloud.viewpoint)
+    is_ground, inlier_share, inside = _near_ground(cloud, plane, ground, config)
+    if region is not None:
+        inside = region.contains(cloud.points)
+    n_inside = max(int(np.count_nonzero(inside)), 1)
+    n_ground = int(np.count_nonzero(is_ground))
     report = replace(
         report,
         plane=frozen(plane, "plane", (4,)),
         tilt=float(np.arccos(np.clip(plane[2], -1, 1))),
         height=float(-(plane[0] * x + plane[1] * y + plane[3]) / plane[2]),
+        inlier_share=inlier_share,
+        removed_share=float(np.count_nonzero(is_ground & inside) / n_inside),
     )
-    ground = fitted_height_map(points, over_plane, cloud.viewpoint)
-    is_ground, inlier_share = _near_ground(cloud, plane, ground, config.clearance)
-    report = replace(report, inlier_share=inlier_share)
-    inside = (
-        _footprint(cloud, ~is_ground)
-        if region is None
-        else region.contains(cloud.points)
-    )
-    n_inside = max(int(np.count_nonzero(inside)), 1)
-    removed_share = float(np.count_nonzero(is_ground & inside) / n_inside)
-    report = replace(report, removed_share=removed_share)
-    n_left = len(cloud) - int(np.count_nonzero(is_ground))
-    objection = _objection(report, n_left, config)
+    objection = _objection(report, len(cloud) - n_ground, config)
     if objection:
-        return _refused(cloud, report, objection)
+        return is_ground, replace(report, reason=objection)
     return is_ground, replace(
         report,
         status="removed",
-        n_removed=len(cloud) - n_left,
+        n_removed=n_ground,
         reason=f"level plane {1e3 * report.height:+.0f} mm from the expected height, "
         f"{inlier_share:.0%} of the points on it",
     )
-
-
-def _refused(
-    cloud: PointCloud, report: GroundReport, reason: str
-) -> tuple[BoolArray, GroundReport]:
-    return np.zeros(len(cloud), dtype=bool), replace(report, reason=reason)
 
 
 def _objection(report: GroundReport, n_left: int, config: GroundConfig) -> str:
@@ -172,52 +207,67 @@ def _objection(report: GroundReport, n_left: int, config: GroundConfig) -> str:
 
 
 def _near_ground(
-    cloud: PointCloud, plane: FloatArray, ground: HeightMap, clearance: float
-) -> tuple[BoolArray, float]:
-    """Which points belong to the ground, and the share that lies right on it."""
-    over_plane = cloud.points @ plane[:3] + plane[3]
-    lowest, highest = ground.heights.min(), ground.heights.max()
-    # On even ground this decides nearly all of it; the rest is looked at one by one.
-    is_ground = (over_plane > highest - clearance) & (over_plane < lowest + clearance)
-    n_inliers = np.count_nonzero(is_ground)
-    near = np.flatnonzero(~is_ground & (np.abs(over_plane) < 3.0 * DEEP))
-    points = cloud.points[near]
-    local = over_plane[near] - ground.at(points)
-    offset = points - cloud.viewpoint
-    reach = np.sqrt(np.einsum("ij,ij->i", offset, offset))
-    limit = np.maximum(clearance, 3.0 * ground.noise * reach)
-    is_ground[near] = (local < limit) & (local > -np.maximum(DEEP, 2.0 * limit))
-    n_inliers += np.count_nonzero(np.abs(local) < limit)
-    return is_ground, n_inliers / len(cloud)
+    cloud: PointCloud, plane: FloatArray, ground: HeightMap, config: GroundConfig
+) -> tuple[BoolArray, float, BoolArray]:
+    """Which points belong to the ground.
+
+    Returns
+    -------
+    is_ground
+        Shape (n,).
+    inlier_share
+        Share of the points that lies right on it.
+    inside
+        Which points lie over cells that hold several standing points, shape (n,).
+    """
+    x, y, surface = ground.raster_middles()
+    offset = np.stack([x, y, np.zeros(len(x))]) - cloud.viewpoint[:, None]
+    deviation = ground.noise * np.sqrt(np.square(offset).sum(axis=0))
+    limit = np.maximum(config.clearance, 3.0 * deviation)
+    cell = ground.raster_cells(cloud.points)
+    local = cloud.points @ plane[:3]
+    local += plane[3]
+    local -= surface[cell]
+    own_limit = limit[cell]
+    is_ground = local > np.minimum(-DEEP, -2.0 * limit)[cell]
+    n_inliers = np.count_nonzero(np.abs(local) < own_limit)
+    low = np.flatnonzero(np.abs(local) < _LOW)
+    shape = ground.raster_shape
+    count = np.bincount(cell[low], minlength=len(x)).astype(np.float64)
+    total = np.bincount(cell[low], local[low], len(x)).astype(np.float64)
+    raised = raised_limits(
+        count.reshape(shape),
+        total.reshape(shape),
+        deviation.reshape(shape),
+        config.clearance,
+    ).ravel()
+    is_ground &= local < np.minimum(limit, raised)[cell]
+    n_standing = np.bincount(cell[~is_ground], minlength=len(x)).reshape(shape)
+    # Cells of the raster in blocks of two by two.
+    blocks = n_standing.reshape(shape[0] // 2, 2, -1, 2).sum(axis=(1, 3))
+    is_occupied = np.repeat(np.repeat(blocks >= _MIN_STANDING, 2, axis=0), 2, axis=1)
+    return is_ground, n_inliers / len(cloud), is_occupied.ravel()[cell]
 
 
-def _footprint(cloud: PointCloud, is_standing: BoolArray) -> BoolArray:
-    """Which points lie in plan cells that hold several standing points, shape (n,)."""
-    keys = np.zeros((3, len(cloud)), dtype=np.int64)
-    np.floor(cloud.points[:, :2].T / _FOOTPRINT_CELL, out=keys[:2], casting="unsafe")
-    cell, cells = cell_ids(keys)
-    count = np.bincount(cell[is_standing], minlength=cells.shape[1])
-    inside: BoolArray = count[cell] >= _MIN_STANDING
-    return inside
-
-
-def _sample(cloud: PointCloud) -> IntArray:
-    """Points that stand for all in a fit: every other row and column of an image."""
+def spread_sample(cloud: PointCloud, n_wanted: int) -> IntArray:
+    """About ``n_wanted`` points that stand for all: a lattice of pixels of an image."""
     if cloud.pixels is None or cloud.image_shape is None:
-        return np.arange(len(cloud))
+        return np.arange(0, len(cloud), max(1, len(cloud) // n_wanted))
+    step = max(1, round(np.sqrt(len(cloud) / n_wanted)))
     lattice = np.zeros(cloud.image_shape, dtype=bool)
-    lattice[::2, ::2] = True
+    lattice[::step, ::step] = True
     return np.flatnonzero(lattice.ravel()[cloud.pixels])
 
 
-def _fitted_plane(points: FloatArray, normals: FloatArray) -> FloatArray | None:
-    """Plane near z = 0 through level points, by fits to ever thinner slabs."""
+def _fitted_plane(
+    points: FloatArray, normals: FloatArray, slope: FloatArray
+) -> FloatArray | None:
+    """Plane near z = slope . (x, y, 1) through level points, in ever thinner slabs."""
     with np.errstate(invalid="ignore"):
         # A point without a normal may be level too.
         tilted = normals[:, 2] < np.cos(np.deg2rad(30))
-    x, y, z = points[~tilted & (np.abs(points[:, 2]) < 3 * _FIT_BANDS[0])].T
+    x, y, z = points[~tilted].T
     rows = np.stack([x, y, np.ones(len(x))])
-    slope = np.zeros(3)
     for band in _FIT_BANDS:
         near = np.abs(z - slope @ rows) < band
         if near.sum() < 10:

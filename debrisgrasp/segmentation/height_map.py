@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, grey_erosion
+from scipy.ndimage import gaussian_filter, grey_dilation, grey_erosion, uniform_filter
 
 from debrisgrasp._arrays import FloatArray, IntArray
 
-__all__ = ["DEEP", "HeightMap", "fitted_height_map"]
+__all__ = ["DEEP", "HeightMap", "fitted_height_map", "raised_limits"]
 
 DEEP = 0.10
 """Points farther below the ground than this [m] are not counted to it."""
@@ -21,6 +21,14 @@ _MAX_SLOPE = 0.07
 """Steepest slope of the ground relative to its plane."""
 _ENVELOPE_CELLS = 6
 """How far one cell of the height map limits others, in cells."""
+_CORRELATED = 4.0
+"""Points that share their noise: that of a stereo camera spans about two pixels."""
+_MAX_RISES = (0.006, 0.006, 0.01, 0.01, 0.01)
+"""Mean heights of a cell over the surface that make it a thing on the ground [m], fit
+by fit: strict while the surface may cut through hills and boards alike, then wide
+enough to win the hills back."""
+_MAX_POINT_RISE = 0.01
+"""The same for a single point without noise [m]."""
 _MAX_MAP = 1e7
 """Largest height map, in cells; beyond it the plane alone has to do."""
 
@@ -40,10 +48,40 @@ class HeightMap:
     ground from height H it moves a point by H / r of itself in height, so that the
     noise in height is proportional to r H."""
 
-    def at(self, points: FloatArray) -> FloatArray:
-        """Height of the ground over its plane under points (n, 3) [m], shape (n,)."""
-        corners, weights = _bilinear(points, self.lower, self.heights.shape)
-        return _interpolated(self.heights, corners, weights)
+    @property
+    def refinement(self) -> int:
+        """How many cells of a raster fit along the edge of one of the map."""
+        return 4 if self.heights.size < _MAX_MAP / 16 else 1
+
+    @property
+    def raster_shape(self) -> tuple[int, int]:
+        """Rows and columns of a raster over the map."""
+        rows, columns = self.heights.shape
+        return rows * self.refinement, columns * self.refinement
+
+    def raster_cells(self, points: FloatArray) -> IntArray:
+        """Flat index of the raster cell under each of the points (n, 3), shape (n,).
+
+        Places beyond the map take its border.
+        """
+        scale = self.refinement / _MAP_CELL
+        lower = self.lower * self.refinement
+        rows, columns = self.raster_shape
+        cells: IntArray = np.zeros(len(points), dtype=np.int32)
+        for i, size in enumerate((rows, columns)):
+            place = points[:, i] * scale
+            place -= lower[i]
+            cells *= np.int32(size)
+            cells += np.clip(place, 0, size - 1, out=place).astype(np.int32)
+        return cells
+
+    def raster_middles(self) -> FloatArray:
+        """x, y and height over the plane of the middles of raster cells [m], (3, c)."""
+        index = np.indices(self.raster_shape).reshape(2, -1) + 0.5
+        x, y = (index / self.refinement + self.lower[:, None]) * _MAP_CELL
+        places = np.stack([x, y], axis=1)
+        corners, weights = _bilinear(places, self.lower, self.heights.shape)
+        return np.stack([x, y, _interpolated(self.heights, corners, weights)])
 
 
 def fitted_height_map(
@@ -70,15 +108,53 @@ def fitted_height_map(
     surface = _lower_envelope(
         _cell_means(corners[0][inside], over_plane[inside], shape)
     )
-    for _ in range(3):
+    for max_rise in _MAX_RISES:
         local = over_plane - _interpolated(surface, corners, weights)
-        # Things that lie on the ground would lift the surface, so the limit is tight.
+        # Things that lie on the ground would lift the surface, so the limits are tight;
+        # means tell thin boards from ground where single points don't.
         noise = _spread(local[inside], reach[inside])
-        inside = np.abs(local) < np.maximum(0.01, 2.5 * noise * reach)
+        inside = np.abs(local) < np.maximum(_MAX_POINT_RISE, 2.5 * noise * reach)
+        rise = _cell_means(corners[0][inside], local[inside], shape).ravel()
+        inside &= ~(rise > max_rise)[corners[0]]
         if not inside.any():
             break
         surface = _smoothed(_cell_means(corners[0][inside], over_plane[inside], shape))
     return HeightMap(lower, surface, noise)
+
+
+def raised_limits(
+    count: FloatArray,
+    total: FloatArray,
+    deviation: FloatArray,
+    clearance: float,
+) -> FloatArray:
+    """Height from which points belong to thin things that averages show [m].
+
+    Parameters
+    ----------
+    count, total
+        Points close to the ground in each cell, and the sum of their heights over it
+        [m], shape (rows, columns).
+    deviation
+        Standard deviation of the height of a point there [m], same shape.
+    clearance
+        Least mean height of a thing [m].
+
+    Returns
+    -------
+    FloatArray
+        Same shape; infinite where no thing shows.
+    """
+    n_around = np.maximum(9.0 * uniform_filter(count, 3, mode="constant"), 1e-9)
+    mean = 9.0 * uniform_filter(total, 3, mode="constant") / n_around
+    error = deviation * np.sqrt(_CORRELATED / n_around)
+    is_core = (n_around > 7.5) & (mean > np.maximum(clearance, 3.0 * error))
+    is_core &= total > 0.8 * clearance * count
+    # Rims of raised things share cells with the ground beside them.
+    level = grey_dilation(np.where(is_core, mean, 0.0), size=(3, 3))
+    limits = np.where(is_core, 0.3 * mean, np.maximum(0.6 * level, 2.0 * deviation))
+    limits[level == 0.0] = np.inf
+    return limits
 
 
 def _spread(local: FloatArray, reach: FloatArray) -> float:

@@ -37,7 +37,7 @@ class LccpConfig:
     """Whether patches that meet at a corner only are kept apart."""
     extended_convexity: int = 0
     """How many common convex neighbours a convex border needs; 1 cuts thin bridges."""
-    min_segment_size: int = 3
+    min_segment_size: int = 6
     """Objects of at most so many patches go to their largest neighbour."""
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""From a cloud to its objects: take the ground away, then divide the rest."""
+"""From a cloud to its objects: take ground and surroundings away, divide the rest."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from .ground import GroundConfig, find_ground
 from .lccp import LccpConfig, lccp
 from .segmentation import PatchGraph, Segmentation
 from .singulation import SingulationConfig, singulate
+from .surroundings import SurroundingsConfig, find_surroundings
 
 __all__ = ["SegmentationConfig", "segment_cloud"]
 
@@ -25,10 +26,13 @@ class SegmentationConfig:
     """How a cloud is divided into objects."""
 
     ground: GroundConfig = field(default_factory=GroundConfig)
+    surroundings: SurroundingsConfig = field(default_factory=SurroundingsConfig)
     method: SingulationConfig | LccpConfig = field(default_factory=SingulationConfig)
     """The settings of the method that divides what stands on the ground; their type
     chooses it."""
-    fallback: LccpConfig = field(default_factory=LccpConfig)
+    fallback: LccpConfig = field(
+        default_factory=lambda: LccpConfig(extended_convexity=1)
+    )
     """What divides clouds that singulation can't: unorganised ones, and images of no
     pinhole camera."""
     min_points: int = 60
@@ -46,6 +50,7 @@ def segment_cloud(
     region: Bounds | None = None,
     is_cropped: bool = False,
     colors: FloatArray | None = None,
+    of_interest: BoolArray | None = None,
 ) -> Segmentation:
     """Divide a cloud into objects.
 
@@ -62,6 +67,9 @@ def segment_cloud(
         Whether the cloud was cut to a region before; the ground then stays.
     colors
         One colour in [0, 1] per point, shape (n, 3), if the method weighs them.
+    of_interest
+        Points that a detector or a person marked as one object, shape (n,); singulation
+        keeps them together.
 
     Raises
     ------
@@ -89,32 +97,60 @@ def segment_cloud(
         raise ShapeError(
             "colors", got=colors.shape, expected=f"one per point, {cloud.points.shape}"
         )
+    if of_interest is not None and of_interest.shape != (len(cloud),):
+        raise ShapeError(
+            "of_interest", got=of_interest.shape, expected=f"({len(cloud)},)"
+        )
     order = _canonical_order(cloud)
+    if order is None:
+        return _segmented(
+            cloud,
+            config,
+            region=region,
+            is_cropped=is_cropped,
+            colors=colors,
+            of_interest=of_interest,
+        )
     result = _segmented(
         cloud.selected(order),
         config,
         region=region,
         is_cropped=is_cropped,
         colors=None if colors is None else colors[order],
+        of_interest=None if of_interest is None else of_interest[order],
     )
-    labels, patches = np.empty_like(result.labels), np.empty_like(result.patches)
-    labels[order], patches[order] = result.labels, result.patches
+
+    def restored(values: IntArray | None, name: str) -> IntArray:
+        if values is None:
+            raise AssertionError("all points were judged")
+        own = np.empty_like(values)
+        own[order] = values
+        return frozen(own, name, (None,), values.dtype)
+
     return replace(
         result,
-        labels=frozen(labels, "labels", (None,), np.int32),
-        patches=frozen(patches, "patches", (None,), np.int32),
+        ground=replace(result.ground, kinds=restored(result.ground.kinds, "kinds")),
+        labels=restored(result.labels, "labels"),
+        patches=restored(result.patches, "patches"),
     )
 
 
-def _canonical_order(cloud: PointCloud) -> IntArray:
-    """Order of the points that depends on themselves only.
+def _canonical_order(cloud: PointCloud) -> IntArray | None:
+    """Order of the points that depends on themselves only; None if they are in it.
 
     Sums are rounded differently in another order, which is enough to turn a tie.
     """
     if cloud.pixels is not None:
+        if (np.diff(cloud.pixels) > 0).all():
+            return None
         return np.argsort(cloud.pixels, kind="stable")
     x, y, z = cloud.points.T
-    return np.lexsort((z, y, x))
+    order = np.argsort(x, kind="stable")
+    is_same = np.diff(x[order]) == 0.0
+    tied = np.append(is_same, False) | np.append(False, is_same)
+    ties = order[tied]
+    order[tied] = ties[np.lexsort((z[ties], y[ties], x[ties]))]
+    return order
 
 
 def _segmented(
@@ -124,12 +160,13 @@ def _segmented(
     region: Bounds | None,
     is_cropped: bool,
     colors: FloatArray | None,
+    of_interest: BoolArray | None,
 ) -> Segmentation:
     is_ground, report = find_ground(
         cloud, config.ground, region=region, is_cropped=is_cropped
     )
-    standing = ~is_ground
-    graph, method = _divided(cloud, standing, config, colors)
+    standing, report = find_surroundings(cloud, is_ground, report, config.surroundings)
+    graph, method = _divided(cloud, standing, config, colors, of_interest)
     return assembled(
         cloud.points,
         standing,
@@ -145,13 +182,16 @@ def _divided(
     standing: BoolArray,
     config: SegmentationConfig,
     colors: FloatArray | None,
+    of_interest: BoolArray | None,
 ) -> tuple[PatchGraph | None, Literal["singulation", "lccp"]]:
     """Apply a method to the standing points, and name it."""
     method = config.method
     if isinstance(method, SingulationConfig):
         if not standing.any():
             return None, "singulation"
-        graph = singulate(cloud, standing, method)
+        graph = singulate(
+            cloud, standing, method, colors=colors, of_interest=of_interest
+        )
         if graph is not None:
             return graph, "singulation"
         method = config.fallback

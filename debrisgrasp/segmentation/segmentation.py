@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,42 @@ from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
 from debrisgrasp.errors import UnknownNameError
 from debrisgrasp.geometry import Bounds
 
-__all__ = ["GroundReport", "PatchGraph", "Segment", "SegmentEdges", "Segmentation"]
+__all__ = [
+    "GroundReport",
+    "PatchGraph",
+    "PointKind",
+    "Segment",
+    "SegmentEdges",
+    "Segmentation",
+    "Surrounding",
+]
+
+
+class PointKind(IntEnum):
+    """What a point was taken for before the rest was divided into objects."""
+
+    STANDING = 0
+    """May belong to an object."""
+    GROUND = 1
+    """Lies on the ground."""
+    BELOW = 2
+    """Lies below the ground: side and surroundings of a table, a pit."""
+    WALL = 3
+    """Belongs to a wall that bounds the scene."""
+    CONTAINER = 4
+    """Belongs to the sides or the floor of what holds most of the scene."""
+    OUTSIDE = 5
+    """Lies outside such a container."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Surrounding:
+    """Something that bounds the scene and was taken away like the ground."""
+
+    kind: PointKind
+    n_points: int
+    reason: str
+    """What speaks for it, in words."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -35,7 +71,22 @@ class GroundReport:
     """Points that removal takes from the region of interest, as a share of those in
     it; NaN if it wasn't reached."""
     n_removed: int
-    """Points that were taken away."""
+    """Points of the ground that were taken away."""
+    pose_doubt: str = ""
+    """What speaks against the pose of the camera, in words; empty if nothing does."""
+    surroundings: tuple[Surrounding, ...] = ()
+    """What else was taken away before objects were sought."""
+    kinds: IntArray | None = None
+    """`PointKind` of each point, uint8, shape (n,); None before all were judged."""
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Points that were taken away, by kind; kinds without any are left out."""
+        counts = {"ground": self.n_removed} if self.n_removed else {}
+        for item in self.surroundings:
+            name = item.kind.name.lower()
+            counts[name] = counts.get(name, 0) + item.n_points
+        return counts
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -52,6 +103,9 @@ class Segment:
     """Principal axes as rows, longest first, right-handed, shape (3, 3)."""
     extents: FloatArray
     """Length along each principal axis [m], shape (3,)."""
+    certainty: float = 1.0
+    """How sure it is that this is one object, in [0, 1]: the score of the weakest join
+    of notable parts; 1 if there was nothing to join."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -67,6 +121,9 @@ class SegmentEdges:
     upper: IntArray
     """Label of the segment that lies above the other along gravity where they touch, 0
     if neither does, shape (e,)."""
+    score: FloatArray
+    """How near the two were to being joined, in [0, 1], shape (e,). By singulation, the
+    probability that they are one object; by LCCP, the convex share of the contact."""
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -109,7 +166,7 @@ class PatchGraph:
     """
 
     point_patch: IntArray
-    """Patch of each point from 0, shape (m,)."""
+    """Patch of each point from 0, -1 for strays that are on none, shape (m,)."""
     patch_object: IntArray
     """Object of each patch from 0, shape (p,)."""
     edges: IntArray
@@ -121,10 +178,23 @@ class PatchGraph:
     rise: FloatArray
     """Sine of the elevation of the second patch over the first near the contact, from
     -1 to 1, shape (e,)."""
+    score: FloatArray | None = None
+    """How much speaks for both patches being one object, in [0, 1], shape (e,); None if
+    the method only decides by convexity."""
+    certainty: FloatArray | None = None
+    """Score of the weakest join within each object, shape (o,); None likewise."""
 
 
-def measured_segments(points: FloatArray, labels: IntArray) -> tuple[Segment, ...]:
-    """Measure the segments with labels 1, 2, ... of a cloud."""
+def measured_segments(
+    points: FloatArray, labels: IntArray, certainty: FloatArray
+) -> tuple[Segment, ...]:
+    """Measure the segments with labels 1, 2, ... of a cloud.
+
+    Parameters
+    ----------
+    certainty
+        Of each label from 0 on, shape (labels,).
+    """
     n_labels = int(labels.max(initial=0))
     if not n_labels:
         return ()
@@ -159,6 +229,7 @@ def measured_segments(points: FloatArray, labels: IntArray) -> tuple[Segment, ..
             bounds=Bounds(lower[k], upper[k]),
             axes=frozen(axes[k], "axes", (3, 3)),
             extents=frozen(extents[k], "extents", (3,)),
+            certainty=float(certainty[k + 1]),
         )
         for k in range(n_labels)
     )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite
 from debrisgrasp.errors import InputError
@@ -13,7 +14,22 @@ from debrisgrasp.geometry import Bounds, PointCloud
 
 from .segmentation import Segmentation
 
-__all__ = ["Candidate", "PriorityPoint", "SelectionPolicy", "region_of_interest"]
+__all__ = [
+    "DEFAULT_POINT",
+    "Candidate",
+    "OperatorPick",
+    "PriorityPoint",
+    "SelectionPolicy",
+    "nearest_distances",
+    "region_of_interest",
+    "require_point",
+]
+
+DEFAULT_POINT = (0.9, 0.0, 1.0)
+"""Above the middle of the workspace, base frame [m]: what lies near and on top comes
+first."""
+_PICK_REACH = 0.1
+"""A picked point of an object lies within this of its measured points [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +67,7 @@ class PriorityPoint:
     """Priority point [m], base frame, shape (3,)."""
 
     def __post_init__(self) -> None:
-        point = frozen(self.point, "priority point", (3,))
-        if point.shape != (3,):
-            raise InputError("priority point", got=point.shape, expected="one point")
-        require_finite(point, "priority point")
-        object.__setattr__(self, "point", point)
+        object.__setattr__(self, "point", require_point(self.point))
 
     @classmethod
     def at(cls, x: float, y: float, z: float) -> PriorityPoint:
@@ -66,18 +78,10 @@ class PriorityPoint:
         self, segmentation: Segmentation, cloud: PointCloud
     ) -> tuple[Candidate, ...]:
         """Order the segments by the distance of their nearest point."""
-        if len(cloud) != len(segmentation.labels):
-            raise InputError(
-                "cloud",
-                got=f"{len(cloud)} points",
-                expected=f"the {len(segmentation.labels)} points that were segmented",
-            )
-        square = np.square(cloud.points - self.point).sum(axis=1)
-        nearest = np.full(len(segmentation.segments) + 1, np.inf)
-        np.minimum.at(nearest, segmentation.labels, square)
+        nearest = nearest_distances(segmentation, cloud, self.point)
         ranked = sorted(
             (
-                float(np.sqrt(nearest[segment.label])),
+                float(nearest[segment.label - 1]),
                 float(np.linalg.norm(segment.centroid - self.point)),
                 segment.label,
             )
@@ -90,6 +94,121 @@ class PriorityPoint:
                 reason=f"nearest point {cost:.3f} m from the priority point",
             )
             for cost, _, label in ranked
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OperatorPick:
+    """What a person chose comes first, the rest in the order of another policy.
+
+    The reason keeps what that policy says of the object, so that a person who picks
+    what carries something is told.
+    """
+
+    pick: int | tuple[int, int] | tuple[float, float, float]
+    """A label, a pixel (column, row) of the depth image, or a point (x, y, z) [m] in
+    the base frame."""
+    others: SelectionPolicy
+    """What orders the rest."""
+
+    def order(
+        self, segmentation: Segmentation, cloud: PointCloud
+    ) -> tuple[Candidate, ...]:
+        """Put the picked object first.
+
+        Raises
+        ------
+        UnknownNameError
+            If the label is not in the segmentation.
+        InputError
+            If there is no object at the pixel or near the point.
+        """
+        label = self._label(segmentation, cloud)
+        ranked = self.others.order(segmentation, cloud)
+        picked = tuple(
+            replace(item, reason=f"picked by the operator; {item.reason}")
+            for item in ranked
+            if item.label == label
+        )
+        return picked + tuple(item for item in ranked if item.label != label)
+
+    def _label(self, segmentation: Segmentation, cloud: PointCloud) -> int:
+        _require_labels(segmentation, cloud)
+        if isinstance(self.pick, int):
+            return segmentation.segment(self.pick).label
+        if len(self.pick) == 2:
+            return _label_at_pixel(segmentation, cloud, *self.pick)
+        point = require_point(np.array(self.pick))
+        is_object = segmentation.labels > 0
+        distance = np.linalg.norm(cloud.points[is_object] - point, axis=1)
+        nearest = float(distance.min(initial=np.inf))
+        if nearest > _PICK_REACH:
+            raise InputError(
+                "picked point",
+                got=f"{point.tolist()}, {nearest:.3g} m from the nearest object",
+                expected=f"a point within {_PICK_REACH} m of one",
+                mend="Base frame, metres: x forward, y left, z up.",
+            )
+        return int(segmentation.labels[is_object][distance.argmin()])
+
+
+def _label_at_pixel(
+    segmentation: Segmentation, cloud: PointCloud, column: int, row: int
+) -> int:
+    """Label of what was measured at a pixel."""
+    if cloud.pixels is None or cloud.image_shape is None:
+        raise InputError(
+            "picked pixel",
+            got="a cloud without an image",
+            expected="an organised one",
+            mend="Pick by label or by a point in the base frame.",
+        )
+    height, width = cloud.image_shape
+    if not (0 <= column < width and 0 <= row < height):
+        raise InputError(
+            "picked pixel",
+            got=f"column {column}, row {row}",
+            expected=f"0 to {width - 1}, 0 to {height - 1}",
+        )
+    found = np.flatnonzero(cloud.pixels == row * width + column)
+    label = int(segmentation.labels[found[0]]) if len(found) else 0
+    if not label:
+        raise InputError(
+            "picked pixel",
+            got=f"no object at column {column}, row {row}",
+            expected="a pixel of a segment",
+            mend="`debrisgrasp segment --report FILE` shows the segments.",
+        )
+    return label
+
+
+def nearest_distances(
+    segmentation: Segmentation, cloud: PointCloud, point: FloatArray
+) -> FloatArray:
+    """Distance of a point (3,) to the nearest point of each segment [m], shape (s,)."""
+    _require_labels(segmentation, cloud)
+    square = np.square(cloud.points - point).sum(axis=1)
+    nearest = np.full(len(segmentation.segments) + 1, np.inf)
+    np.minimum.at(nearest, segmentation.labels, square)
+    distances: FloatArray = np.sqrt(nearest[1:])
+    return distances
+
+
+def require_point(point: ArrayLike) -> FloatArray:
+    """Freeze a priority or picked point, or raise if it isn't one."""
+    result = frozen(point, "point", (3,))
+    if result.shape != (3,):
+        raise InputError("point", got=result.shape, expected="one point")
+    require_finite(result, "point")
+    return result
+
+
+def _require_labels(segmentation: Segmentation, cloud: PointCloud) -> None:
+    if len(cloud) != len(segmentation.labels):
+        raise InputError(
+            "cloud",
+            got=f"{len(cloud)} points",
+            expected=f"the {len(segmentation.labels)} points that were segmented",
         )
 
 

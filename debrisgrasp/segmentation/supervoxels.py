@@ -19,12 +19,22 @@ from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
 
-from .voxels import Binning, VoxelGrid, cell_ids, grid_axes, voxelise
+from .voxels import (
+    Binning,
+    VoxelGrid,
+    binned,
+    cell_ids,
+    fitted_normals,
+    grid_axes,
+    voxelise,
+)
 
 __all__ = ["Patches", "SupervoxelConfig", "supervoxels"]
 
 _MAX_COARSENINGS = 8
 """Enlargements by the root of 2 at most: single points stay single at any size."""
+_MAX_SHORT = 46_000
+"""Pairs of fewer patches can be numbered in 32 bits, which sort faster."""
 _SETTLED = 0.002
 """Sweeps end early once a smaller share of the voxels than this changes its patch."""
 
@@ -33,24 +43,25 @@ _SETTLED = 0.002
 class SupervoxelConfig:
     """How fine the patches are and what makes a point similar to one."""
 
-    voxel_resolution: float = 0.0075
+    voxel_resolution: float = 0.0115
     """Edge of a voxel [m]; larger is faster and blurs thin parts together. Voxels are
     enlarged where the cloud is coarser, see ``min_points_per_voxel``."""
-    seed_resolution: float = 0.0225
+    seed_resolution: float = 0.0345
     """Distance between the seeds of patches [m], about their size."""
     color_importance: float = 0.0
     """Weight of the distance in colour; needs colours with the cloud."""
-    spatial_importance: float = 0.2
+    spatial_importance: float = 0.4
     """Weight of the distance in space, in units of ``seed_resolution``."""
-    normal_importance: float = 2.0
+    normal_importance: float = 4.0
     """Weight of 1 - |cos| between the normals."""
     binning: Binning = Binning.METRIC
     """Shape of the voxels; `Binning.SINGLE_CAMERA` keeps far surfaces whole where the
     samples lie farther apart than a voxel."""
     refinements: int = 0
-    """Rounds of reseeding at the patch centres and growing anew."""
+    """Rounds of fitting normals within the patches, reseeding at their centres, and
+    growing anew."""
 
-    min_points_per_voxel: float = 1.5
+    min_points_per_voxel: float = 2.0
     """Mean number of points per voxel below which voxels and patches are enlarged:
     cells finer than the samples of a coarse or distant scan don't touch each other. 0
     keeps the resolution."""
@@ -128,15 +139,17 @@ def supervoxels(
             mend="Give colors, one per point.",
         )
     used = colors if config.color_importance > 0 else None
-    grid = voxelise(cloud, config.voxel_resolution, config.binning, used)
+    bins = binned(cloud, config.voxel_resolution, config.binning)
     for _ in range(_MAX_COARSENINGS):
-        if len(cloud) >= config.min_points_per_voxel * len(grid):
+        if len(cloud) >= config.min_points_per_voxel * bins.n_voxels:
             break
         config = config.coarsened(2**0.5)
-        grid = voxelise(cloud, config.voxel_resolution, config.binning, used)
+        bins = binned(cloud, config.voxel_resolution, config.binning)
+    grid = voxelise(cloud, config.voxel_resolution, config.binning, used, bins)
     seeds = _seeds(grid, cloud, config)
     owner = _grown(grid, seeds, config)
     for _ in range(config.refinements):
+        grid = _with_normals_within(grid, owner)
         owner = _grown(grid, _central_voxels(grid, owner), config)
     centers, normals = _centers_and_normals(grid, owner)
     edges, contacts = _touching_patches(grid, owner)
@@ -155,8 +168,12 @@ def _seeds(grid: VoxelGrid, cloud: PointCloud, config: SupervoxelConfig) -> IntA
     keys = np.floor(scaled)
     offset = np.square(scaled - keys - 0.5).sum(axis=0)
     cell, cells = cell_ids(keys.astype(np.int64))
-    order = np.lexsort((offset, cell))
-    seeds = order[np.searchsorted(cell[order], np.arange(cells.shape[1]))]
+    least = np.full(cells.shape[1], np.inf)
+    np.minimum.at(least, cell, offset)
+    # Of equally near voxels the first one: it is written last.
+    nearest = np.flatnonzero(offset == least[cell])[::-1]
+    seeds = np.empty(cells.shape[1], dtype=np.int64)
+    seeds[cell[nearest]] = nearest
     # Voxels per coarse cell stand for the count within half the spacing, whose
     # disc covers pi/4 of the cell.
     flat = (spacing / grid.sizes[seeds]) ** 2
@@ -164,16 +181,16 @@ def _seeds(grid: VoxelGrid, cloud: PointCloud, config: SupervoxelConfig) -> IntA
 
 
 def _features(grid: VoxelGrid, config: SupervoxelConfig) -> Float32Array:
-    """Position in units of the seed spacing, normal, and colour if it counts, (v, f).
+    """Position in units of the seed spacing, normal, and colour if it counts, (f, v).
 
     Positions are relative to their mean: single precision would not resolve them far
     from the origin.
     """
     centered = grid.centers - grid.centers.mean(axis=0)
-    parts = [centered / config.seed_resolution, np.nan_to_num(grid.normals)]
+    parts = [centered.T / config.seed_resolution, np.nan_to_num(grid.normals.T)]
     if grid.colors is not None:
-        parts.append(grid.colors)
-    return np.concatenate(parts, axis=1).astype(np.float32)
+        parts.append(grid.colors.T)
+    return np.concatenate(parts).astype(np.float32)
 
 
 def _distance(
@@ -184,17 +201,25 @@ def _distance(
     config: SupervoxelConfig,
 ) -> Float32Array:
     """Distance D of voxels to patches, both (k,): weighted sum over the features."""
-    ours, theirs = features[voxel], means[patch]
-    turned = 1 - np.abs(np.einsum("ij,ij->i", ours[:, 3:6], theirs[:, 3:6]))
-    ours -= theirs
-    far = np.sqrt(np.einsum("ij,ij->i", ours[:, :3], ours[:, :3]))
-    total: Float32Array = (
-        np.float32(config.spatial_importance) * far
-        + np.float32(config.normal_importance) * turned
-    )
-    if features.shape[1] > 6:
-        step = np.sqrt(np.einsum("ij,ij->i", ours[:, 6:], ours[:, 6:]))
-        total += np.float32(config.color_importance) * step
+
+    def gap(rows: slice) -> Float32Array:
+        squares = np.zeros(len(voxel), dtype=np.float32)
+        for ours, theirs in zip(features[rows], means[rows], strict=True):
+            step = ours[voxel]
+            step -= theirs[patch]
+            step *= step
+            squares += step
+        return np.sqrt(squares, out=squares)
+
+    cosine = np.zeros(len(voxel), dtype=np.float32)
+    for ours, theirs in zip(features[3:6], means[3:6], strict=True):
+        product = ours[voxel]
+        product *= theirs[patch]
+        cosine += product
+    total = np.float32(config.spatial_importance) * gap(slice(0, 3))
+    total += np.float32(config.normal_importance) * (1 - np.abs(cosine))
+    if len(features) > 6:
+        total += np.float32(config.color_importance) * gap(slice(6, None))
     return total
 
 
@@ -215,14 +240,17 @@ def _grown(grid: VoxelGrid, seeds: IntArray, config: SupervoxelConfig) -> IntArr
     cost = np.full(len(grid), np.inf, dtype=np.float32)
     owner[seeds] = np.arange(len(seeds))
     cost[seeds] = 0.0
-    means = features[seeds]
+    means = features[:, seeds]
+    is_next = grid.targets[1:] != grid.targets[:-1]
     n_sweeps = int(1.8 * config.seed_resolution / config.voxel_resolution) - 1
     for _ in range(n_sweeps):
-        n_taken = _sweep(grid, features, means, owner, cost, config)
+        n_taken = _sweep(grid, features, means, owner, cost, is_next, config)
         if n_taken <= _SETTLED * len(grid):
             break
         means = _patch_means(features, owner, len(seeds))
-    while _sweep(grid, features, means, owner, cost, config, only_free=True):
+    while (owner < 0).any() and _sweep(
+        grid, features, means, owner, cost, is_next, config, only_free=True
+    ):
         pass
     free = owner < 0
     if free.any():
@@ -236,29 +264,38 @@ def _sweep(
     means: Float32Array,
     owner: IntArray,
     cost: Float32Array,
+    is_next: BoolArray,
     config: SupervoxelConfig,
     *,
     only_free: bool = False,
 ) -> int:
     """Let every voxel take the best offer of its neighbours' patches, in place.
 
-    Returns how many did.
+    ``is_next`` says which pairs of neighbours, from the second on, belong to another
+    voxel than the one before. Returns how many voxels took an offer.
     """
     offering = owner[grid.sources]
-    taking = owner[grid.targets]
-    is_offer = (offering >= 0) & ((taking < 0) if only_free else (offering != taking))
-    patch, voxel = offering[is_offer], grid.targets[is_offer]
-    if not len(patch):
+    if only_free:
+        is_offer = (offering >= 0) & (owner < 0)[grid.targets]
+    else:
+        is_offer = (offering >= 0) & (offering != owner[grid.targets])
+    # Neighbours in a row mostly offer the same patch.
+    is_new = offering[1:] != offering[:-1]
+    is_new |= is_next
+    is_offer[1:] &= is_new
+    chosen = np.flatnonzero(is_offer)
+    if not len(chosen):
         return 0
+    patch, voxel = offering[chosen].astype(np.intp), grid.targets[chosen]
     offer = _distance(features, means, patch, voxel, config)
     starts = np.flatnonzero(np.diff(voxel, prepend=-1))
     best = np.minimum.reduceat(offer, starts)
-    # Of equal offers the patch with the smallest number wins.
-    width = np.diff(starts, append=len(voxel))
-    contender = np.where(offer <= np.repeat(best, width), patch, len(means))
-    winner = np.minimum.reduceat(contender, starts)
     taker = voxel[starts]
     takes = best < cost[taker]
+    # Of equal offers the patch with the smallest number wins.
+    width = np.diff(starts, append=len(voxel))
+    contender = np.where(offer <= np.repeat(best, width), patch, means.shape[1])
+    winner = np.minimum.reduceat(contender, starts)
     owner[taker[takes]] = winner[takes]
     cost[taker[takes]] = best[takes]
     return int(np.count_nonzero(takes))
@@ -267,18 +304,18 @@ def _sweep(
 def _patch_means(
     features: Float32Array, owner: IntArray, n_patches: int
 ) -> Float32Array:
-    """Mean features of each patch with unit normals; voxels of no patch are -1."""
+    """Mean features of each patch with unit normals, (f, p); voxels of none are -1."""
     # Those go to one patch more, which is dropped again.
     index = np.where(owner < 0, n_patches, owner)
-    columns = [
-        np.bincount(index, weights=x, minlength=n_patches + 1)[:-1] for x in features.T
-    ]
-    means: FloatArray = np.stack(columns, axis=1).astype(np.float64)
-    normals = means[:, 3:6].copy()
+    means = np.stack(
+        [np.bincount(index, weights=x, minlength=n_patches + 1) for x in features]
+    )[:, :-1].astype(np.float64)
+    length = np.sqrt(np.square(means[3:6]).sum(axis=0))
     # A patch that lost all its voxels offers nothing any more; its mean is moot.
-    means /= np.maximum(np.bincount(index, minlength=n_patches + 1)[:-1, None], 1)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    means[:, 3:6] = normals / np.maximum(length, 1e-12)
+    count = np.maximum(np.bincount(index, minlength=n_patches + 1)[:-1], 1)
+    normals = means[3:6] / np.maximum(length, 1e-12)
+    means /= count
+    means[3:6] = normals
     return means.astype(np.float32)
 
 
@@ -304,6 +341,20 @@ def _central_voxels(grid: VoxelGrid, owner: IntArray) -> IntArray:
     return order[np.searchsorted(owner[order], np.arange(n_patches))]
 
 
+def _with_normals_within(grid: VoxelGrid, owner: IntArray) -> VoxelGrid:
+    """Grid with normals that are fitted to neighbours in the same patch only.
+
+    Voxels whose patch is too small for a plane keep their normal.
+    """
+    inside = owner[grid.sources] == owner[grid.targets]
+    normals = fitted_normals(
+        grid.centers, grid.viewpoint, grid.sources[inside], grid.targets[inside]
+    )
+    is_open = np.isnan(normals[:, 0])
+    normals[is_open] = grid.normals[is_open]
+    return replace(grid, normals=normals)
+
+
 def _components(grid: VoxelGrid, chosen: BoolArray) -> IntArray:
     """Find the connected component of each chosen voxel."""
     index = np.flatnonzero(chosen)
@@ -321,7 +372,10 @@ def _touching_patches(grid: VoxelGrid, owner: IntArray) -> tuple[IntArray, IntAr
     a, b = owner[grid.sources], owner[grid.targets]
     crossing = a < b
     n_patches = int(owner.max()) + 1
+    dtype = np.int32 if n_patches < _MAX_SHORT else np.int64
     keys, counts = np.unique(
-        a[crossing].astype(np.int64) * n_patches + b[crossing], return_counts=True
+        a[crossing].astype(dtype) * dtype(n_patches) + b[crossing].astype(dtype),
+        return_counts=True,
     )
+    keys = keys.astype(np.int64)
     return np.stack(np.divmod(keys, n_patches), axis=1), counts

@@ -6,11 +6,20 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from scipy.sparse import coo_array
 
 from debrisgrasp._arrays import FloatArray, IntArray
 from debrisgrasp.geometry import PointCloud
 
-__all__ = ["Binning", "VoxelGrid", "cell_ids", "grid_axes", "voxelise"]
+__all__ = [
+    "Binning",
+    "VoxelGrid",
+    "binned",
+    "cell_ids",
+    "fitted_normals",
+    "grid_axes",
+    "voxelise",
+]
 
 _DENSE_CELLS = 1 << 25
 """Largest table of all cells, occupied or not (128 MB); beyond it cells are sorted."""
@@ -18,14 +27,15 @@ _DENSE_CELLS = 1 << 25
 _NORMAL_REACH = 5
 """Cells over which normals spread to cells without any."""
 
-_HALF_NEIGHBOURHOOD = tuple(
+
+_NEIGHBOURHOOD = tuple(
     (i, j, k)
     for i in (-1, 0, 1)
     for j in (-1, 0, 1)
     for k in (-1, 0, 1)
-    if (i, j, k) > (0, 0, 0)
+    if (i, j, k) != (0, 0, 0)
 )
-"""One of each two opposite offsets to the 26 neighbours of a cell."""
+"""Offsets to the 26 neighbours of a cell."""
 
 
 class Binning(Enum):
@@ -45,9 +55,12 @@ class VoxelGrid:
     centers: FloatArray
     """Mean of the points of each cell [m], shape (v, 3)."""
     normals: FloatArray
-    """Unit mean of their normals, shape (v, 3); NaN where none is known."""
+    """Unit mean of their normals, shape (v, 3), or if no point of the cloud has any, of
+    planes through the neighbours; NaN where none is known."""
     colors: FloatArray | None
     """Mean colour in [0, 1], shape (v, 3), if the points have any."""
+    viewpoint: FloatArray
+    """Position of the sensor [m], shape (3,)."""
     sizes: FloatArray
     """Edge length of each cell at its place [m], shape (v,)."""
     point_voxel: IntArray
@@ -61,13 +74,25 @@ class VoxelGrid:
         return len(self.centers)
 
 
-def voxelise(
-    cloud: PointCloud,
-    resolution: float,
-    binning: Binning = Binning.METRIC,
-    colors: FloatArray | None = None,
-) -> VoxelGrid:
-    """Bin a cloud and find the 26-neighbours of every occupied cell.
+@dataclass(frozen=True, slots=True, eq=False)
+class Bins:
+    """Which cell each point of a cloud falls into."""
+
+    point_voxel: IntArray
+    """Number of the cell of each point, shape (n,)."""
+    cells: IntArray
+    """Coordinates of the occupied cells, shape (3, v)."""
+    scale: FloatArray | None
+    """Size of a cell at each point relative to that at 1 m; None if all are equal."""
+
+    @property
+    def n_voxels(self) -> int:
+        """How many cells are occupied."""
+        return int(self.cells.shape[1])
+
+
+def binned(cloud: PointCloud, resolution: float, binning: Binning) -> Bins:
+    """Bin the points of a cloud.
 
     The grid is anchored at the viewpoint and turned towards the cloud (see
     `grid_axes`), so that moving scene and camera together leaves the cells as they are.
@@ -78,41 +103,116 @@ def voxelise(
         At least one point, z up.
     resolution
         Edge length [m]; with `Binning.SINGLE_CAMERA` that of a cell at 1 m.
-    colors
-        One colour in [0, 1] per point, shape (n, 3).
     """
     axes = grid_axes(cloud, level=binning is Binning.METRIC)
-    local = axes @ (cloud.points - cloud.viewpoint).T
-    scale = np.ones(len(cloud))
+    local = (axes / resolution) @ cloud.points.T
+    local -= ((axes / resolution) @ cloud.viewpoint)[:, None]
+    scale = None
     if binning is Binning.SINGLE_CAMERA:
         # Points beside or behind the sensor (a scanner sees all round) have no
         # perspective coordinates of their own; a floor on the depth keeps them finite.
+        local *= resolution
         reach = np.sqrt(np.einsum("ij,ij->j", local, local))
         scale = np.maximum(np.maximum(local[0], 0.1 * reach), 1e-3)
         local[0] = np.log(scale)
         local[1:] /= scale
-    local /= resolution
+        local /= resolution
     point_voxel, cells = cell_ids(np.floor(local, out=local).astype(np.int64))
-    n_voxels = cells.shape[1]
+    return Bins(point_voxel, cells, scale)
+
+
+def voxelise(
+    cloud: PointCloud,
+    resolution: float,
+    binning: Binning = Binning.METRIC,
+    colors: FloatArray | None = None,
+    bins: Bins | None = None,
+) -> VoxelGrid:
+    """Average a cloud in cells and find the 26-neighbours of every occupied one.
+
+    Parameters
+    ----------
+    cloud, resolution, binning
+        As `binned` takes them.
+    colors
+        One colour in [0, 1] per point, shape (n, 3).
+    bins
+        What `binned` returned for the same arguments, if it was called before.
+    """
+    bins = bins or binned(cloud, resolution, binning)
+    point_voxel, n_voxels = bins.point_voxel, bins.n_voxels
     counts = np.bincount(point_voxel, minlength=n_voxels)
 
     def mean(values: FloatArray) -> FloatArray:
         return np.bincount(point_voxel, weights=values, minlength=n_voxels) / counts
 
     centers = np.stack([mean(x) for x in cloud.points.T], axis=1)
-    normals = np.stack([mean(x) for x in np.nan_to_num(cloud.normals.T)], axis=1)
-    sources, targets = _neighbour_pairs(cells)
+    known = np.isfinite(cloud.normals[:, 0])
+    normals = np.stack([mean(np.where(known, n, 0.0)) for n in cloud.normals.T], axis=1)
+    sources, targets = _neighbour_pairs(bins.cells)
+    if known.any():
+        normals = _completed_normals(normals, sources, targets)
+    else:
+        normals = fitted_normals(centers, cloud.viewpoint, sources, targets)
     return VoxelGrid(
         centers=centers,
-        normals=_completed_normals(normals, sources, targets),
+        normals=normals,
         colors=None
         if colors is None
         else np.stack([mean(colors[:, i]) for i in range(3)], axis=1),
-        sizes=resolution * mean(scale),
+        viewpoint=cloud.viewpoint,
+        sizes=np.full(n_voxels, resolution)
+        if bins.scale is None
+        else resolution * mean(bins.scale),
         point_voxel=point_voxel,
         sources=sources,
         targets=targets,
     )
+
+
+def fitted_normals(
+    centers: FloatArray, viewpoint: FloatArray, sources: IntArray, targets: IntArray
+) -> FloatArray:
+    """Fit planes to voxels and two rings of neighbours; their unit normals, (v, 3).
+
+    With the adjacency A, each voxel its own neighbour too, a neighbourhood weighs
+    voxels by I + A + A A, as the point cloud library does: a cone five cells wide.
+
+    Parameters
+    ----------
+    centers
+        Means of the voxels [m], shape (v, 3).
+    viewpoint
+        Position that normals face [m], shape (3,).
+    sources, targets
+        Ordered pairs of neighbours, both ways, shape (p,).
+
+    Returns
+    -------
+    FloatArray
+        NaN where fewer than three voxels, or voxels in one line, leave a plane open.
+    """
+    n = len(centers)
+    ones = np.ones(len(sources))
+    ring = coo_array((ones, (targets, sources)), shape=(n, n)).tocsr()
+    x, y, z = centers.T - centers.mean(axis=0)[:, None]
+    moments = np.stack([np.ones(n), x, y, z, x * x, x * y, x * z, y * y, y * z, z * z])
+    own = np.ascontiguousarray(moments.T)
+    around = own + ring @ own
+    total = own + around + (around + ring @ around)
+    mean = total[:, 1:4] / total[:, :1]
+    scatter = np.empty((n, 3, 3))
+    for k, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
+        scatter[:, i, j] = scatter[:, j, i] = (
+            total[:, 4 + k] / total[:, 0] - mean[:, i] * mean[:, j]
+        )
+    variances, axes = np.linalg.eigh(scatter)
+    normals: FloatArray = axes[:, :, 0]
+    away = np.einsum("ij,ij->i", normals, viewpoint - centers) < 0
+    normals[away] *= -1.0
+    normals[variances[:, 1] < 1e-6 * variances[:, 2]] = np.nan
+    normals[variances[:, 2] <= 0] = np.nan
+    return normals
 
 
 def grid_axes(cloud: PointCloud, *, level: bool) -> FloatArray:
@@ -174,47 +274,48 @@ def _neighbour_pairs(cells: IntArray) -> tuple[IntArray, IntArray]:
     lower = cells.min(axis=1) - 1
     shape = tuple(int(size) for size in cells.max(axis=1) - lower + 2)
     flat = _flattened(cells, lower, shape)
-    is_dense = np.prod(shape, dtype=np.float64) <= _DENSE_CELLS
-    if is_dense:
+    steps = [(i * shape[1] + j) * shape[2] + k for i, j, k in _NEIGHBOURHOOD]
+    table = np.empty((len(steps), len(flat)), dtype=np.int32)
+    if np.prod(shape, dtype=np.float64) <= _DENSE_CELLS:
         number = np.full(int(np.prod(shape)), -1, dtype=np.int32)
         number[flat] = np.arange(len(flat), dtype=np.int32)
-    firsts, seconds = [], []
-    for i, j, k in _HALF_NEIGHBOURHOOD:
-        shifted = flat + ((i * shape[1] + j) * shape[2] + k)
-        if is_dense:
-            other = number[shifted]
-            first = np.flatnonzero(other >= 0)
-            second = other[first]
-        else:
+        for row, step in zip(table, steps, strict=True):
+            # Within the rim nothing is out of range; to clip is faster than to check.
+            np.take(number, flat + step, out=row, mode="clip")
+    else:
+        for row, step in zip(table, steps, strict=True):
+            shifted = flat + step
             place = np.minimum(np.searchsorted(flat, shifted), len(flat) - 1)
-            first = np.flatnonzero(flat[place] == shifted)
-            second = place[first]
-        firsts.append(first.astype(np.int32))
-        seconds.append(second.astype(np.int32))
-    a, b = np.concatenate(firsts), np.concatenate(seconds)
-    sources, targets = np.concatenate([a, b]), np.concatenate([b, a])
-    order = np.argsort(targets, kind="stable")
-    return sources[order], targets[order]
+            row[:] = np.where(flat[place] == shifted, place, -1)
+    width = (table >= 0).sum(axis=0)
+    by_cell = np.ascontiguousarray(table.T)
+    # Indices of the machine's own width spare conversions later.
+    sources = by_cell[by_cell >= 0].astype(np.intp)
+    return sources, np.repeat(np.arange(len(flat)), width)
 
 
 def _completed_normals(
     normals: FloatArray, sources: IntArray, targets: IntArray
 ) -> FloatArray:
     """Scale normals to unit length; cells without any ask their neighbours in turn."""
-    length = np.linalg.norm(normals, axis=1)
+    length = np.sqrt(np.einsum("ij,ij->i", normals, normals))
     unknown = length < 1e-6
-    normals[~unknown] /= length[~unknown, None]
+    normals /= np.where(unknown, 1.0, length)[:, None]
+    normals[unknown] = 0.0
+    asking = np.flatnonzero(unknown[targets])
+    sources, targets = sources[asking], targets[asking]
     for _ in range(_NORMAL_REACH):
         asks = unknown[targets] & ~unknown[sources]
         if not asks.any():
             break
+        asked, asker = sources[asks], targets[asks]
         for i in range(3):
-            normals[:, i] += np.bincount(
-                targets[asks], normals[sources[asks], i], len(normals)
-            )
-        length = np.linalg.norm(normals, axis=1)
-        answered = unknown & (length > 1e-6)
-        normals[answered] /= length[answered, None]
-        unknown &= ~answered
+            normals[:, i] += np.bincount(asker, normals[asked, i], len(normals))
+        answered = np.unique(asker)
+        length = np.linalg.norm(normals[answered], axis=1)
+        is_clear = length > 1e-6
+        answered = answered[is_clear]
+        normals[answered] /= length[is_clear, None]
+        unknown[answered] = False
     normals[unknown] = np.nan
     return normals

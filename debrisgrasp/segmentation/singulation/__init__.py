@@ -1,18 +1,5 @@
-"""Singulation of debris in organised clouds: planar patches, borders, structure."""
+"""Singulation of debris in organised clouds: planar patches joined by evidence."""
 
-from .assemblies import AssemblyConfig
-from .completion import CompletionConfig
-from .enclosure import EnclosureConfig
-from .frames import FrameConfig
 from .method import SingulationConfig, singulate
-from .tapers import TaperConfig
 
-__all__ = [
-    "AssemblyConfig",
-    "CompletionConfig",
-    "EnclosureConfig",
-    "FrameConfig",
-    "SingulationConfig",
-    "TaperConfig",
-    "singulate",
-]
+__all__ = ["SingulationConfig", "singulate"]

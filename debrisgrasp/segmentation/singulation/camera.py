@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp._arrays import Float32Array, FloatArray, IntArray
+from debrisgrasp._arrays import Float32Array, FloatArray
 from debrisgrasp.geometry import PointCloud
 
 __all__ = ["InverseDepthImage", "inverse_depth_image"]
@@ -41,27 +41,21 @@ class InverseDepthImage:
     focal: float
     """Pixels per unit of x and y."""
 
-    def rays(self, row: IntArray, column: IntArray) -> FloatArray:
-        """Points of the camera frame at z = 1 behind pixels, shape (k, 3)."""
-        x, y = self.x[row, column], self.y[row, column]
-        return np.stack([x, y, np.ones(len(x))], axis=1).astype(np.float64)
-
 
 def inverse_depth_image(cloud: PointCloud) -> InverseDepthImage | None:
     """Lay an organised cloud out as an image; None if no pinhole camera fits it."""
     if cloud.pixels is None or cloud.image_shape is None or len(cloud) < 50:
         return None
     height, width = cloud.image_shape
-    rays = cloud.points - cloud.viewpoint
-    M = _fitted_camera(rays, cloud.pixels, (height, width))
+    M = _fitted_camera(cloud, (height, width))
     if M is None:
         return None
     # z = r3 . (p - viewpoint), and r3 is the last row of K inv(R) = inv(M).
     inverse = np.linalg.inv(M)
     scale = np.linalg.norm(inverse[2])
     forward = inverse[2] / scale
-    z = rays @ forward
-    if not (z > 0).all():
+    z = cloud.points @ forward - cloud.viewpoint @ forward
+    if z.min() <= 0:
         return None
     right = inverse[0] / scale - (inverse[0] / scale @ forward) * forward
     fx = float(np.linalg.norm(right))
@@ -83,20 +77,20 @@ def inverse_depth_image(cloud: PointCloud) -> InverseDepthImage | None:
     )
 
 
-def _fitted_camera(
-    rays: FloatArray, pixels: IntArray, shape: tuple[int, int]
-) -> FloatArray | None:
+def _fitted_camera(cloud: PointCloud, shape: tuple[int, int]) -> FloatArray | None:
     """M (3, 3) with rays along M (u, v, 1), or None if there is no such matrix."""
+    pixels = np.asarray(cloud.pixels)
     # A coarse lattice of pixels, so that the order of the points doesn't matter.
-    number = np.full(shape, -1, dtype=np.int64)
-    number.ravel()[pixels] = np.arange(len(pixels))
+    number = np.full(shape, -1, dtype=np.int32)
+    number.ravel()[pixels] = np.arange(len(pixels), dtype=np.int32)
     step = max(1, int(np.sqrt(len(pixels) / _N_SAMPLES)))
     lattice = number[::step, ::step]
     chosen = lattice[lattice >= 0]
     if len(chosen) < 10:
         return None
     row, column = np.divmod(pixels[chosen], shape[1])
-    direction = rays[chosen] / np.linalg.norm(rays[chosen], axis=1, keepdims=True)
+    direction = cloud.points[chosen] - cloud.viewpoint
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     # Centred and scaled pixel coordinates keep the system well conditioned.
     size = max(shape)
     normalise = np.array(

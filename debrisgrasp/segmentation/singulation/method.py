@@ -2,86 +2,76 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from debrisgrasp._arrays import BoolArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_range
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
 from debrisgrasp.segmentation.segmentation import PatchGraph
 
-from .assemblies import AssemblyConfig, crossed_strips, parallel_strips
-from .camera import InverseDepthImage, inverse_depth_image
-from .completion import CompletionConfig, continued_planes
-from .enclosure import EnclosureConfig, enclosed, lined
-from .frames import FrameConfig, framed_bars
-from .joining import Borders, joined, patch_borders
-from .pieces import shapes_of
-from .planes import PlanarPatches, planar_patches
-from .regions import Crossings, linked
-from .tapers import TaperConfig, tapered_ends
+from .borders import patch_graph
+from .camera import inverse_depth_image
+from .cells import CellImage, cell_image
+from .evidence import fitted_evidence
+from .graph import BorderSum, RegionGraph
+from .merging import Merged, merged_regions
+from .patches import planar_patches
+from .refine import pixel_patches
 
 __all__ = ["SingulationConfig", "singulate"]
 
-_FOCAL = 600.0
-"""Focal length [pixels] for which steps between pixels are given."""
+_FOCAL = 300.0
+"""Focal length [cells] for which steps between cells are given."""
+_MAX_CONCAVITY = float(np.deg2rad(24))
+"""Concave angle that noise and curvature of one surface explain [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SingulationConfig:
     """How planar patches are found, and what joins them to objects."""
 
-    block: int = 4
-    """Edge of the blocks that patches grow from [pixels]; larger is faster and loses
-    thin bars."""
-    max_gap: float = 0.011
-    """Largest step of 1/z between neighbouring pixels that touch [1/m]: 2.5 cm at
-    1.5 m, for 600 pixels of focal length; coarser images get as much more as their
-    pixels are larger. Larger bridges more noise and more gaps between objects."""
-    max_board_gap: float = 0.03
-    """The same for boards that are nailed on each other [1/m]."""
-    max_increase: float = 14.0
+    max_gap: float = 0.013
+    """Largest step of 1/z between neighbouring cells that touch [1/m]: 3 cm at 1.5 m,
+    for 300 cells of focal length; coarser images get as much more as their cells are
+    larger. Larger bridges more noise and more gaps between objects."""
+    max_increase: float = 40.0
     """Growth of the squared error, in variances, up to which patches merge to a plane;
     larger makes fewer, coarser patches."""
-    sweeps: int = 3
-    """Rounds in which pixels at borders choose their patch."""
-    min_patch: int = 40
-    """Pixels of the smallest patch; smaller ones go to their neighbours."""
-    max_step: float = 0.02
-    """Step between two planes along their border up to which they join [m]."""
-    max_concavity: float = float(np.deg2rad(24))
-    """Angle up to which a concave border joins [rad]: the inside of a pipe is made of
-    such borders; larger also joins things that lie flat on each other."""
-    min_contact: float = 0.35
-    """Least length of a border that joins, in roots of the smaller area; larger keeps
-    things apart that touch at a corner."""
-    completion: CompletionConfig = field(default_factory=CompletionConfig)
-    frames: FrameConfig = field(default_factory=FrameConfig)
-    assemblies: AssemblyConfig = field(default_factory=AssemblyConfig)
-    tapers: TaperConfig = field(default_factory=TaperConfig)
-    enclosure: EnclosureConfig = field(default_factory=EnclosureConfig)
+    sweeps: int = 2
+    """Rounds in which cells at borders choose their patch."""
+    min_patch: int = 10
+    """Cells of the smallest patch; smaller ones go to their neighbours."""
+    min_score: float = 0.6
+    """Probability of being one object from which regions are joined. Larger splits
+    objects, smaller joins several; for grasping the second is worse."""
+
+    color_weight: float = 0.5
+    """Log-odds that a clear difference in colour takes from a score, where colours are
+    given; larger trusts paint more than shape."""
 
     def __post_init__(self) -> None:
-        if self.block < 2:
-            raise ConfigError("block", got=self.block, expected="2 pixels or more")
-        for name in ("max_gap", "max_board_gap", "max_increase", "max_step"):
+        for name in ("max_gap", "max_increase"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ConfigError(name, got=getattr(self, name), expected="above 0")
-        for name in ("sweeps", "min_patch", "min_contact", "max_concavity"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise ConfigError(name, got=getattr(self, name), expected="0 or more")
+        require_range("sweeps", self.sweeps, 0)
+        require_range("min_patch", self.min_patch, 0)
+        require_range("min_score", self.min_score, 0.0, 1.0)
+        require_range("color_weight", self.color_weight, 0.0)
 
 
 def singulate(
-    cloud: PointCloud, is_candidate: BoolArray, config: SingulationConfig
+    cloud: PointCloud,
+    is_candidate: BoolArray,
+    config: SingulationConfig,
+    *,
+    colors: FloatArray | None = None,
+    of_interest: BoolArray | None = None,
 ) -> PatchGraph | None:
     """Divide the candidate points of an organised cloud.
-
-    Planar patches are joined to convex pieces by their borders, then pieces to objects
-    by rules about what is hidden (`completion`), built (`frames`, `assemblies`,
-    `tapers`) or hollow (`enclosure`). The rules look at the same pieces, so their order
-    doesn't matter; only insides are sought last, when what surrounds them is complete.
 
     Parameters
     ----------
@@ -89,6 +79,10 @@ def singulate(
         With its ground, which tells what can be seen through a gap; z up.
     is_candidate
         Points to divide, at least one, shape (n,).
+    colors
+        Colour of each point in [0, 1], shape (n, 3): weak evidence.
+    of_interest
+        Points that somebody marked as one object, shape (n,); they become one.
 
     Returns
     -------
@@ -101,80 +95,65 @@ def singulate(
     pixels = cloud.pixels[is_candidate]
     mask = np.zeros(image.values.shape, dtype=bool)
     mask.ravel()[pixels] = True
-    coarseness = max(1.0, _FOCAL / image.focal)
-    max_gap = coarseness * config.max_gap
+    cells = cell_image(image, mask, config.max_gap)
+    max_gap = config.max_gap * max(1.0, _FOCAL / cells.focal)
+    marked = _averaged(cells, cloud, of_interest)
+    is_marked = None if marked is None else marked[..., 0] > 0.5
     patches = planar_patches(
-        image,
-        mask,
-        block=config.block,
-        max_step=max_gap,
+        cells,
+        max_gap=max_gap,
         max_increase=config.max_increase,
         sweeps=config.sweeps,
-        min_pixels=config.min_patch,
+        min_cells=config.min_patch,
+        of_interest=is_marked,
     )
-    crossings = Crossings.of(image.values, patches.labels)
-    borders = patch_borders(image, patches, crossings.touching(max_gap))
-    piece = joined(
+    graph = patch_graph(
+        cells,
         patches,
-        borders,
-        max_step=config.max_step,
-        max_concavity=config.max_concavity,
-        min_contact=config.min_contact,
-        min_pixels=config.min_patch,
+        max_gap,
+        of_interest=is_marked,
+        colors=_averaged(cells, cloud, colors),
     )
-    objects = _completed(image, patches, crossings, borders, piece, config, coarseness)
+    merged = merged_regions(
+        graph,
+        cells,
+        fitted_evidence().probability,
+        config.min_score,
+        color_weight=0.0 if colors is None else config.color_weight,
+    )
+    return _described(
+        graph,
+        merged,
+        cells,
+        pixel_patches(image, cells, patches, pixels, max_gap),
+    )
+
+
+def _averaged(
+    cells: CellImage, cloud: PointCloud, values: NDArray[Any] | None
+) -> FloatArray | None:
+    """Mean of values (n,) or (n, c) of points in each cell, shape (h, w, c)."""
+    if values is None or cloud.pixels is None or cloud.image_shape is None:
+        return None
+    columns = np.asarray(values, dtype=np.float64).reshape(len(values), -1)
+    return cells.means(cloud.pixels, cloud.image_shape[1], columns)
+
+
+def _described(
+    graph: RegionGraph, merged: Merged, cells: CellImage, point_patch: IntArray
+) -> PatchGraph:
+    """Patches and objects with the borders at which patches touch."""
+    touches = graph.borders[:, BorderSum.TOUCHING] > 0
+    border = graph.borders[touches]
+    count = border[:, BorderSum.TOUCHING]
+    depth = border[:, BorderSum.PLACE][:, 2] / count
     return PatchGraph(
-        point_patch=patches.labels.ravel()[pixels],
-        patch_object=objects,
-        edges=borders.edges,
-        is_convex=(borders.opening >= 0) | (borders.angle < config.max_concavity),
-        contact_length=borders.length * borders.depth / image.focal,
-        rise=borders.rise,
+        point_patch=point_patch,
+        patch_object=merged.region,
+        edges=graph.edges[touches],
+        is_convex=border[:, BorderSum.CONCAVE_ANGLE] < _MAX_CONCAVITY * count,
+        contact_length=count * depth / cells.focal,
+        rise=border[:, BorderSum.RISE] / count,
+        score=merged.scores[touches],
+        certainty=merged.certainty,
     )
-
-
-def _completed(
-    image: InverseDepthImage,
-    patches: PlanarPatches,
-    crossings: Crossings,
-    borders: Borders,
-    piece: IntArray,
-    config: SingulationConfig,
-    coarseness: float,
-) -> IntArray:
-    """Object of each patch, after joining pieces by all rules, shape (p,)."""
-    n_pieces = int(piece.max()) + 1
-    own = np.append(piece, -1)[patches.labels]
-    patch_shapes = shapes_of(image, patches.labels, len(patches))
-    shapes = shapes_of(image, own, n_pieces)
-    outlines = crossings.merged(piece)
-    touching = outlines.touching(coarseness * config.max_gap)
-    boards = patch_borders(
-        image, patches, crossings.touching(coarseness * config.max_board_gap)
-    )
-    built = config.assemblies
-    links = [
-        continued_planes(image, patches, piece, patch_shapes, config.completion),
-        framed_bars(image, shapes, outlines, touching, config.frames),
-        piece[crossed_strips(boards, boards.edges, patch_shapes, built)],
-        crossed_strips(boards, piece[boards.edges], shapes, built),
-        piece[parallel_strips(patches, patch_shapes, built)],
-        tapered_ends(
-            borders,
-            piece[borders.edges],
-            patches.moments[:, 0],
-            shapes,
-            touching,
-            config.tapers,
-        ),
-        lined(patches, borders, piece, crossings, config.enclosure),
-    ]
-    objects = linked(np.concatenate(links), n_pieces)[piece]
-    # Twice: what was inside may itself surround something.
-    for _ in range(2):
-        size = np.bincount(objects, patches.moments[:, 0]).astype(np.float64)
-        inside = enclosed(
-            crossings.merged(objects), size, patches.noise, config.enclosure
-        )
-        objects = linked(inside, len(size))[objects]
-    return objects

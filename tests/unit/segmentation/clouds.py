@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from debrisgrasp.geometry import SE3, Box, PointCloud, Solid, so3
+from debrisgrasp.segmentation import Segmentation, SegmentEdges, segment_cloud
+from debrisgrasp.segmentation.segmentation import measured_segments
 from tests.scenes import capture_of
 
 VIEWPOINT = np.array([0.0, 0.0, 1.5])
@@ -64,6 +67,22 @@ def truth_of(cloud: PointCloud, solids: tuple[Solid, ...]) -> np.ndarray:
     """Number of the solid each point lies on, from 1; 0 for none."""
     distance = np.stack([np.abs(s.signed_distance(cloud.points)) for s in solids])
     return np.where(distance.min(axis=0) < 2e-3, distance.argmin(axis=0) + 1, 0)
+
+
+def labelled(cloud: PointCloud, labels: np.ndarray) -> Segmentation:
+    """Return a segmentation with given labels, and no doubt about its borders."""
+    labels = np.asarray(labels, dtype=np.int32)
+    whole = segment_cloud(cloud)
+    edges = SegmentEdges(
+        labels=np.zeros((0, 2), dtype=np.int32),
+        convexity=np.zeros(0),
+        contact_length=np.zeros(0),
+        upper=np.zeros(0, dtype=np.int32),
+        score=np.zeros(0),
+    )
+    certainty = np.ones(int(labels.max(initial=0)) + 1)
+    segments = measured_segments(cloud.points, labels, certainty)
+    return replace(whole, labels=labels, segments=segments, edges=edges)
 
 
 def same_partition(a: np.ndarray, b: np.ndarray) -> bool:

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from debrisgrasp.segmentation.convexity import (
     extended_convexity,
@@ -82,3 +84,58 @@ def test_extended_convexity_cuts_a_bridge_between_two_cliques():
     edges = np.array([*clique, *[(a + 3, b + 3) for a, b in clique], (2, 3)])
     valid = extended_convexity(edges, np.ones(len(edges), bool), 6, 1)
     np.testing.assert_array_equal(valid, [True] * 6 + [False])
+
+
+def flags_by_angles(x_1, x_2, n_1, n_2, tolerance, step, seed_resolution):
+    """Convex, smooth and sane as the point cloud library states them, in degrees."""
+
+    def degrees(a, b):
+        cosine = a @ b / (np.linalg.norm(a) * np.linalg.norm(b))
+        return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+    d, s = x_1 - x_2, np.cross(n_1, n_2)
+    theta = degrees(n_1, n_2)
+    convex = degrees(d, n_1) - degrees(d, n_2) <= 0 or theta < np.degrees(tolerance)
+    smooth = min(abs(d @ n_1), abs(d @ n_2)) <= (
+        seed_resolution * np.linalg.norm(s) + step
+    )
+    phi = min(degrees(s, d), degrees(s, -d))
+    sane = phi >= 60 / (1 + np.exp(-0.25 * (theta - 25)))
+    return convex, smooth, sane
+
+
+@given(seed=st.integers(0, 10**6), bend=st.floats(0.02, 2.0))
+@settings(max_examples=40)
+def test_flags_are_those_of_the_angle_formulas(seed, bend):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(0, 0.03, (2, 30, 3))
+    base = rng.normal(size=(30, 3))
+    n_1 = base / np.linalg.norm(base, axis=1)[:, None]
+    turned = n_1 + bend * rng.normal(size=(30, 3))
+    n_2 = turned / np.linalg.norm(turned, axis=1)[:, None]
+    expected = np.array(
+        [
+            flags_by_angles(*ends, TEN_DEGREES, 0.002, 0.03)
+            for ends in zip(*x, n_1, n_2, strict=True)
+        ]
+    )
+    np.testing.assert_array_equal(is_convex(*x, n_1, n_2, TEN_DEGREES), expected[:, 0])
+    step = is_step(*x, n_1, n_2, seed_resolution=0.03, allowance=0.002)
+    np.testing.assert_array_equal(~step, expected[:, 1])
+    np.testing.assert_array_equal(~is_singular(*x, n_1, n_2), expected[:, 2])
+
+
+def test_extended_convexity_equals_a_count_of_triangles(rng):
+    edges = np.array([(a, b) for a in range(12) for b in range(a + 1, 12)])
+    edges = edges[rng.random(len(edges)) < 0.4]
+    convex = rng.random(len(edges)) < 0.7
+    joined = {frozenset(edge) for edge in edges[convex].tolist()}
+    for k in (1, 2):
+        expected = [
+            is_joined
+            and sum({a, c} in joined and {b, c} in joined for c in range(12)) >= k
+            for (a, b), is_joined in zip(edges.tolist(), convex, strict=True)
+        ]
+        np.testing.assert_array_equal(
+            extended_convexity(edges, convex, 12, k), expected
+        )

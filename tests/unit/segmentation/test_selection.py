@@ -1,10 +1,17 @@
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import InputError, UnknownNameError
-from debrisgrasp.segmentation import PriorityPoint, region_of_interest, segment_cloud
+from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
+from debrisgrasp.segmentation import (
+    Candidate,
+    OperatorPick,
+    PriorityPoint,
+    SupportAware,
+    region_of_interest,
+    segment_cloud,
+)
 
-from .clouds import cloud_of, plate
+from .clouds import STACK, cloud_of, labelled, plate, scene_cloud
 
 UP = np.array([0.0, 0.0, 1.0])
 NEAR = plate((0.5, 0.6), (0.0, 0.1))
@@ -76,3 +83,77 @@ def test_flying_pixels_do_not_blow_the_region_up(scene):
 def test_unknown_labels_name_the_known(scene):
     with pytest.raises(UnknownNameError, match="1, 2"):
         scene[1].segment(7)
+
+
+class ByLabel:
+    """The simplest policy there is."""
+
+    def order(self, segmentation, _cloud):
+        return tuple(Candidate(s.label, 0.0, "why") for s in segmentation.segments)
+
+
+def picked(scene, pick):
+    return [c.label for c in OperatorPick(pick, ByLabel()).order(*scene[::-1])]
+
+
+def test_a_picked_label_comes_first_and_the_rest_follow(scene):
+    assert picked(scene, 2) == [2, 1]
+    assert picked(scene, 1) == [1, 2]
+    first = OperatorPick(2, ByLabel()).order(*scene[::-1])[0]
+    assert first.reason == "picked by the operator; why"
+
+
+def test_a_picked_point_takes_the_nearest_object(scene):
+    assert picked(scene, (0.55, 0.05, 0.33)) == [2, 1]
+    with pytest.raises(InputError, match="of one"):
+        picked(scene, (0.55, 0.05, 0.9))
+
+
+def test_a_pick_of_nothing_is_refused(scene):
+    with pytest.raises(UnknownNameError, match="1, 2"):
+        picked(scene, 5)
+    with pytest.raises(InputError, match="without an image"):
+        picked(scene, (10, 10))
+    with pytest.raises(InputError):
+        picked(scene, (np.nan, 0.0, 0.0))
+
+
+def test_a_picked_pixel_takes_what_was_measured_there():
+    cloud = scene_cloud(STACK)
+    segmentation = segment_cloud(cloud)
+    pixel = int(cloud.pixels[segmentation.points_of(2)[0]])
+    row, column = divmod(pixel, cloud.image_shape[1])
+    assert picked((cloud, segmentation), (column, row))[0] == 2
+    for pixel, expected in (((0, 0), "no object"), ((9999, 0), "0 to 319")):
+        with pytest.raises(InputError, match=expected):
+            picked((cloud, segmentation), pixel)
+
+
+def test_a_blocked_way_out_is_said_and_costs():
+    low, roof = plate((0.9, 1.1), (-0.1, 0.1), z=0.1), plate((0.4, 1.5), (-0.4, 0.4))
+    cloud = cloud_of(np.concatenate([low, roof]), UP)
+    labels = np.repeat([1, 2], [len(low), len(roof)])
+    order = SupportAware().order(labelled(cloud, labels), cloud)
+    below = next(c for c in order if c.label == 1)
+    assert "100 % of its way out blocked by object 2" in below.reason
+    free = SupportAware(blocked=0.0).order(labelled(cloud, labels), cloud)
+    assert below.cost - next(c.cost for c in free if c.label == 1) == pytest.approx(
+        0.15
+    )
+
+
+def test_an_object_wider_than_the_hands_costs_more_and_says_so():
+    cloud = scene_cloud(STACK)
+    segmentation = segment_cloud(cloud)
+    narrow = SupportAware(openings=(0.02,)).order(segmentation, cloud)
+    wide = SupportAware(openings=(1.0,)).order(segmentation, cloud)
+    assert "hands open 2 cm" in narrow[0].reason
+    assert narrow[0].cost > wide[0].cost
+
+
+@pytest.mark.parametrize(
+    "setting", [{"openings": ()}, {"openings": (0.0,)}, {"load": -1.0}]
+)
+def test_costs_that_make_no_sense_are_refused(setting):
+    with pytest.raises(ConfigError):
+        SupportAware(**setting)

@@ -1,13 +1,20 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, Cylinder, PointCloud, so3
-from debrisgrasp.segmentation import SingulationConfig, segment_cloud
+from debrisgrasp.segmentation import (
+    SegmentationConfig,
+    SingulationConfig,
+    segment_cloud,
+)
+from debrisgrasp.segmentation.singulation import singulate
 from debrisgrasp.segmentation.singulation.camera import inverse_depth_image
 from tests.scenes import CAMERA, LOOKING_DOWN_AND_AHEAD, capture_of
 
-from .clouds import STACK, TWO_BOXES, box_at, scene_cloud, truth_of
+from .clouds import STACK, TWO_BOXES, box_at, same_partition, scene_cloud, truth_of
 
 
 def best_overlap(labels, truth, k):
@@ -85,6 +92,76 @@ def test_the_upper_one_of_a_stack_is_known():
     assert 0.1 < result.edges.contact_length[row] < 0.6
 
 
+def test_scores_tell_joined_from_kept_apart():
+    config = SingulationConfig()
+    for solids in (TWO_BOXES, STACK):
+        result = segment_cloud(scene_cloud(solids))
+        assert ((result.edges.score >= 0) & (result.edges.score <= 1)).all()
+        assert (result.edges.score <= config.min_score).all()
+        for segment in result.segments:
+            assert config.min_score <= segment.certainty <= 1
+
+
+def test_certainty_falls_with_the_score_that_joins():
+    cloud = scene_cloud(STACK)
+    everything = segment_cloud(
+        cloud, SegmentationConfig(method=SingulationConfig(min_score=0.0))
+    )
+    usual = segment_cloud(cloud)
+    assert len(everything.segments) == 1
+    assert everything.segments[0].certainty < min(s.certainty for s in usual.segments)
+
+
+def test_a_marked_part_becomes_an_object_of_its_own():
+    cloud = scene_cloud(TWO_BOXES)
+    truth = truth_of(cloud, TWO_BOXES)
+    right = cloud.points[:, 1] < np.median(cloud.points[truth == 1, 1])
+    marked = (truth == 1) & right
+    graph = singulate(cloud, truth > 0, SingulationConfig(), of_interest=marked)
+    own = np.append(graph.patch_object, -1)[graph.point_patch]
+    inside = marked[truth > 0]
+    label = np.bincount(own[inside]).argmax()
+    overlap = np.sum((own == label) & inside) / np.sum((own == label) | inside)
+    assert overlap > 0.95
+
+
+def test_colours_weaken_a_join_but_do_not_decide_alone():
+    cloud = scene_cloud(STACK)
+    truth = truth_of(cloud, STACK)
+    painted = np.where((truth == 1)[:, None], [0.8, 0.1, 0.1], [0.1, 0.1, 0.8])
+    graphs = [
+        singulate(cloud, truth > 0, SingulationConfig(), colors=colors)
+        for colors in (None, painted, np.full_like(painted, 0.5))
+    ]
+    object_of = [g.patch_object for g in graphs]
+    assert same_partition(object_of[0] + 1, object_of[2] + 1)
+    crossing = (
+        object_of[1][graphs[1].edges[:, 0]] != object_of[1][graphs[1].edges[:, 1]]
+    )
+    assert (graphs[1].score[crossing] <= graphs[0].score[crossing] + 1e-9).all()
+
+
+def test_the_order_of_points_changes_nothing(rng):
+    cloud = scene_cloud(STACK)
+    order = rng.permutation(len(cloud))
+    expected = segment_cloud(cloud).labels[order]
+    np.testing.assert_array_equal(segment_cloud(cloud.selected(order)).labels, expected)
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
+@settings(max_examples=6)
+def test_moving_base_and_camera_together_changes_nothing(yaw, x, y):
+    cloud = scene_cloud(STACK)
+    move = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, yaw])), [x, y, 0.0])
+    standing = truth_of(cloud, STACK) > 0
+    config = SingulationConfig()
+    graph = singulate(cloud, standing, config)
+    moved = singulate(cloud.in_frame(move, "base"), standing, config)
+    np.testing.assert_array_equal(moved.patch_object, graph.patch_object)
+    np.testing.assert_array_equal(moved.point_patch, graph.point_patch)
+    np.testing.assert_allclose(moved.rise, graph.rise, atol=1e-6)
+
+
 def test_the_camera_is_found_from_the_cloud():
     capture = capture_of(TWO_BOXES)
     move = SE3.exp(np.array([0.3, -0.2, 0.5, 0.2, -0.4, 1.0]))
@@ -111,15 +188,15 @@ def test_pixels_that_no_pinhole_camera_made_go_to_the_fallback(rng):
 
 
 @pytest.mark.parametrize(
-    "settings",
+    "out_of_range",
     [
-        {"block": 1},
         {"max_gap": 0.0},
-        {"max_step": np.nan},
+        {"max_increase": np.nan},
         {"sweeps": -1},
-        {"min_contact": -0.1},
+        {"min_score": 1.5},
+        {"color_weight": -0.1},
     ],
 )
-def test_settings_out_of_range_are_refused(settings):
+def test_settings_out_of_range_are_refused(out_of_range):
     with pytest.raises(ConfigError):
-        SingulationConfig(**settings)
+        SingulationConfig(**out_of_range)

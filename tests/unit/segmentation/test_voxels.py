@@ -79,3 +79,18 @@ def test_cells_without_normal_take_those_of_their_neighbours():
     normals[points[:, 0] > 0.585] = np.nan
     grid = voxelise(cloud_of(points, normals), 0.01)
     assert np.isfinite(grid.normals).all()
+
+
+def test_fitted_normals_weigh_two_rings_like_an_explicit_multiset(rng):
+    cloud = cloud_of(rng.uniform([0.2, 0.2, 0.3], [0.5, 0.5, 0.32], (300, 3)))
+    grid = voxelise(cloud, 0.03)
+    neighbours = [[v] for v in range(len(grid))]
+    for source, target in zip(grid.sources, grid.targets, strict=True):
+        neighbours[target].append(source)
+    for voxel in range(0, len(grid), 9):
+        members = [voxel, *neighbours[voxel]]
+        members += [far for near in neighbours[voxel] for far in neighbours[near]]
+        away = grid.centers[members] - grid.centers[members].mean(axis=0)
+        expected = np.linalg.eigh(away.T @ away)[1][:, 0]
+        assert abs(expected @ grid.normals[voxel]) > 1 - 1e-9
+        assert (cloud.viewpoint - grid.centers[voxel]) @ grid.normals[voxel] > 0

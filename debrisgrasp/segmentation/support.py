@@ -1,0 +1,345 @@
+"""Who rests on whom, the loads that are passed on, and what to take first.
+
+A depth image shows surfaces, not forces. Whether an object bears on another is judged
+from how their surfaces run where they meet, and stated as a probability. Support that
+the sensor could not see is unknown, and counted as such.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.geometry import PointCloud
+
+from .contacts import Contacts, find_contacts
+from .loads import carried_loads, removal_sequence, support_shares
+from .occlusion import occluded_shares
+from .segmentation import Segmentation, SegmentEdges
+from .surface import LabelledSurface, Shapes
+
+__all__ = ["GROUND", "SupportConfig", "SupportGraph", "support_graph"]
+
+GROUND = 0
+"""Label of the ground in relations."""
+
+_EVIDENCE = np.array([2.64, -2.20, 0.50, 1.58, -1.14, 0.60])
+_PRIOR = -1.21
+"""Weights of the evidence that one object bears on another, and what is left without
+any: a logistic model, fitted to simulated piles at rest, in clean and noisy depth, with
+true labels and with our own. In the order of `_evidence`."""
+_GROUND_EVIDENCE = np.array([-15.3, -2.0])
+_GROUND_PRIOR = 2.75
+"""The same for resting on the ground: height of the lowest part that was seen [m], and
+probability of another support."""
+_LOAD_EVIDENCE = np.array([3.3, 4.2, -0.23, -1.1])
+_LOAD_PRIOR = 0.22
+"""The same for something bearing on an object, seen or not: probability that something
+was seen to, occluded share of the outline, logarithm of the number of its cells, and
+height of its top [m]."""
+_LENGTH_FLOOR = 0.01
+"""Added to the length of contacts before its logarithm is taken [m]."""
+_LEAST_CONFIDENCE = 0.05
+"""Relations less likely than this are left out."""
+_LEANING = 0.5
+"""Sine of the elevation of the face of contact below which an object leans."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SupportConfig:
+    """How contacts are found, and what objects may weigh."""
+
+    cell: float = 0.01
+    """Edge of the cells that surfaces are thinned to [m]; larger is faster and blurs
+    thin objects."""
+    reach: float = 0.015
+    """Largest gap between cells that touch, without noise [m]; larger finds contacts
+    that are partly hidden, and takes passing close by for touching."""
+    noise: float = 0.0018
+    """s in sigma = s z^2, the error of the sensor at distance z [1/m]; larger forgives
+    larger gaps."""
+    density: tuple[float, float] = (60.0, 900.0)
+    """Least and greatest mass per volume that an object encloses [kg/m^3]: an empty
+    bucket, and hard wood or a hollow block. Loads grow with both."""
+    thickness: tuple[float, float] = (0.005, 0.05)
+    """How thin an object of which only a face was seen may be, and how thick [m]. Loads
+    of flat things grow with both."""
+    gravity: float = 9.81
+    """Acceleration of free fall [m/s^2]."""
+
+    def __post_init__(self) -> None:
+        require_range("cell", self.cell, 1e-3, 0.1)
+        require_range("reach", self.reach, self.cell, 0.2)
+        require_range("noise", self.noise, 0.0, 0.1)
+        require_range("gravity", self.gravity, 1e-3)
+        for name in ("density", "thickness"):
+            low, high = getattr(self, name)
+            if not 0 < low <= high < np.inf:
+                raise ConfigError(
+                    name, got=(low, high), expected="0 < least <= greatest"
+                )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SupportGraph:
+    """Objects and the ground as nodes, relations of support as edges.
+
+    Arrays of one row per object are in the order of the labels, which start at 1.
+    """
+
+    contacts: Contacts
+    relations: IntArray
+    """(above, below): the first label rests or leans on the second, `GROUND` included,
+    shape (r, 2)."""
+    confidence: FloatArray
+    """Probability of each relation, in [0, 1], shape (r,)."""
+    is_leaning: BoolArray
+    """Whether the face of contact is steep: it leans rather than rests, shape (r,)."""
+    weight: FloatArray
+    """Bounds on the weight of each object [N], shape (s, 2)."""
+    load: FloatArray
+    """Bounds on the weight that others put on each object [N], shape (s, 2)."""
+    hidden: FloatArray
+    """Probability that what holds an object was not seen, shape (s,)."""
+    encumbrance: FloatArray
+    """Probability that something bears on each object, also where it wasn't seen to:
+    what is small, low and partly hidden by others often carries them, shape (s,)."""
+    occluded: FloatArray
+    """Share of each object's outline at which another one is in front, shape (s,)."""
+    removal_order: IntArray
+    """Labels in an order in which nothing should fall, shape (s,)."""
+    removal_confidence: FloatArray
+    """Probability that nothing bears on each label at its turn, shape (s,)."""
+    extents: FloatArray
+    """Lengths of each object along its principal axes without outliers, longest first
+    [m], shape (s, 3)."""
+
+    def resting_on(self, label: int) -> tuple[IntArray, FloatArray]:
+        """Labels of what bears on an object, and how likely, most likely first."""
+        return self._ends(label, own=1)
+
+    def supports_of(self, label: int) -> tuple[IntArray, FloatArray]:
+        """Labels of what an object rests on, and how likely, most likely first."""
+        return self._ends(label, own=0)
+
+    def _ends(self, label: int, own: int) -> tuple[IntArray, FloatArray]:
+        index = np.flatnonzero(self.relations[:, own] == label)
+        index = index[np.argsort(-self.confidence[index], kind="stable")]
+        return self.relations[index, 1 - own], self.confidence[index]
+
+
+def support_graph(
+    segmentation: Segmentation, cloud: PointCloud, config: SupportConfig | None = None
+) -> SupportGraph:
+    """Judge who bears on whom.
+
+    Parameters
+    ----------
+    segmentation
+        Labels of the points of ``cloud``. Where it holds a score for two segments being
+        one object, that much less likely one bears on the other.
+    cloud
+        In the base frame, z up.
+    config
+        None takes the defaults.
+
+    Raises
+    ------
+    ShapeError
+        If there is not one label for each point.
+    FrameMismatchError
+        If the cloud is not in the base frame.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from debrisgrasp.geometry import PointCloud
+    >>> from debrisgrasp.segmentation import segment_cloud
+    >>> x, y = np.meshgrid(np.linspace(0, 0.2, 41), np.linspace(0, 0.1, 21))
+    >>> top = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 0.05)])
+    >>> up = np.broadcast_to([0.0, 0.0, 1.0], top.shape)
+    >>> board = PointCloud(points=top, normals=up, viewpoint=np.array([0, 0, 1.5]))
+    >>> graph = support_graph(segment_cloud(board), board)
+    >>> graph.relations.tolist(), graph.load.tolist()
+    ([[1, 0]], [[0.0, 0.0]])
+    """
+    config = config or SupportConfig()
+    surface = labelled_surface(segmentation, cloud, config)
+    return graph_of_surface(segmentation, cloud, surface, config)
+
+
+def graph_of_surface(
+    segmentation: Segmentation,
+    cloud: PointCloud,
+    surface: LabelledSurface,
+    config: SupportConfig,
+) -> SupportGraph:
+    """Judge who bears on whom, given the thinned cloud; see `support_graph`."""
+    n = len(segmentation.segments)
+    shapes = Shapes.of(surface, n)
+    contacts = find_contacts(surface, config.reach)
+    relations, confidence, places, steepness = _between_objects(
+        contacts, surface, shapes, _one_object(segmentation.edges, n)
+    )
+    free = np.ones(n + 1)
+    np.multiply.at(free, relations[:, 0], 1.0 - confidence)
+    objects = np.arange(1, n + 1)
+    ground = _sigmoid(
+        np.column_stack([np.maximum(shapes.lowest, 0.0), 1.0 - free])[1:]
+        @ _GROUND_EVIDENCE
+        + _GROUND_PRIOR
+    )
+    relations = np.concatenate(
+        [relations, np.column_stack([objects, np.full(n, GROUND)])]
+    )
+    confidence = np.concatenate([confidence, ground])
+    places = np.concatenate([places, shapes.foot[1:]])
+    steepness = np.concatenate([steepness, np.ones(n)])
+    hidden = free[1:] * (1.0 - ground)
+    kept = confidence >= _LEAST_CONFIDENCE
+    relations, confidence = relations[kept], confidence[kept]
+    occluded = occluded_shares(cloud, segmentation.labels, n)
+    encumbrance = _encumbrance(relations, confidence, shapes, occluded)
+    order, certain = removal_sequence(relations, confidence, encumbrance)
+    weight = _weights(shapes, config)
+    shares = support_shares(
+        relations, confidence, places[kept], shapes.middle, 0.2 * shapes.extents[:, 0]
+    )
+    return SupportGraph(
+        contacts=contacts,
+        relations=frozen(relations, "relations", (2,), np.int64),
+        confidence=frozen(confidence, "confidence", ()),
+        is_leaning=frozen(steepness[kept] < _LEANING, "is_leaning", (), np.bool_),
+        weight=frozen(weight, "weight", (2,)),
+        load=frozen(carried_loads(relations, shares, weight, order)[1:], "load", (2,)),
+        hidden=frozen(hidden, "hidden", ()),
+        encumbrance=frozen(encumbrance, "encumbrance", ()),
+        occluded=frozen(occluded, "occluded", ()),
+        removal_order=frozen(order, "removal order", (), np.int64),
+        removal_confidence=frozen(certain, "removal confidence", ()),
+        extents=frozen(shapes.extents[1:], "extents", (3,)),
+    )
+
+
+def labelled_surface(
+    segmentation: Segmentation, cloud: PointCloud, config: SupportConfig
+) -> LabelledSurface:
+    """Thin a segmented cloud; raises what `support_graph` does."""
+    cloud.require_frame("base")
+    if segmentation.labels.shape != (len(cloud),):
+        raise ShapeError(
+            "labels",
+            got=segmentation.labels.shape,
+            expected=f"one for each of the {len(cloud)} points of the cloud",
+            mend="Give the segmentation that was made from this very cloud.",
+        )
+    highest = int(segmentation.labels.max(initial=0))
+    if highest > len(segmentation.segments) or segmentation.labels.min(initial=0) < 0:
+        raise InputError(
+            "labels",
+            got=f"{int(segmentation.labels.min(initial=0))} to {highest}",
+            expected=f"0 to {len(segmentation.segments)}, the number of segments",
+        )
+    return LabelledSurface.of(
+        cloud,
+        segmentation.labels,
+        segmentation.ground.plane,
+        size=config.cell,
+        noise=config.noise,
+    )
+
+
+def _one_object(edges: SegmentEdges, n: int) -> FloatArray:
+    """Probability that two segments are one object, shape (n + 1, n + 1)."""
+    same = np.zeros((n + 1, n + 1))
+    a, b = edges.labels.T
+    same[a, b] = same[b, a] = edges.score
+    return same
+
+
+def _between_objects(
+    contacts: Contacts, surface: LabelledSurface, shapes: Shapes, same: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Relations of each contact in both directions.
+
+    Returns
+    -------
+    relations, confidence, places, steepness
+        Shapes (r, 2), (r,), (r, 3), and the z of the face's upward normal, (r,).
+    """
+    if not len(contacts):
+        return np.zeros((0, 2), np.int64), np.zeros(0), np.zeros((0, 3)), np.zeros(0)
+    relations = np.concatenate([contacts.labels, contacts.labels[:, ::-1]])
+    evidence = np.concatenate(
+        [
+            _evidence(contacts, surface, shapes, above=0),
+            _evidence(contacts, surface, shapes, above=1),
+        ]
+    )
+    confidence = _sigmoid(evidence @ _EVIDENCE + _PRIOR)
+    confidence = confidence * (1.0 - same[relations[:, 0], relations[:, 1]])
+    places = np.tile(contacts.place, (2, 1))
+    return relations, confidence, places, np.tile(np.abs(contacts.normal[:, 2]), 2)
+
+
+def _evidence(
+    contacts: Contacts, surface: LabelledSurface, shapes: Shapes, above: int
+) -> FloatArray:
+    """Gather what speaks for one end of each contact bearing on the other.
+
+    Returns
+    -------
+    FloatArray
+        Shape (c, 6): slope of the upper and of the lower surface away from the contact,
+        logarithm of the touching length, how far the upper is in front, convexity, and
+        share of the upper that lies over the outline of the lower.
+    """
+    upper, lower = contacts.labels[:, above], contacts.labels[:, 1 - above]
+    over = [
+        shapes.share_over(surface.points[surface.cells_of(int(a))], int(b))
+        for a, b in zip(upper, lower, strict=True)
+    ]
+    return np.column_stack(
+        [
+            contacts.slope[:, above],
+            contacts.slope[:, 1 - above],
+            np.log(contacts.length + _LENGTH_FLOOR),
+            contacts.front if above == 0 else -contacts.front,
+            contacts.convexity,
+            over,
+        ]
+    )
+
+
+def _encumbrance(
+    relations: IntArray, confidence: FloatArray, shapes: Shapes, occluded: FloatArray
+) -> FloatArray:
+    """Probability that something bears on each object, shape (s,)."""
+    free = np.ones(len(occluded) + 1)
+    np.multiply.at(free, relations[:, 1], 1.0 - confidence)
+    size = np.log(np.maximum(shapes.n_cells[1:], 1))
+    evidence = [1.0 - free[1:], occluded, size, shapes.highest[1:]]
+    return _sigmoid(np.stack(evidence, axis=1) @ _LOAD_EVIDENCE + _LOAD_PRIOR)
+
+
+def _weights(shapes: Shapes, config: SupportConfig) -> FloatArray:
+    """Bounds on the weight of each object [N], shape (s, 2).
+
+    The hull of the seen surface is at least half of a convex body of which two sides
+    are seen, and the box around it encloses the whole.
+    """
+    size = np.maximum(shapes.extents[1:], config.thickness[0])
+    thin, thick = (size[:, 0] * size[:, 1] * value for value in config.thickness)
+    least = np.maximum(shapes.hull[1:], thin)
+    most = np.maximum(np.minimum(2.0 * shapes.hull[1:], size.prod(axis=1)), thick)
+    volume = np.stack([least, np.maximum(most, least)], axis=1)
+    weights: FloatArray = volume * np.array(config.density) * config.gravity
+    return weights
+
+
+def _sigmoid(x: FloatArray) -> FloatArray:
+    result: FloatArray = 1.0 / (1.0 + np.exp(-x))
+    return result

@@ -1,0 +1,228 @@
+"""A labelled cloud, thinned to what questions about contact need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp.geometry import PointCloud
+
+__all__ = ["LabelledSurface", "Shapes"]
+
+_OUTLIERS = 0.02
+"""Share of the cells left out at each end of a measure: flying pixels."""
+_OVERLAP_MARGIN = 0.01
+"""How far outside the outline of an object still counts as over it [m]."""
+_GROUND_CELL = 0.05
+"""Edge of the cells in which uneven ground is level [m]."""
+_GROUND_BAND = 0.1
+"""Unlabelled points farther than this from the ground's plane are not ground [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelledSurface:
+    """One point for each label in each cell of a grid; the ground is left out."""
+
+    points: FloatArray
+    """Mean of the points in each cell [m], shape (c, 3)."""
+    normals: FloatArray
+    """Unit normals towards the viewpoint, zero where unknown, shape (c, 3)."""
+    labels: IntArray
+    """Ascending labels, from 1, shape (c,)."""
+    height: FloatArray
+    """Height over the ground below [m], shape (c,)."""
+    noise: FloatArray
+    """Standard deviation of the measured distance [m], shape (c,)."""
+    spacing: FloatArray
+    """Distance between neighbouring points of the cloud [m], shape (c,)."""
+    measured: FloatArray
+    """The labelled points themselves [m], ordered by label, shape (n, 3)."""
+    starts: IntArray
+    """Where the points of each label start in ``measured``, and the end, (s + 2,)."""
+    viewpoint: FloatArray
+    """Position of the sensor [m], shape (3,)."""
+    size: float
+    """Edge of the cells [m]."""
+
+    @classmethod
+    def of(
+        cls,
+        cloud: PointCloud,
+        labels: IntArray,
+        ground_plane: FloatArray | None,
+        *,
+        size: float,
+        noise: float,
+    ) -> LabelledSurface:
+        """Thin a cloud in the base frame, z up.
+
+        Parameters
+        ----------
+        cloud, labels
+            Points, and one label for each, shape (n,); 0 is no object.
+        ground_plane
+            (a, b, c, d) with a x + b y + c z + d the height over the ground; None:
+            z = 0. Ground that was seen near an object goes before the plane.
+        size
+            Edge of the cells [m].
+        noise
+            s in sigma = s z^2, the error of the sensor at distance z [1/m].
+        """
+        keep = np.flatnonzero(labels > 0)
+        keep = keep[np.argsort(labels[keep], kind="stable")]
+        own, measured = labels[keep].astype(np.int64), cloud.points[keep]
+        first, cell, count = _cells(measured, size, own)
+        points = _means(measured, cell, count)
+        normals = _means(np.nan_to_num(cloud.normals[keep]), cell, count)
+        norm = np.linalg.norm(normals, axis=1, keepdims=True)
+        # Normals that cancel belong to no single face.
+        normals = np.where(norm > 0.5, normals / np.maximum(norm, 1e-9), 0.0)
+        distance = np.linalg.norm(points - cloud.viewpoint, axis=1)
+        return cls(
+            points=points,
+            normals=normals,
+            labels=own[first],
+            height=_height(points, cloud.points[labels == 0], ground_plane),
+            noise=noise * distance**2,
+            spacing=size / np.sqrt(count),
+            measured=measured,
+            starts=np.searchsorted(own, np.arange(own.max(initial=0) + 2)),
+            viewpoint=cloud.viewpoint,
+            size=size,
+        )
+
+    def cells_of(self, label: int) -> slice:
+        """Where the cells of a label are."""
+        start, stop = np.searchsorted(self.labels, [label, label + 1])
+        return slice(int(start), int(stop))
+
+    def points_of(self, label: int) -> FloatArray:
+        """Measured points of a label [m], shape (k, 3)."""
+        return self.measured[self.starts[label] : self.starts[label + 1]]
+
+
+def _cells(
+    points: FloatArray, size: float, group: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """First point of each cell, cell of each point, and points in each cell."""
+    grid = np.floor(points / size).astype(np.int64)
+    grid -= grid.min(axis=0, initial=np.iinfo(np.int64).max)
+    extent = grid.max(axis=0, initial=0) + 1
+    key = group
+    for axis in range(points.shape[1]):
+        key = key * extent[axis] + grid[:, axis]
+    _, first, cell = np.unique(key, return_index=True, return_inverse=True)
+    return first, cell, np.bincount(cell).astype(np.float64)
+
+
+def _means(values: FloatArray, cell: IntArray, count: FloatArray) -> FloatArray:
+    sums = [np.bincount(cell, axis, len(count)) for axis in values.T]
+    means: FloatArray = np.stack(sums, axis=1) / count[:, None]
+    return means
+
+
+def _height(
+    points: FloatArray, unlabelled: FloatArray, plane: FloatArray | None
+) -> FloatArray:
+    """Height over the ground that was seen nearest in the plan, or over its plane."""
+    plane = np.array([0.0, 0.0, 1.0, 0.0]) if plane is None else plane
+    height: FloatArray = points @ plane[:3] + plane[3]
+    rise = unlabelled @ plane[:3] + plane[3]
+    is_low = np.abs(rise) < _GROUND_BAND
+    if not is_low.any():
+        return height
+    seen, rise = unlabelled[is_low], rise[is_low]
+    group = np.zeros(len(seen), dtype=np.int64)
+    _, cell, count = _cells(seen[:, :2], _GROUND_CELL, group)
+    middle = _means(np.column_stack([seen[:, :2], rise]), cell, count)
+    away, found = cKDTree(middle[:, :2]).query(
+        points[:, :2], distance_upper_bound=4 * _GROUND_CELL
+    )
+    known, nearest = np.isfinite(away), np.asarray(found)
+    height[known] -= middle[nearest[known], 2]
+    return height
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shapes:
+    """Measures of the visible part of each object; row 0, the ground, is empty."""
+
+    middle: FloatArray
+    """Middle of the box along the principal axes [m], shape (s + 1, 3)."""
+    extents: FloatArray
+    """Edges of that box, longest first [m], shape (s + 1, 3)."""
+    lowest: FloatArray
+    """Height of its lowest cells over the ground [m], shape (s + 1,)."""
+    highest: FloatArray
+    """Height of its highest cells over the ground [m], shape (s + 1,)."""
+    n_cells: IntArray
+    """How many cells of it were seen, shape (s + 1,)."""
+    foot: FloatArray
+    """Middle of its lowest cells [m], shape (s + 1, 3)."""
+    hull: FloatArray
+    """Volume of the convex hull [m^3], shape (s + 1,)."""
+    outlines: tuple[FloatArray | None, ...]
+    """Half-planes a x + b y + c <= 0 of its convex outline in the plan, shape (k, 3)
+    each; None where it has no area."""
+
+    @classmethod
+    def of(cls, surface: LabelledSurface, n: int) -> Shapes:
+        """Measure the objects with labels 1 to n."""
+        middle, extents = np.zeros((n + 1, 3)), np.zeros((n + 1, 3))
+        lowest, highest, foot = np.zeros(n + 1), np.zeros(n + 1), np.zeros((n + 1, 3))
+        hull = np.zeros(n + 1)
+        outlines: list[FloatArray | None] = [None] * (n + 1)
+        for label in range(1, n + 1):
+            own = surface.cells_of(label)
+            points, height = surface.points[own], surface.height[own]
+            if not len(points):
+                continue
+            mean = points.mean(axis=0)
+            axes = np.linalg.eigh(np.cov(points.T, bias=True) + 1e-12 * np.eye(3))[1]
+            along = (points - mean) @ axes[:, ::-1]
+            low, high = np.quantile(along, [_OUTLIERS, 1 - _OUTLIERS], axis=0)
+            middle[label] = mean + axes[:, ::-1] @ (low + high) / 2
+            extents[label] = high - low
+            inside = ((along >= low) & (along <= high)).all(axis=1)
+            hull[label] = _hull_volume(points[inside])
+            lowest[label], highest[label] = np.quantile(
+                height, [_OUTLIERS, 1 - _OUTLIERS]
+            )
+            foot[label] = points[height <= lowest[label] + surface.size].mean(axis=0)
+            outlines[label] = _outline(points)
+        return cls(
+            middle=middle,
+            extents=extents,
+            lowest=lowest,
+            highest=highest,
+            n_cells=np.bincount(surface.labels, minlength=n + 1),
+            foot=foot,
+            hull=hull,
+            outlines=tuple(outlines),
+        )
+
+    def share_over(self, points: FloatArray, label: int) -> float:
+        """Share of points (n, 3) over the outline of an object in the plan."""
+        outline = self.outlines[label]
+        if outline is None:
+            return 0.0
+        beyond = points[:, :2] @ outline[:, :2].T + outline[:, 2]
+        return float(np.mean(beyond.max(axis=1) < _OVERLAP_MARGIN))
+
+
+def _outline(points: FloatArray) -> FloatArray | None:
+    try:
+        return np.asarray(ConvexHull(points[:, :2]).equations)
+    except (QhullError, ValueError):
+        return None
+
+
+def _hull_volume(points: FloatArray) -> float:
+    """Volume of the convex hull of points (n, 3) [m^3]; 0 if they are flat."""
+    try:
+        return float(ConvexHull(points).volume)
+    except (QhullError, ValueError):
+        return 0.0
