@@ -1,0 +1,234 @@
+"""Postures of an arm in which the camera sees the fiducial, and the best of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray, Rng
+from debrisgrasp.calibration import WORKSPACE, Choice, choose_places
+from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import SE3, Bounds, Intrinsics
+from debrisgrasp.io.observations_file import ObservationFile, ObservationRow
+
+from .rig import CalibrationRig
+
+__all__ = ["Posture", "PosturePlan", "View", "choose_postures"]
+
+_ARM_MARGIN = 0.02
+"""Distance that the links keep from one another and from the ground [m]."""
+_CELL = 0.05
+"""Candidates are thinned to one in each cube of this size [m]."""
+_IN_A_CELL = 2
+_BATCH = 60_000
+_MOST_BATCHES = 3
+_RAY_POINTS = 48
+_RAY_START, _RAY_END = 0.03, 0.10
+"""How far from the fiducial and from the camera the line of sight is tested [m]; there
+the fiducial's own seat and the housing of the camera are in the way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """What the camera can see of a fiducial."""
+
+    intrinsics: Intrinsics = Intrinsics(
+        fx=617.0, fy=617.0, cx=423.5, cy=239.5, width=848, height=480
+    )
+    """Colour camera of a RealSense D435 by default (69 degrees wide)."""
+    border: float = 24.0
+    """Distance kept from the border of the image [pixels]."""
+    nearest: float = 0.4
+    farthest: float = 1.8
+    """Range along the optical axis [m]."""
+    max_angle: float = 1.2
+    """Largest angle between the fiducial's z axis and the line to the camera [rad]; pi
+    for a fiducial that is seen from all sides."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Posture:
+    """One posture of the arm to measure in."""
+
+    name: str
+    joints: Mapping[str, float]
+    """Joint values [rad or m], those of the head included."""
+    place: tuple[float, float, float]
+    """Where the fiducial then is, base frame [m]."""
+    pixel: tuple[float, float]
+    """Where the camera should see it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PosturePlan:
+    """Postures to measure in, most telling first, and what each brings."""
+
+    postures: tuple[Posture, ...]
+    choice: Choice
+    n_candidates: int
+    """How many postures there were to choose from."""
+
+    def shortened(self, n: int) -> PosturePlan:
+        """Keep the first n postures."""
+        choice = Choice(indices=self.choice.indices[:n], errors=self.choice.errors[:n])
+        return replace(self, postures=self.postures[:n], choice=choice)
+
+    def to_file(self, robot: str, fiducial: str) -> ObservationFile:
+        """Observations yet to be made: joints are filled in, points are not."""
+        rows = [
+            ObservationRow(name=p.name, joints=dict(p.joints)) for p in self.postures
+        ]
+        return ObservationFile(rows=tuple(rows), robot=robot, fiducial=fiducial)
+
+
+def choose_postures(
+    rig: CalibrationRig,
+    n: int,
+    *,
+    rng: Rng,
+    information: FloatArray | None = None,
+    T_base_camera: SE3 | None = None,
+    view: View | None = None,
+    apart: float = 0.1,
+    workspace: Bounds = WORKSPACE,
+) -> PosturePlan:
+    """Choose the postures whose measurement tells most about the camera.
+
+    Random postures are kept if the camera sees the fiducial in them (inside the
+    image, in range, turned towards it, nothing of the robot between) and the robot
+    touches neither itself nor the ground. The way from one to the next is not
+    looked at.
+
+    Parameters
+    ----------
+    rig
+        The robot and its fiducial.
+    n
+        How many to choose.
+    rng
+        Source of the random postures.
+    information
+        What is known already: the inverse of a calibration's covariance, (6, 6).
+    T_base_camera
+        Pose of the camera; that of the robot's model by default.
+    view, apart, workspace
+        What the camera sees; least distance of the places [m]; where the predicted
+        error counts.
+
+    Raises
+    ------
+    InputError
+        If the robot can't show the fiducial in so many places.
+    """
+    view = view or View()
+    T_base_camera = T_base_camera or rig.head.T_base_camera(rig.reference)
+    q, T = _shown(rig, T_base_camera, view, rng)
+    if len(q) < n:
+        raise InputError(
+            "postures that show the fiducial to the camera",
+            got=len(q),
+            expected=f"at least {n}",
+            mend="Turn the head towards the arm's workspace, or check which way z "
+            f"of link {rig.fiducial!r} points.",
+        )
+    choice = choose_places(
+        T.p, n, information=information, apart=apart, workspace=workspace
+    )
+    pixels, _ = view.intrinsics.project(T_base_camera.inverse().apply(T.p))
+    rest = dict(zip(rig.head.joint_names, map(float, rig.reference), strict=True))
+    postures = tuple(
+        Posture(
+            name=f"look_{rank}",
+            joints={**rig.shared, **rest, **rig.chain.named(q[i])},
+            place=_triple(T.p[i]),
+            pixel=(float(pixels[i, 0]), float(pixels[i, 1])),
+        )
+        for rank, i in enumerate(choice.indices, start=1)
+    )
+    return PosturePlan(postures=postures, choice=choice, n_candidates=len(q))
+
+
+def _shown(
+    rig: CalibrationRig, T_base_camera: SE3, view: View, rng: Rng
+) -> tuple[FloatArray, SE3]:
+    """Postures that show the fiducial, one in each cell, and where it then is."""
+    kept = np.zeros((0, rig.chain.n_joints))
+    for _ in range(_MOST_BATCHES):
+        q = rig.chain.sampled(_BATCH, rng=rng)
+        T = rig.chain.fk(q)
+        q = q[is_in_view(T, T_base_camera, view)]
+        kept = np.concatenate([kept, q])
+        cells = np.floor(rig.chain.fk(kept).p / _CELL).astype(int)
+        _, first = np.unique(cells, axis=0, return_index=True)
+        if len(first) > 0.5 * len(kept):
+            continue  # most cells hold one posture only: there are more to find
+        break
+    # More than one for each cell, since collision will cost some.
+    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    cell = cell.reshape(-1)
+    order = np.argsort(cell, kind="stable")
+    starts = np.searchsorted(cell[order], cell[order])
+    kept = kept[order[np.arange(len(order)) - starts < _IN_A_CELL]]
+    kept = kept[_is_free(rig, kept, T_base_camera)]
+    return kept, rig.chain.fk(kept)
+
+
+def _is_free(rig: CalibrationRig, q: FloatArray, T_base_camera: SE3) -> BoolArray:
+    """Whether nothing is touched, and nothing is between fiducial and camera."""
+    collision = rig.collision
+    height = collision.scene_clearance(q, lambda points: points[..., 2])
+    is_free = height > _ARM_MARGIN
+    poses = collision.body.segment_poses(q)
+    ends = rig.chain.fk(q).p
+    rays = _between(ends, T_base_camera.p)
+    for part in collision.body.parts:
+        T = SE3(poses[:, part.segment])
+        if part.is_hand:
+            corners = _corners(part.solid.bounds)
+            is_free &= T[:, None].apply(corners)[..., 2].min(axis=1) > _ARM_MARGIN
+        near = np.flatnonzero(is_free)
+        local = T[near].inverse()[:, None].apply(rays[near])
+        is_blocked = (part.solid.signed_distance(local) < 0.005).any(axis=1)
+        is_free[near[is_blocked]] = False
+    near = np.flatnonzero(is_free)
+    is_free[near[collision.may_hit_itself(q[near])]] = False
+    return np.asarray(is_free)
+
+
+def is_in_view(T_base_fiducial: SE3, T_base_camera: SE3, view: View) -> BoolArray:
+    """Whether the camera could see fiducials, were nothing else there, shape (n,)."""
+    points = T_base_camera.inverse().apply(T_base_fiducial.p)
+    pixels, depth = view.intrinsics.project(points)
+    size = np.array([view.intrinsics.width, view.intrinsics.height])
+    with np.errstate(invalid="ignore"):
+        inside = (pixels > view.border) & (pixels < size - 1 - view.border)
+    towards = T_base_camera.p - T_base_fiducial.p
+    towards = towards / np.linalg.norm(towards, axis=-1, keepdims=True)
+    facing = (towards * T_base_fiducial.R[..., 2]).sum(axis=-1)
+    return np.asarray(
+        inside.all(axis=-1)
+        & (depth > view.nearest)
+        & (depth < view.farthest)
+        & (facing >= np.cos(view.max_angle))
+    )
+
+
+def _between(starts: FloatArray, end: FloatArray) -> FloatArray:
+    """Points on the lines of sight (n, 3) to one end, shape (n, m, 3)."""
+    length = np.linalg.norm(end - starts, axis=1)[:, None]
+    along = np.linspace(0.0, 1.0, _RAY_POINTS)
+    reached = _RAY_START + along * (length - _RAY_START - _RAY_END)
+    along_ray = (reached / length)[..., None] * (end - starts)[:, None]
+    return np.asarray(starts[:, None] + along_ray)
+
+
+def _corners(bounds: Bounds) -> FloatArray:
+    ends = np.array(list(np.ndindex(2, 2, 2)))
+    return np.asarray(np.where(ends, bounds.upper, bounds.lower))
+
+
+def _triple(values: FloatArray) -> tuple[float, float, float]:
+    x, y, z = map(float, values)
+    return x, y, z

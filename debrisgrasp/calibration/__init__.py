@@ -1,0 +1,43 @@
+"""Layer 3: where the camera is, from points; knows poses and points, not robots."""
+
+from .choice import Choice, choose_places, information_at
+from .decision import CalibrationConfig, Decision, Finding
+from .drift import DriftConfig, DriftMonitor, DriftReport, DriftStatus, Trend
+from .hand_eye import Attempt, Calibration, Known, calibrate
+from .head import Head
+from .marker import MarkerConfig, MarkerFound, MarkerMissing, find_marker
+from .observations import KINEMATIC_SIGMA, MEASUREMENT_SIGMA, Observations
+from .tags import TagFound, find_tags
+from .uncertainty import WORKSPACE, WorkspaceError, displacement, predicted_error
+
+__all__ = [
+    "KINEMATIC_SIGMA",
+    "MEASUREMENT_SIGMA",
+    "WORKSPACE",
+    "Attempt",
+    "Calibration",
+    "CalibrationConfig",
+    "Choice",
+    "Decision",
+    "DriftConfig",
+    "DriftMonitor",
+    "DriftReport",
+    "DriftStatus",
+    "Finding",
+    "Head",
+    "Known",
+    "MarkerConfig",
+    "MarkerFound",
+    "MarkerMissing",
+    "Observations",
+    "TagFound",
+    "Trend",
+    "WorkspaceError",
+    "calibrate",
+    "choose_places",
+    "displacement",
+    "find_marker",
+    "find_tags",
+    "information_at",
+    "predicted_error",
+]

@@ -1,0 +1,328 @@
+"""Where the camera is, how well that is known, and whether it is good enough."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtrc
+
+from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import SE3
+
+from .decision import CalibrationConfig, Decision, Evidence, decide
+from .fit import Fit, Prior, Terms, fit_terms
+from .head import Head
+from .observations import Observations
+from .outliers import residuals_of, settled
+from .plausibility import Pairs, agreeing, require_right_way_round
+from .rigid import fit_rigid
+from .uncertainty import WorkspaceError, camera_covariance, lever_arm
+
+__all__ = ["Attempt", "Calibration", "Known", "calibrate"]
+
+
+_FEWEST = 3
+"""Points without which no rotation is determined."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Attempt:
+    """One model that was tried, smallest first."""
+
+    model: str
+    n_used: int
+    chi_square: float
+    degrees_of_freedom: int
+    p_value: float
+    """How often noise alone leaves residuals as large as these."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Known:
+    """What is known about the camera before it is calibrated."""
+
+    head: Head
+    """As the robot's model, or an earlier calibration, has it."""
+    mount_covariance: FloatArray | None = None
+    """Of the twist of the camera in its own frame that corrects the mount of ``head``,
+    from an earlier calibration, shape (6, 6); None if ``head`` is only nominal."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Calibration:
+    """A fitted camera pose with all that speaks for and against it."""
+
+    T_base_camera: SE3
+    """Pose of the optical frame while the head reads `reference`."""
+    covariance: FloatArray
+    """Of that pose, shape (6, 6): twist (v, omega) [m, rad] about the origin of the
+    base, in base axes, ``T_true = exp(twist) @ T_base_camera``."""
+    head: Head
+    """What carries the camera, with mount and offsets as fitted."""
+    reference: FloatArray
+    """Readings of the head's joints that `T_base_camera` belongs to [rad], (k,)."""
+    head_covariance: FloatArray
+    """Of the twist of the mount in the camera frame and of the head's k offsets, shape
+    (6 + k, 6 + k); zero for offsets that were not fitted."""
+    fiducial: FloatArray
+    """Shift of the fiducial from where the model has it, frame of its link [m]."""
+    model: str
+    """Name of the model that was kept."""
+    attempts: tuple[Attempt, ...]
+    why_model: str
+    observations: Observations
+    gaps: FloatArray
+    """Measured less predicted place of each observation, base frame [m], (n, 3)."""
+    held_out: FloatArray
+    """Distance of each from what the others predict [m], shape (n,)."""
+    is_outlier: BoolArray
+    error: WorkspaceError
+    """Predicted error over the workspace."""
+    lever: float
+    """How well the used places fix a rotation, see `lever_arm` [m]."""
+    rmse: float
+    """Root mean square residual of the used observations [m]. It tells about the noise
+    of the camera, not about the error in the workspace."""
+    decision: Decision
+
+    def T_base_camera_at(self, readings: ArrayLike) -> SE3:
+        """Pose of the camera for other readings (..., k) of the head [rad]."""
+        return self.head.T_base_camera(readings)
+
+    def covariance_at(self, readings: ArrayLike) -> FloatArray:
+        """Covariance of that pose, for one reading (k,), shape (6, 6)."""
+        return camera_covariance(self.head, np.asarray(readings), self.head_covariance)
+
+    @property
+    def known(self) -> Known:
+        """What the next calibration may start from."""
+        return Known(head=self.head, mount_covariance=self.head_covariance[:6, :6])
+
+    @property
+    def kept(self) -> Attempt:
+        """The attempt that was kept."""
+        return next(a for a in self.attempts if a.model == self.model)
+
+
+def calibrate(
+    observations: Observations,
+    known: Known | None = None,
+    *,
+    reference: ArrayLike | None = None,
+    config: CalibrationConfig | None = None,
+) -> Calibration:
+    """Fit the pose of the camera to a fiducial that the arm moved (section 4.1).
+
+    The paper fits five points and looks at their residual. Here models of growing size
+    are tried, wrong picks are found by consensus and dropped, and the result is judged
+    by the error it predicts over the workspace.
+
+    Parameters
+    ----------
+    observations
+        Where the arm and where the camera has the fiducial.
+    known
+        The camera's carrier and, with an earlier calibration, how well its mount is
+        known. Without it the camera is taken to stand still, anywhere.
+    reference
+        Readings of the head for which the pose is reported; those of the last
+        observation by default.
+    config
+        Limits of acceptance.
+
+    Raises
+    ------
+    InputError
+        If the observations have no honest result: points on a line, swapped frames,
+        mixed units, a mirrored axis.
+    """
+    config = config or CalibrationConfig()
+    if len(observations) < _FEWEST:
+        raise InputError(
+            "observations",
+            got=len(observations),
+            expected=f"at least {_FEWEST}, better 8",
+            mend="Move the arm to more places: `debrisgrasp calibrate choose`.",
+        )
+    readings = observations.readings
+    if known is not None and readings.shape[1] != known.head.n_joints:
+        raise InputError(
+            "readings of the head",
+            got=f"{readings.shape[1]} joints",
+            expected=f"{known.head.n_joints} "
+            f"({', '.join(known.head.joint_names) or 'none'})",
+        )
+    if known is None and readings.shape[1]:
+        raise InputError(
+            "readings of the head",
+            got=f"{readings.shape[1]} joints, but no head",
+            expected="known=Known(head=...), which says what these joints turn",
+        )
+    expected = known or Known(head=Head.fixed(SE3.identity()))
+    pairs = _pairs(observations, expected.head)
+    agrees = agreeing(pairs)
+    mount = fit_rigid(pairs[0][agrees], pairs[1][agrees])
+    start = expected.head.mounted(mount)
+    at = readings[-1] if reference is None else np.asarray(reference, dtype=np.float64)
+    require_right_way_round(
+        start.T_base_camera(at), None if known is None else known.head.T_base_camera(at)
+    )
+    fit, is_used, model, attempts, why = _smallest_that_fits(
+        observations, agrees, start, expected, config
+    )
+    return _described(
+        observations, fit, is_used, model, attempts, why, at, known, config
+    )
+
+
+def _pairs(observations: Observations, head: Head) -> Pairs:
+    """Return both places in frames that the mount of the camera joins rigidly."""
+    carriers = head.carriers(observations.readings)
+    by_arm = carriers.inverse().apply(observations.points_base)
+    variances = (observations.total_sigmas**2).mean(axis=1)
+    return by_arm, observations.points_camera, variances
+
+
+def _models(observations: Observations, known: Known) -> Iterator[tuple[str, Terms]]:
+    """Models that these observations may support, by growing number of unknowns."""
+    k = observations.readings.shape[1]
+    if known.mount_covariance is not None:
+        yield "as before", Terms(keeps_mount=True)
+        if k:
+            yield "slipped head", Terms(keeps_mount=True, n_offsets=k)
+    yield "mount", Terms()
+    turns = np.ptp(observations.readings, axis=0).max(initial=0.0)
+    # Without turns of the head its offsets can't be told from the mount.
+    if k and turns > 0.02:
+        yield "mount, head", Terms(n_offsets=k)
+    if observations.R_base_wrist is not None:
+        yield "mount, fiducial", Terms(has_fiducial=True)
+
+
+def _smallest_that_fits(
+    observations: Observations,
+    agrees: BoolArray,
+    start: Head,
+    known: Known,
+    config: CalibrationConfig,
+) -> tuple[Fit, BoolArray, str, tuple[Attempt, ...], str]:
+    """Try models until one leaves no more than noise, and say why it was kept."""
+    prior = Prior(
+        head=known.head,
+        mount_covariance=known.mount_covariance,
+        offset_sigma=config.offset_sigma,
+        fiducial_sigma=config.fiducial_sigma,
+    )
+    n = len(observations)
+    tried: list[tuple[Fit, BoolArray, Attempt]] = []
+    for model, terms in _models(observations, known):
+        if 3 * n < terms.n_free + 3:
+            continue
+        begin = known.head if terms.keeps_mount else start
+
+        def fit_to(
+            some: Observations, begin: Head = begin, terms: Terms = terms
+        ) -> Fit:
+            return fit_terms(some, begin, terms, prior)
+
+        fit, is_used = settled(observations, agrees, fit_to, config.significance)
+        p_value = float(chdtrc(fit.degrees_of_freedom, fit.chi_square))
+        attempt = Attempt(
+            model=model,
+            n_used=int(is_used.sum()),
+            chi_square=fit.chi_square,
+            degrees_of_freedom=fit.degrees_of_freedom,
+            p_value=p_value,
+        )
+        tried.append((fit, is_used, attempt))
+        if p_value >= config.significance and n - attempt.n_used <= config.spared(n):
+            why = _why(attempt, [t[2] for t in tried[:-1]])
+            return fit, is_used, model, tuple(t[2] for t in tried), why
+    fit, is_used, attempt = max(
+        tried,
+        key=lambda t: (
+            t[2].p_value >= config.significance,
+            t[2].n_used,
+            -t[2].chi_square / t[2].degrees_of_freedom,
+        ),
+    )
+    why = (
+        f"no model explains all but {config.spared(n)} of {n} observations; "
+        f"{attempt.model!r} comes nearest with {attempt.n_used}"
+    )
+    return fit, is_used, attempt.model, tuple(t[2] for t in tried), why
+
+
+def _why(kept: Attempt, smaller: list[Attempt]) -> str:
+    words = (
+        f"{kept.model!r} leaves no more than noise (chi-square {kept.chi_square:.1f} "
+        f"with {kept.degrees_of_freedom} degrees of freedom, p = {kept.p_value:.2g})"
+    )
+    if smaller:
+        failed = ", ".join(
+            f"{a.model!r} (p = {a.p_value:.1g}, {a.n_used} used)" for a in smaller
+        )
+        return f"{words}; smaller models do not: {failed}"
+    return f"{words}, and is the smallest model"
+
+
+def _described(
+    observations: Observations,
+    fit: Fit,
+    is_used: BoolArray,
+    model: str,
+    attempts: tuple[Attempt, ...],
+    why: str,
+    at: FloatArray,
+    known: Known | None,
+    config: CalibrationConfig,
+) -> Calibration:
+    residuals = residuals_of(fit, observations, is_used)
+    T_base_camera = fit.head.T_base_camera(at)
+    head_covariance = np.zeros((6 + fit.head.n_joints,) * 2)
+    fitted = 6 + fit.terms.n_offsets
+    head_covariance[:fitted, :fitted] = fit.covariance[:fitted, :fitted]
+    covariance = camera_covariance(fit.head, at, head_covariance)
+    error = WorkspaceError.of(covariance, config.workspace)
+    used = observations.selected(is_used)
+    lever = lever_arm(_pairs(used, fit.head)[0])
+    gaps = fit.head.T_base_camera(observations.readings).rotate(residuals.gaps)
+    attempt = next(a for a in attempts if a.model == model)
+    rmse = float(np.sqrt((gaps[is_used] ** 2).sum(axis=1).mean()))
+    evidence = Evidence(
+        names=observations.names,
+        is_used=is_used,
+        places=observations.points_base,
+        has_prior=fit.terms.keeps_mount,
+        has_fiducial=fit.terms.has_fiducial,
+        p_value=attempt.p_value,
+        noise_ratio=float(np.sqrt(fit.chi_square / fit.degrees_of_freedom)),
+        error=error,
+        lever=lever,
+        rmse=rmse,
+        T_base_camera=T_base_camera,
+        nominal=None if known is None else known.head.T_base_camera(at),
+    )
+    return Calibration(
+        T_base_camera=T_base_camera,
+        covariance=covariance,
+        head=fit.head,
+        reference=at,
+        head_covariance=head_covariance,
+        fiducial=fit.fiducial,
+        model=model,
+        attempts=attempts,
+        why_model=why,
+        observations=observations,
+        gaps=gaps,
+        held_out=residuals.held_out,
+        is_outlier=~is_used,
+        error=error,
+        lever=lever,
+        rmse=rmse,
+        decision=decide(evidence, config),
+    )

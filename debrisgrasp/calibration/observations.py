@@ -1,0 +1,185 @@
+"""What a calibration is fitted to: places of a fiducial by arm and by camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
+from debrisgrasp.errors import InputError, ShapeError
+
+__all__ = ["KINEMATIC_SIGMA", "MEASUREMENT_SIGMA", "Observations"]
+
+MEASUREMENT_SIGMA = 0.0025
+"""Standard deviation of a measured coordinate [m] where nothing better is known: that
+of a depth camera at 1.2 m."""
+KINEMATIC_SIGMA = 0.001
+"""Standard deviation of a coordinate that forward kinematics gives [m]."""
+_FARTHEST = 25.0
+"""No arm and no depth camera of an arm reaches so far [m]; millimetres begin beyond."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """A fiducial on the arm, seen n times.
+
+    Raises
+    ------
+    InputError
+        If an array does not fit the others, holds NaN, looks like millimetres, lies
+        behind the camera, or repeats a measurement.
+    """
+
+    points_base: FloatArray
+    """Where forward kinematics has the fiducial [m], shape (n, 3)."""
+    points_camera: FloatArray
+    """Where the camera sees it, optical frame [m], shape (n, 3)."""
+    sigmas: ArrayLike = MEASUREMENT_SIGMA
+    """Standard deviation of what the camera measures [m]: one number, one for each
+    observation (n,), or one for each coordinate in the camera frame (n, 3)."""
+    head: FloatArray | None = None
+    """Readings of the joints that carry the camera [rad], shape (n, k)."""
+    R_base_wrist: FloatArray | None = None
+    """Attitude of the link that carries the fiducial, shape (n, 3, 3); lets its place
+    on that link be estimated."""
+    names: tuple[str, ...] = ()
+    """What to call each observation; numbers from 1 by default."""
+    kinematic_sigma: float = KINEMATIC_SIGMA
+
+    def __post_init__(self) -> None:
+        base = frozen(self.points_base, "fiducial positions in base", (3,))
+        camera = frozen(self.points_camera, "measured points", (3,))
+        if base.ndim != 2 or base.shape != camera.shape:
+            raise ShapeError(
+                "observations",
+                got=f"{base.shape} positions and {camera.shape} measured points",
+                expected="both (n, 3)",
+            )
+        n = len(base)
+        head = np.zeros((n, 0)) if self.head is None else self.head
+        head = frozen(head, "readings of the head", (n, None))
+        names = self.names or tuple(str(i) for i in range(1, n + 1))
+        if len(names) != n:
+            raise ShapeError("names", got=len(names), expected=f"{n}, or none")
+        if self.R_base_wrist is not None:
+            wrist = frozen(self.R_base_wrist, "attitudes of the wrist", (n, 3, 3))
+            object.__setattr__(self, "R_base_wrist", wrist)
+        object.__setattr__(self, "points_base", base)
+        object.__setattr__(self, "points_camera", camera)
+        object.__setattr__(self, "head", head)
+        object.__setattr__(self, "names", tuple(names))
+        object.__setattr__(self, "sigmas", _checked_sigmas(self.sigmas, n))
+        _require_usable(self)
+
+    def __len__(self) -> int:
+        return len(self.points_base)
+
+    @property
+    def readings(self) -> FloatArray:
+        """Readings of the head, shape (n, k); k = 0 for a camera that stands still."""
+        return np.asarray(self.head)
+
+    @property
+    def total_sigmas(self) -> FloatArray:
+        """Standard deviation of the residuals by axis of the camera, (n, 3) [m]."""
+        return np.asarray(np.hypot(np.asarray(self.sigmas), self.kinematic_sigma))
+
+    def selected(self, index: BoolArray | IntArray | Sequence[int]) -> Observations:
+        """Keep the observations that a mask or an index array names."""
+        rows = np.arange(len(self))[np.asarray(index)]
+        return replace(
+            self,
+            points_base=self.points_base[rows],
+            points_camera=self.points_camera[rows],
+            sigmas=np.asarray(self.sigmas)[rows],
+            head=self.readings[rows],
+            R_base_wrist=None if self.R_base_wrist is None else self.R_base_wrist[rows],
+            names=tuple(self.names[i] for i in rows),
+        )
+
+
+def _checked_sigmas(sigmas: ArrayLike, n: int) -> FloatArray:
+    values = np.asarray(sigmas, dtype=np.float64)
+    if values.shape == (n,):
+        values = values[:, None]
+    try:
+        spread = np.broadcast_to(values, (n, 3))
+    except ValueError as error:
+        raise ShapeError(
+            "sigmas", got=values.shape, expected=f"(), ({n},) or ({n}, 3)"
+        ) from error
+    if not (np.isfinite(spread).all() and (spread > 0).all() and (spread < 1).all()):
+        raise InputError(
+            "sigma",
+            got=spread.tolist(),
+            expected="standard deviations above 0 and below 1 m",
+            mend="A depth camera at 1.2 m has about 0.0025.",
+        )
+    return frozen(spread, "sigmas", (3,))
+
+
+def _require_usable(given: Observations) -> None:
+    if not len(given):
+        raise InputError("observations", got="none", expected="at least one")
+    for what, points in (
+        ("fiducial positions in base", given.points_base),
+        ("measured points", given.points_camera),
+        ("readings of the head", given.readings),
+    ):
+        bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+        if len(bad):
+            raise InputError(
+                what,
+                got=f"NaN or infinity in observation {_listed(given, bad)}",
+                expected="finite numbers",
+                mend="Leave these observations out; depth at the fiducial is often "
+                "missing, the median of a ring around it is not.",
+            )
+    for what, points in (
+        ("fiducial positions in base", given.points_base),
+        ("measured points", given.points_camera),
+    ):
+        far = float(np.median(np.linalg.norm(points, axis=1)))
+        if far > _FARTHEST:
+            raise InputError(
+                f"median distance of {what}",
+                got=f"{far:.4g} m",
+                expected=f"at most {_FARTHEST:g} m",
+                mend="These look like millimetres: divide by 1000.",
+            )
+    behind = np.flatnonzero(given.points_camera[:, 2] <= 0.0)
+    if len(behind):
+        raise InputError(
+            "measured points",
+            got=f"z <= 0 in observation {_listed(given, behind)}",
+            expected="z > 0, in front of the camera",
+            mend="Give them in the optical frame (x right, y down, z forward). Have "
+            "the frames been swapped, or is x forward as in a link of a robot?",
+        )
+    _require_distinct(given)
+
+
+def _require_distinct(given: Observations) -> None:
+    rows = np.concatenate([given.points_base, given.points_camera], axis=1)
+    _, first, inverse = np.unique(
+        rows.round(9), axis=0, return_index=True, return_inverse=True
+    )
+    earlier = first[inverse.reshape(-1)]
+    copies = np.flatnonzero(earlier != np.arange(len(rows)))
+    if len(copies):
+        pairs = [(given.names[earlier[i]], given.names[i]) for i in copies[:3]]
+        words = ", ".join(f"{a} and {b}" for a, b in pairs)
+        raise InputError(
+            "observations",
+            got=f"{len(copies)} that repeat another number for number ({words})",
+            expected="each measured anew",
+            mend="Leave the copies out: they add nothing and would count twice.",
+        )
+
+
+def _listed(given: Observations, rows: IntArray) -> str:
+    names = ", ".join(given.names[i] for i in rows[:5])
+    return names + (f" and {len(rows) - 5} more" if len(rows) > 5 else "")
