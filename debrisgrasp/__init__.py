@@ -9,7 +9,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api import plan, segment, select
+    from .api import calibrate, plan, plan_motion, segment, select
+    from .calibration import Calibration
     from .errors import DebrisGraspError
     from .geometry import SE3, Bounds, Intrinsics, PointCloud
     from .io import Capture
@@ -21,6 +22,7 @@ __version__ = "0.1.0"
 __all__ = [
     "SE3",
     "Bounds",
+    "Calibration",
     "Capture",
     "DebrisGraspError",
     "Grasp",
@@ -33,13 +35,16 @@ __all__ = [
     "PointCloud",
     "Progress",
     "__version__",
+    "calibrate",
     "plan",
+    "plan_motion",
     "segment",
     "select",
 ]
 
 _HOME = {
-    "api": ("plan", "segment", "select"),
+    "api": ("calibrate", "plan", "plan_motion", "segment", "select"),
+    "calibration": ("Calibration",),
     "errors": ("DebrisGraspError",),
     "geometry": ("SE3", "Bounds", "Intrinsics", "PointCloud"),
     "io": ("Capture",),

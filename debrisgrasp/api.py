@@ -3,11 +3,28 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from pathlib import Path
 
+import numpy as np
+
+from debrisgrasp._calibrating import CalibrationRig, observations_of, rig_of
+from debrisgrasp.calibration import (
+    Calibration,
+    CalibrationConfig,
+    Known,
+    Observations,
+)
+from debrisgrasp.calibration import calibrate as calibrate_observations
+from debrisgrasp.errors import InputError
+from debrisgrasp.executable import GraspMotions, MotionsConfig, first_executable
 from debrisgrasp.geometry import Bounds
-from debrisgrasp.io import Capture
+from debrisgrasp.io import Capture, measured, point_colors
+from debrisgrasp.io.calibration_json import load_calibration
+from debrisgrasp.io.observations_file import ObservationFile, load_observations
+from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.perception import motion_space
 from debrisgrasp.pipeline import (
-    DEFAULT_PRIORITY_POINT,
     Pipeline,
     PipelineConfig,
     PlanningResult,
@@ -15,14 +32,14 @@ from debrisgrasp.pipeline import (
 )
 from debrisgrasp.segmentation import (
     Candidate,
-    PriorityPoint,
     Segmentation,
     SegmentationConfig,
     SelectionPolicy,
+    SupportAware,
     segment_cloud,
 )
 
-__all__ = ["plan", "segment", "select"]
+__all__ = ["calibrate", "looks", "plan", "plan_motion", "segment", "select"]
 
 
 def segment(capture: Capture, config: SegmentationConfig | None = None) -> Segmentation:
@@ -33,7 +50,13 @@ def segment(capture: Capture, config: SegmentationConfig | None = None) -> Segme
     CaptureError
         If the capture has no pose in the base frame.
     """
-    return segment_cloud(capture.cloud(), config or SegmentationConfig())
+    is_marked = None if capture.mask is None else capture.mask[measured(capture)]
+    return segment_cloud(
+        capture.cloud(),
+        config,
+        colors=point_colors(capture),
+        of_interest=is_marked,
+    )
 
 
 def select(
@@ -41,8 +64,15 @@ def select(
     segmentation: Segmentation,
     policy: SelectionPolicy | None = None,
 ) -> tuple[Candidate, ...]:
-    """Order the objects of a capture, first choice first (Eq. 1)."""
-    policy = policy or PriorityPoint.at(*DEFAULT_PRIORITY_POINT)
+    """Order the objects of a capture, first choice first.
+
+    Parameters
+    ----------
+    policy
+        `SupportAware` by default; `PriorityPoint` is the paper's (Eq. 1), and
+        `OperatorPick` puts what a person chose first.
+    """
+    policy = policy or SupportAware()
     return policy.order(segmentation, capture.cloud())
 
 
@@ -80,3 +110,112 @@ def plan(
         deadline=deadline,
         progress=progress,
     )
+
+
+def plan_motion(
+    result: PlanningResult,
+    *,
+    present: Mapping[str, float] | None = None,
+    unknown: UnknownSpace = UnknownSpace.HIDDEN,
+    config: MotionsConfig | None = None,
+    seed: int = 0,
+    deadline: float | None = None,
+    progress: Progress | None = None,
+) -> GraspMotions:
+    """Plan how the arm carries out the first grasp for which it can (docs/motion.md).
+
+    Parameters
+    ----------
+    result
+        What `plan` returned, for a robot.
+    present
+        Joint values now [rad or m]; the present posture of the robot's file by default.
+    unknown
+        Which space that the camera did not see is an obstacle.
+    seed
+        The same seed gives the same motion.
+    deadline
+        Seconds after which no further grasp is tried.
+
+    Raises
+    ------
+    InputError
+        If the plan is for a floating hand.
+    ConfigError
+        If the deadline is not a positive time.
+    """
+    if result.robot is None:
+        raise InputError(
+            "plan", got="one for a floating hand", expected="one for a robot's arm"
+        )
+    return first_executable(
+        result.plan,
+        result.robot,
+        motion_space(result.capture, result.cloud, result.segmentation, unknown),
+        present=present,
+        config=config,
+        rng=np.random.default_rng(seed),
+        deadline=deadline,
+        progress=progress,
+    )
+
+
+def calibrate(
+    observations: str | os.PathLike[str],
+    *,
+    robot: str | None = None,
+    fiducial: str | None = None,
+    previous: str | os.PathLike[str] | None = None,
+    config: CalibrationConfig | None = None,
+) -> Calibration:
+    """Find where the camera is from a file of observations (docs/calibration.md).
+
+    The result says how well it is known: look at `Calibration.decision` before using
+    `Calibration.T_base_camera`, for instance with `Capture.posed`.
+
+    Parameters
+    ----------
+    observations
+        YAML, JSON or CSV file.
+    robot, fiducial
+        The robot, and the link that carries the fiducial, if the file does not name
+        them or others are meant.
+    previous
+        Calibration file to start from.
+    config
+        Limits of acceptance.
+
+    Raises
+    ------
+    ConfigError, InputError
+        If a file is malformed, or the observations have no honest result.
+    """
+    given, rig = _looks(observations, robot, fiducial)
+    known = None if rig is None else Known(head=rig.head)
+    if previous is not None:
+        known = load_calibration(previous).known
+    reference = rig.reference if rig is not None and len(rig.reference) else None
+    return calibrate_observations(
+        observations_of(given, rig), known, reference=reference, config=config
+    )
+
+
+def looks(
+    observations: str | os.PathLike[str],
+    *,
+    robot: str | None = None,
+    fiducial: str | None = None,
+) -> Observations:
+    """Read a file of observations, and put its joints through forward kinematics.
+
+    For `DriftMonitor.seen`; parameters and errors as for `calibrate`.
+    """
+    return observations_of(*_looks(observations, robot, fiducial))
+
+
+def _looks(
+    observations: str | os.PathLike[str], robot: str | None, fiducial: str | None
+) -> tuple[ObservationFile, CalibrationRig | None]:
+    path = Path(observations)
+    given = load_observations(path)
+    return given, rig_of(given, path.parent, robot, fiducial)

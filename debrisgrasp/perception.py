@@ -17,11 +17,12 @@ from debrisgrasp.geometry import (
     PointCloud,
     voxel_downsample,
 )
-from debrisgrasp.io import Capture, measured
+from debrisgrasp.io import Capture, measured, point_colors
+from debrisgrasp.motion import MotionSpace, UnknownSpace
 from debrisgrasp.planning import GraspScene, ObstacleMap, SceneConfig
 from debrisgrasp.segmentation import Segmentation, SegmentationConfig, segment_cloud
 
-__all__ = ["Perception"]
+__all__ = ["Perception", "motion_space"]
 
 _KEPT_SCENES = 4
 """Scenes of so many objects are remembered; each takes about 20 MB."""
@@ -65,8 +66,10 @@ class Perception:
             cloud = capture.cloud()
             sight = _sight(capture, cloud)
         with watch.stage("segmentation"):
-            found = segment_cloud(cloud, segmentation)
-        marked = None if capture.mask is None else capture.mask[measured(capture)]
+            marked = None if capture.mask is None else capture.mask[measured(capture)]
+            found = segment_cloud(
+                cloud, segmentation, colors=point_colors(capture), of_interest=marked
+            )
         return cls(
             capture=capture,
             cloud=cloud,
@@ -117,6 +120,18 @@ class Perception:
         spacing, points = self.scene_config.spacing, self.cloud.points
         kept = [part[voxel_downsample(points[part], spacing)] for part in parts]
         return np.sort(np.concatenate(kept))
+
+
+def motion_space(
+    capture: Capture,
+    cloud: PointCloud,
+    segmentation: Segmentation,
+    unknown: UnknownSpace = UnknownSpace.HIDDEN,
+) -> MotionSpace:
+    """Obstacles of an arm: what a capture shows, and what it hides."""
+    ground = segmentation.ground
+    plane = ground.plane if ground.status == "removed" else None
+    return MotionSpace.build(cloud, _sight(capture, cloud), plane, unknown=unknown)
 
 
 def _sight(capture: Capture, cloud: PointCloud) -> LineOfSight:

@@ -11,18 +11,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import debrisgrasp
-from debrisgrasp.errors import OutputError
+from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.geometry import Bounds
-from debrisgrasp.io import Capture, data_path, parse_camera_pose, save_labels
+from debrisgrasp.io import (
+    CameraPose,
+    Capture,
+    data_path,
+    parse_camera_pose,
+    save_labels,
+)
+from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.io.plan_json import plan_to_json
-from debrisgrasp.segmentation import PriorityPoint
+from debrisgrasp.segmentation import GroundReport
 
+from .policy_arguments import add_policy, policy_of
 from .reports import (
     PICTURE_FORMS,
     REPORT_FORMS,
     require_places,
     write_plan_reports,
     write_segmentation_picture,
+    write_selection_report,
 )
 from .tables import columns, plan_summary
 
@@ -88,7 +97,7 @@ def add_plan(subparsers: Subparsers) -> None:
         help="a shipped robot, a YAML file, or 'none' for a floating hand "
         "(default: roman)",
     )
-    _add_priority_point(parser)
+    add_policy(parser)
     parser.add_argument("--arm", help="use only this arm")
     parser.add_argument("--gripper", help="use only this hand")
     parser.add_argument("--prototypes", metavar="DIR", help="folder of prototype files")
@@ -140,7 +149,7 @@ def run_plan(arguments: argparse.Namespace) -> int:
         gripper=arguments.gripper,
         prototypes=arguments.prototypes,
         grippers=arguments.grippers,
-        policy=_policy(arguments),
+        policy=policy_of(arguments),
         region=None if box is None else Bounds(np.array(box[:3]), np.array(box[3:])),
         object_label=arguments.object,
         seed=arguments.seed,
@@ -156,6 +165,7 @@ def run_plan(arguments: argparse.Namespace) -> int:
         ground = result.segmentation.ground
         if ground.status == "skipped":
             print(f"ground left in the scene: {ground.reason}")
+        _print_surroundings(ground)
         print(plan_summary(result.plan))
         print(f"\ntook {_seconds(result)}")
         written = [arguments.out] * bool(arguments.out) + arguments.report
@@ -189,7 +199,12 @@ def run_segment(arguments: argparse.Namespace) -> int:
     ground = segmentation.ground
     if arguments.json:
         facts = {
-            "ground": {"status": ground.status, "reason": ground.reason},
+            "ground": {
+                "status": ground.status,
+                "reason": ground.reason,
+                "pose_doubt": ground.pose_doubt,
+                "removed_points": ground.counts,
+            },
             "objects": [
                 {
                     "label": s.label,
@@ -203,6 +218,7 @@ def run_segment(arguments: argparse.Namespace) -> int:
         print(json.dumps(facts, indent=1))
     else:
         print(f"ground {ground.status}: {ground.reason}")
+        _print_surroundings(ground)
         rows = [
             [
                 str(s.label),
@@ -216,25 +232,37 @@ def run_segment(arguments: argparse.Namespace) -> int:
     return 0 if segmentation.segments else 1
 
 
+def _print_surroundings(ground: GroundReport) -> None:
+    """Say what was taken away besides objects, and whether the pose is in doubt."""
+    if ground.pose_doubt:
+        print(f"camera pose in doubt: {ground.pose_doubt}")
+    for item in ground.surroundings:
+        print(f"{item.kind.name.lower()}: {item.n_points} points, {item.reason}")
+    counts = ", ".join(f"{kind} {count}" for kind, count in ground.counts.items())
+    print(f"points taken away: {counts or 'none'}")
+
+
 def add_select(subparsers: Subparsers) -> None:
     """Add ``select``."""
     parser = subparsers.add_parser(
         "select", help="the order in which objects would be taken, and why"
     )
     _add_capture(parser)
-    parser.add_argument("--report", type=Path, metavar="FILE", help="picture as .png")
-    _add_priority_point(parser)
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE", help="who lies on whom, as .html or .png"
+    )
+    add_policy(parser)
     parser.set_defaults(run=run_select)
 
 
 def run_select(arguments: argparse.Namespace) -> int:
     """Order the objects, and give the reasons."""
-    require_places([arguments.report], PICTURE_FORMS, source=arguments.capture)
+    require_places([arguments.report], REPORT_FORMS, source=arguments.capture)
     capture = _load(arguments)
     segmentation = debrisgrasp.segment(capture)
-    order = debrisgrasp.select(capture, segmentation, _policy(arguments))
+    order = debrisgrasp.select(capture, segmentation, policy_of(arguments))
     if arguments.report:
-        write_segmentation_picture(capture, segmentation, order, arguments.report)
+        write_selection_report(capture, segmentation, order, arguments.report)
     if arguments.json:
         facts = [
             {"object": c.label, "cost": round(c.cost, 6), "reason": c.reason}
@@ -245,21 +273,6 @@ def run_select(arguments: argparse.Namespace) -> int:
         rows = [[str(i), str(c.label), c.reason] for i, c in enumerate(order, start=1)]
         print(columns(["turn", "object", "because"], rows))
     return 0 if order else 1
-
-
-def _add_priority_point(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--priority-point",
-        nargs=3,
-        type=float,
-        metavar=("X", "Y", "Z"),
-        help="objects near it are taken first, base frame, metres (default: 0.9 0 1)",
-    )
-
-
-def _policy(arguments: argparse.Namespace) -> PriorityPoint | None:
-    point = arguments.priority_point
-    return None if point is None else PriorityPoint.at(*point)
 
 
 def _add_capture(parser: argparse.ArgumentParser) -> None:
@@ -274,6 +287,12 @@ def _add_capture(parser: argparse.ArgumentParser) -> None:
         help="pose of the camera in the base frame, if the capture has none: a file "
         "with a 4x4 matrix, x,y,z,roll,pitch,yaw, or 'level' for a stored level frame; "
         "write --camera-pose=-0.1,... where it starts with a minus",
+    )
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="result of `debrisgrasp calibrate`, taken for the pose of the camera",
     )
     parser.add_argument(
         "--camera-file", metavar="FILE", help="JSON or YAML camera of a depth PNG"
@@ -291,10 +310,22 @@ def _add_capture(parser: argparse.ArgumentParser) -> None:
 
 
 def _load(arguments: argparse.Namespace) -> Capture:
-    pose = arguments.camera_pose
+    pose: CameraPose | None = None
+    if arguments.camera_pose is not None:
+        pose = parse_camera_pose(arguments.camera_pose)
+    if arguments.calibration is not None:
+        if pose is not None:
+            raise ConfigError(
+                "camera pose",
+                got="both --camera-pose and --calibration",
+                expected="one of them",
+            )
+        stored = load_calibration(arguments.calibration)
+        stored.require_accepted()
+        pose = stored.T_base_camera
     return Capture.load(
         arguments.capture,
-        camera_pose=None if pose is None else parse_camera_pose(pose),
+        camera_pose=pose,
         camera_file=arguments.camera_file,
         viewpoint=arguments.viewpoint,
     )

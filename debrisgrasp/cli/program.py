@@ -12,7 +12,14 @@ from collections.abc import Sequence
 
 from debrisgrasp.errors import DebrisGraspError
 
-from . import commands, prototype_commands
+from . import (
+    calibrate_command,
+    commands,
+    ik_command,
+    motion_command,
+    prototype_commands,
+    reach_commands,
+)
 
 __all__ = ["build_parser", "run"]
 
@@ -53,5 +60,9 @@ def build_parser() -> argparse.ArgumentParser:
     commands.add_plan(subparsers)
     commands.add_segment(subparsers)
     commands.add_select(subparsers)
+    ik_command.add(subparsers)
+    motion_command.add(subparsers)
+    reach_commands.add(subparsers)
     prototype_commands.add(subparsers)
+    calibrate_command.add(subparsers)
     return parser

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture
 from debrisgrasp.prototypes import GraspPrototype, GripperModel
-from debrisgrasp.segmentation import Candidate, Segmentation
+from debrisgrasp.segmentation import Candidate, Segmentation, support_graph
 
 if TYPE_CHECKING:
     from debrisgrasp.pipeline import PlanningResult
@@ -23,6 +23,7 @@ __all__ = [
     "write_plan_reports",
     "write_prototype_sheet",
     "write_segmentation_picture",
+    "write_selection_report",
 ]
 
 REPORT_FORMS = (".html", ".png")
@@ -99,6 +100,26 @@ def write_segmentation_picture(
     _drawing().segmentation_png(
         path, capture, capture.cloud(), segmentation, order=tuple(order)
     )
+
+
+def write_selection_report(
+    capture: Capture,
+    segmentation: Segmentation,
+    order: Sequence[Candidate],
+    path: Path,
+) -> None:
+    """Write who lies on whom and the order of removal, in the form of the suffix."""
+    viz = _drawing()
+    writers = {".png": viz.selection_png, ".html": viz.selection_html}
+    cloud = capture.cloud()
+    report = viz.SelectionReport(
+        capture=capture,
+        cloud=cloud,
+        segmentation=segmentation,
+        support=support_graph(segmentation, cloud),
+        order=tuple(order),
+    )
+    writers[path.suffix.lower()](path, report)
 
 
 def write_prototype_sheet(

@@ -3,9 +3,33 @@
 Importing this package loads the plotting library; nothing below it does.
 """
 
+from .control import LegTrace, Outline, leg_png, preview_png
 from .html import report_html
+from .motion import MotionTrack, motion_png
 from .png import report_png
+from .reach import ReachPicture, reach_html, reach_png
 from .report import Report
+from .selection import selection_png
+from .selection_page import selection_html
 from .sheets import prototype_png, segmentation_png
+from .support_layer import SelectionReport
 
-__all__ = ["Report", "prototype_png", "report_html", "report_png", "segmentation_png"]
+__all__ = [
+    "LegTrace",
+    "MotionTrack",
+    "Outline",
+    "ReachPicture",
+    "Report",
+    "SelectionReport",
+    "leg_png",
+    "motion_png",
+    "preview_png",
+    "prototype_png",
+    "reach_html",
+    "reach_png",
+    "report_html",
+    "report_png",
+    "segmentation_png",
+    "selection_html",
+    "selection_png",
+]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.segmentation import PointKind
 
 __all__ = [
     "BACKGROUND_COLOR",
@@ -13,6 +14,7 @@ __all__ = [
     "GROUND_COLOR",
     "HAND_COLORS",
     "INK",
+    "KIND_COLORS",
     "MUTED_INK",
     "ROBOT_COLOR",
     "hex_color",
@@ -46,6 +48,14 @@ ROBOT_COLOR = _rgb("#8d96a3")
 BACKGROUND_COLOR = _rgb("#f4f6f9")
 INK = _rgb("#1c2330")
 MUTED_INK = _rgb("#5d6675")
+KIND_COLORS = {
+    PointKind.GROUND: _rgb("#9fb4c9"),
+    PointKind.BELOW: _rgb("#5b6b7d"),
+    PointKind.WALL: _rgb("#d05c8a"),
+    PointKind.CONTAINER: _rgb("#3d7dca"),
+    PointKind.OUTSIDE: _rgb("#6d6d6d"),
+}
+"""Colours of what was taken away before objects were sought."""
 HAND_COLORS = tuple(_rgb(text) for text in ("#1a62c6", "#008f6b", "#8b3fb0"))
 """Colours of the hands by rank; ranks beyond the last share its colour."""
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from html import escape
 from importlib.resources import files
+from typing import Any
 
 from debrisgrasp._files import write_atomic
 
 from .payload import payload
 from .report import Report
 
-__all__ = ["report_html"]
+__all__ = ["filled_page", "report_html"]
 
 
 def report_html(path: str | os.PathLike[str], report: Report) -> None:
@@ -34,22 +36,24 @@ def report_html(path: str | os.PathLike[str], report: Report) -> None:
     OutputError
         If the file can't be written.
     """
-    write_atomic(path, _page(report))
+    page = filled_page("report.html", "report.js", report.title, payload(report))
+    write_atomic(path, page)
 
 
-def _page(report: Report) -> str:
-    data = json.dumps(payload(report), allow_nan=False, separators=(",", ":"))
+def filled_page(page: str, script: str, title: str, content: Mapping[str, Any]) -> str:
+    """Return one of our pages with its script, style, viewer and data inside it."""
+    data = json.dumps(content, allow_nan=False, separators=(",", ":"))
     # Inside a script element only "<" could end it early, whatever names the data hold.
     data = data.replace("<", "\\u003c")
     parts = {
-        "title": escape(report.title),
+        "title": escape(title),
         "style": _asset("report.css"),
         "viewer": _asset("viewer.js"),
-        "script": _asset("report.js"),
+        "script": _asset(script),
         "data": data,
     }
     # Split before filling, so that no part is searched for the marks of another.
-    first, *rest = _asset("report.html").split("{{")
+    first, *rest = _asset(page).split("{{")
     pieces = [first]
     for chunk in rest:
         name, _, text = chunk.partition("}}")

@@ -9,8 +9,9 @@ from scipy import ndimage
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp.geometry import PointCloud
+from debrisgrasp.segmentation import PointKind
 
-from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, label_colors, mixed
+from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, KIND_COLORS, label_colors, mixed
 from .raster import Splats, render
 from .report import Image
 from .scene import point_spacing, thinned
@@ -19,6 +20,8 @@ from .view import View
 __all__ = ["LabelImage", "label_anchors", "label_image", "painted"]
 
 _NOT_MEASURED = np.array([0.13, 0.15, 0.18])
+_STRIPE = 12
+"""Distance of the stripes over surroundings [pixels]."""
 _RENDERED_SIZE = (960, 720)
 _RENDERED_POINTS = 250_000
 
@@ -33,27 +36,50 @@ class LabelImage:
     """Labels, shape (H, W); 0 is not an object."""
     from_camera: bool
     """False if it was rendered from a cloud without an image."""
+    kinds: IntArray | None = None
+    """`PointKind` of the pixels, shape (H, W), to mark what was taken away."""
 
 
 def label_image(
-    cloud: PointCloud, labels: IntArray, capture: Image | None
+    cloud: PointCloud,
+    labels: IntArray,
+    capture: Image | None,
+    kinds: IntArray | None = None,
 ) -> LabelImage:
     """Picture of the scene as the sensor saw it.
 
     The colour image if there is one, else the depth image as shaded relief; a cloud
     without pixels is rendered from its viewpoint.
+
+    Parameters
+    ----------
+    cloud, labels
+        Points and their labels, shape (n,).
+    capture
+        Where they came from; None if there is no image of it.
+    kinds
+        `PointKind` of each point, shape (n,), to mark what was taken away.
     """
+    if kinds is None:
+        kinds = np.zeros(len(cloud), dtype=np.uint8)
     if cloud.pixels is None or cloud.image_shape is None:
-        return _rendered(cloud, labels)
+        return _rendered(cloud, labels, kinds)
     height, width = cloud.image_shape
     flat = np.zeros(height * width, dtype=np.int64)
     flat[cloud.pixels] = labels
+    flat_kinds = np.zeros(height * width, dtype=np.uint8)
+    flat_kinds[cloud.pixels] = kinds
     rgb = None if capture is None else capture.rgb
     if rgb is not None and rgb.shape[:2] == (height, width):
         base = np.asarray(rgb, dtype=np.float64)[..., :3] / 255.0
     else:
         base = _relief(cloud, (height, width))
-    return LabelImage(base, flat.reshape(height, width), from_camera=True)
+    return LabelImage(
+        base,
+        flat.reshape(height, width),
+        from_camera=True,
+        kinds=flat_kinds.reshape(height, width),
+    )
 
 
 def _relief(cloud: PointCloud, shape: tuple[int, int]) -> FloatArray:
@@ -72,7 +98,7 @@ def _relief(cloud: PointCloud, shape: tuple[int, int]) -> FloatArray:
     return out.reshape(*shape, 3)
 
 
-def _rendered(cloud: PointCloud, labels: IntArray) -> LabelImage:
+def _rendered(cloud: PointCloud, labels: IntArray, kinds: IntArray) -> LabelImage:
     """View from the sensor's place towards the objects."""
     index = thinned(cloud, _RENDERED_POINTS, np.flatnonzero(labels > 0))
     points, seen = cloud.points[index], labels[index]
@@ -87,7 +113,8 @@ def _rendered(cloud: PointCloud, labels: IntArray) -> LabelImage:
     splats = Splats(points, grey, point_spacing(points), cloud.normals[index])
     picture = render(view, [splats], background=np.array(BACKGROUND_COLOR))
     shown = np.where(picture.sources >= 0, seen[picture.sources], 0)
-    return LabelImage(picture.colors, shown, from_camera=False)
+    marked = np.where(picture.sources >= 0, kinds[index][picture.sources], 0)
+    return LabelImage(picture.colors, shown, from_camera=False, kinds=marked)
 
 
 def painted(image: LabelImage, chosen: int = 0, *, strength: float = 0.5) -> FloatArray:
@@ -107,7 +134,7 @@ def painted(image: LabelImage, chosen: int = 0, *, strength: float = 0.5) -> Flo
     FloatArray
         Red, green, blue in [0, 1], shape (H, W, 3).
     """
-    out = image.base.copy()
+    out = _hatched(image)
     is_object = image.labels > 0
     colors = label_colors(image.labels[is_object], chosen)
     # The picture keeps its light and dark, so that the shapes stay readable.
@@ -124,6 +151,22 @@ def painted(image: LabelImage, chosen: int = 0, *, strength: float = 0.5) -> Flo
         out[halo] = 1.0
         out[rim] = CHOSEN_COLOR
     return np.clip(out, 0.0, 1.0)
+
+
+def _hatched(image: LabelImage) -> FloatArray:
+    """Picture with ground in a flat tint, and what else was taken away in stripes."""
+    out = image.base.copy()
+    if image.kinds is None:
+        return out
+    for kind, color in KIND_COLORS.items():
+        chosen = image.kinds == kind
+        if kind is not PointKind.GROUND:
+            row, column = np.indices(chosen.shape, sparse=True)
+            stripe = (row + column) % _STRIPE < _STRIPE // 2
+            out[chosen] = mixed(out[chosen], color, 0.25)
+            chosen = chosen & stripe
+        out[chosen] = mixed(out[chosen], color, 0.35)
+    return out
 
 
 def _border(labels: IntArray) -> BoolArray:

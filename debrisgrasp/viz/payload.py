@@ -46,7 +46,7 @@ from .words import (
     summary,
 )
 
-__all__ = ["payload"]
+__all__ = ["packed_bytes", "packed_points", "payload"]
 
 _POINT_LIMIT = 90_000
 _GROUND, _OBSTACLE, _CHOSEN = 0, 1, 2
@@ -148,9 +148,9 @@ def _robot(report: Report) -> dict[str, Any] | None:
     mesh = Mesh(np.concatenate(parts), np.concatenate(faces), ROBOT_COLOR)
     return {
         **_mesh(mesh),
-        "owners": _base64(np.concatenate(owners).astype("<u2")),
+        "owners": packed_bytes(np.concatenate(owners).astype("<u2")),
         "nLinks": len(links),
-        "postures": _base64(np.array(postures)[:, :, :3].astype("<f4")),
+        "postures": packed_bytes(np.array(postures)[:, :, :3].astype("<f4")),
         "color": hex_color(ROBOT_COLOR),
     }
 
@@ -174,11 +174,11 @@ def _cloud(report: Report, image: LabelImage) -> dict[str, Any]:
     spacing = point_spacing(points)
     size_step = max(float(spacing.max(initial=0.0)), 1e-6) / 255.0
     return {
-        **_packed(points),
-        "colors": _base64(_bytes(by_label)),
-        "seen": _base64(_bytes(seen)),
-        "kinds": _base64(kinds.astype(np.uint8)),
-        "sizes": _base64(np.rint(spacing / size_step).astype(np.uint8)),
+        **packed_points(points),
+        "colors": packed_bytes(_bytes(by_label)),
+        "seen": packed_bytes(_bytes(seen)),
+        "kinds": packed_bytes(kinds.astype(np.uint8)),
+        "sizes": packed_bytes(np.rint(spacing / size_step).astype(np.uint8)),
         "sizeStep": round(size_step, 9),
     }
 
@@ -206,8 +206,12 @@ def _lines(report: Report) -> dict[str, Any]:
         height = float(grasp.T_base_hand.p[2])
         outline = reach_outline(sampled_reach(report.robot, grasp.arm), height)
         pairs = [np.stack([line[:-1], line[1:]], axis=1) for line in outline]
-        reach[grasp.arm] = _packed(np.concatenate([np.zeros((0, 2, 3)), *pairs]))
-    return {"region": _packed(region), "grid": _packed(grid), "reach": reach}
+        reach[grasp.arm] = packed_points(np.concatenate([np.zeros((0, 2, 3)), *pairs]))
+    return {
+        "region": packed_points(region),
+        "grid": packed_points(grid),
+        "reach": reach,
+    }
 
 
 def _image(image: LabelImage, report: Report) -> dict[str, Any]:
@@ -231,19 +235,27 @@ def _image(image: LabelImage, report: Report) -> dict[str, Any]:
 
 
 def _mesh(mesh: Mesh) -> dict[str, Any]:
-    return {**_packed(mesh.vertices), "faces": _base64(mesh.faces.astype("<u4"))}
+    return {
+        **packed_points(mesh.vertices),
+        "faces": packed_bytes(mesh.faces.astype("<u4")),
+    }
 
 
-def _packed(points: FloatArray) -> dict[str, Any]:
+def packed_points(points: FloatArray) -> dict[str, Any]:
     """Points (..., 3) as ``low + step * integer``."""
     flat = points.reshape(-1, 3)
     low = flat.min(axis=0) if len(flat) else np.zeros(3)
     step = max(float((flat - low).max(initial=0.0)), 1e-6) / 65535.0
     steps = np.rint((flat - low) / step).astype("<u2")
-    return {"low": _rounded(low), "step": float(f"{step:.9g}"), "at": _base64(steps)}
+    return {
+        "low": _rounded(low),
+        "step": float(f"{step:.9g}"),
+        "at": packed_bytes(steps),
+    }
 
 
-def _base64(array: NDArray[Any]) -> str:
+def packed_bytes(array: NDArray[Any]) -> str:
+    """Bytes of an array in base64."""
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
 
 

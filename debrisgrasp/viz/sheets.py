@@ -13,7 +13,14 @@ from debrisgrasp.geometry import SE3, PointCloud
 from debrisgrasp.prototypes import GraspPrototype, GripperModel
 from debrisgrasp.segmentation import Candidate, Segmentation
 
-from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, HAND_COLORS, INK, MUTED_INK
+from .colors import (
+    BACKGROUND_COLOR,
+    CHOSEN_COLOR,
+    HAND_COLORS,
+    INK,
+    KIND_COLORS,
+    MUTED_INK,
+)
 from .overlay import label_image
 from .page import Page, Slot, draw_picture, draw_segments, shortened, wrapped
 from .raster import Splats, render
@@ -57,13 +64,23 @@ def segmentation_png(
     slot = Slot(_FRAME, 92, 1080, 810)
     width = 1700 if order else 1080 + 2 * _FRAME
     page = Page(width, 932)
-    image = label_image(cloud, segmentation.labels, capture)
+    report = segmentation.ground
+    image = label_image(cloud, segmentation.labels, capture, report.kinds)
     n = len(segmentation.segments)
     name = "Segments" if capture is None else capture.name
     page.text(_FRAME, 18, shortened(name, 70), 18, weight="bold")
-    ground = f"ground {segmentation.ground.status}: {segmentation.ground.reason}"
+    ground = f"ground {report.status}: {report.reason}"
     note = f"{n} segment{'s' * (n != 1)}; {ground}"
-    page.text(_FRAME, 58, shortened(note, 190 if order else 130), 11, color=MUTED_INK)
+    page.text(_FRAME, 50, shortened(note, 190 if order else 130), 11, color=MUTED_INK)
+    x = _FRAME
+    for kind, color in KIND_COLORS.items():
+        count = report.counts.get(kind.name.lower())
+        if count:
+            text = f"■ {kind.name.lower()} {count}"
+            page.text(x, 70, text, 10.5, color=color, weight="bold")
+            x += 9 * len(text)
+    if report.pose_doubt:
+        page.text(x, 70, shortened(report.pose_doubt, 100), 10.5, color=INK)
     chosen = order[0].label if order else 0
     draw_segments(page.panel(slot), image, slot, chosen=chosen, order=order)
     if order:

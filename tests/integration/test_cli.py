@@ -211,6 +211,33 @@ def test_select_orders_objects_with_reasons(run, block_file, tmp_path):
     objects = run("segment", block_file, "--json").json["objects"]
     assert {e["object"] for e in order} == {e["label"] for e in objects}
     assert report.read_bytes()[:4] == b"\x89PNG"
+    page = tmp_path / "order.html"
+    assert run("select", block_file, "--report", page).status == 0
+    assert "weight [N]" in page.read_text()
+
+
+def test_select_takes_the_policy_and_the_pick_of_the_user(run, block_file):
+    by_priority = run("select", block_file, "--json", "--policy", "priority").json
+    assert "nearest point" in by_priority[0]["reason"]
+    last = by_priority[-1]["object"]
+    picked = run("select", block_file, "--json", "--pick", last).json
+    assert picked[0]["object"] == last
+    assert picked[0]["reason"].startswith("picked by the operator; ")
+
+
+@pytest.mark.parametrize(
+    ("pick", "expected"),
+    [("99", "unknown segment label"), ("0,0", "no object"), ("9,9,9", "picked point")],
+)
+def test_a_pick_of_nothing_is_refused(refused, block_file, pick, expected):
+    assert expected in refused("select", block_file, "--pick", pick)
+
+
+@pytest.mark.parametrize("pick", ["one", "1,2,3,4", "1.5,2"])
+def test_a_pick_that_is_none_is_refused(refused, block_file, pick):
+    assert "a label N, a pixel U,V or a point" in refused(
+        "select", block_file, "--pick", pick
+    )
 
 
 def test_prototype_list_names_the_dictionary(run, dictionary):

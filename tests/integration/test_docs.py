@@ -16,6 +16,7 @@ import debrisgrasp
 from debrisgrasp.cli.program import build_parser
 from debrisgrasp.io import data_path
 from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, check
+from debrisgrasp.segmentation import SupportAware
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -152,6 +153,18 @@ def test_settings_of_the_planner_are_listed_with_their_defaults():
         for item in fields(pipeline)
         if not is_dataclass(getattr(pipeline, item.name))
     }
+    assert listed == actual
+
+
+def test_settings_of_selection_are_listed_with_their_defaults():
+    rows = re.findall(
+        r"^\| `([\w.]+)` \| ([\d(][^|]*) \|",
+        (ROOT / "docs/selection.md").read_text(),
+        re.M,
+    )
+    listed = {name: ast.literal_eval(value) for name, value in rows}
+    actual = settings(SupportAware())
+    del actual["point"]  # an array; the text names it
     assert listed == actual
 
 

@@ -18,6 +18,9 @@ TELLING = {
     "01_segment_a_pile": "1. object",
     "02_plan_and_explain": "it looks like a",
     "03_plan_a_folder": "best Q",
+    "10_lift_a_beam": "hand that turns: done",
+    "11_guarded_approach": "guarded: touched something",
+    "12_calibrate": "ptu_tilt_joint slipped by",
 }
 
 
@@ -38,7 +41,9 @@ def test_every_example_is_tested():
     assert {path.stem for path in EXAMPLES.glob("*.py")} == set(TELLING)
 
 
-@pytest.mark.parametrize("name", ["01_segment_a_pile", "02_plan_and_explain"])
+@pytest.mark.parametrize(
+    "name", ["01_segment_a_pile", "02_plan_and_explain", "12_calibrate"]
+)
 def test_runs_on_the_bundled_capture(name, tmp_path):
     assert TELLING[name] in run(name, cwd=tmp_path)
 
@@ -60,3 +65,11 @@ def test_plans_a_folder(tmp_path):
         "pile.html",
         "pile.png",
     }
+
+
+@pytest.mark.parametrize("name", ["10_lift_a_beam", "11_guarded_approach"])
+def test_rehearses_a_leg_and_draws_it(name, tmp_path):
+    output = run(name, str(tmp_path / "leg.png"), cwd=tmp_path)
+    assert TELLING[name] in output
+    assert "limit" in output
+    assert (tmp_path / "leg.png").stat().st_size > 20_000

@@ -25,6 +25,7 @@ LAYERS = {
     "worlds": 3,
     "planning": 4,
     "control": 4,
+    "motion": 4,
     "sim": 5,
     "io": 5,
     "viz": 5,
@@ -33,6 +34,7 @@ LAYERS = {
     "_reasons": 5,
     "perception": 7,
     "pipeline": 8,
+    "executable": 8,
     "api": 9,
     "cli": 10,
 }

@@ -1,0 +1,316 @@
+"""The command ``calibrate``: solve, choose postures, watch for drift."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp._calibrating import (
+    CalibrationRig,
+    PosturePlan,
+    choose_postures,
+    observations_of,
+    rig_of,
+)
+from debrisgrasp.calibration import (
+    Calibration,
+    CalibrationConfig,
+    DriftMonitor,
+    DriftStatus,
+    Known,
+    calibrate,
+)
+from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.io.calibration_json import (
+    StoredCalibration,
+    calibration_to_dict,
+    load_calibration,
+    save_calibration,
+)
+from debrisgrasp.io.observations_file import (
+    ObservationFile,
+    load_observations,
+    save_observations,
+)
+
+from . import marker_commands
+from .calibrate_text import change_in_words, plan_table, plan_to_list, summary
+from .marker_commands import require_free_places
+from .tables import columns
+
+__all__ = ["add"]
+
+_ACTIONS = ("solve", "choose", "find", "pick", "watch")
+_MOST_SUGGESTIONS = 6
+
+
+def add(subparsers: Any) -> None:
+    """Add ``calibrate OBSERVATIONS`` and its further actions."""
+    parser = subparsers.add_parser(
+        "calibrate",
+        help="find where the camera is, and how well that is known",
+        description="`calibrate OBSERVATIONS` is short for `calibrate solve "
+        "OBSERVATIONS`.",
+    )
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    _add_solve(actions)
+    _add_choose(actions)
+    marker_commands.add_find(actions)
+    marker_commands.add_pick(actions)
+    _add_watch(actions)
+    parse = parser.parse_known_args
+
+    def parse_known_args(words: Any = None, namespace: Any = None) -> Any:
+        # A file in the place of the action is what to solve.
+        known = (*_ACTIONS, "-h", "--help")
+        if words and words[0] not in known:
+            words = ["solve", *words]
+        return parse(words, namespace)
+
+    parser.parse_known_args = parse_known_args
+
+
+def _add_solve(actions: Any) -> None:
+    parser = actions.add_parser("solve", help="fit the camera's pose to observations")
+    parser.add_argument("observations", type=Path, help="a .yaml, .json or .csv file")
+    _add_robot(parser, "overrides the one in the observations")
+    parser.add_argument(
+        "--previous",
+        type=Path,
+        metavar="FILE",
+        help="calibration to start from: it is kept if it still fits, and a slipped "
+        "head needs 3 places only",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="result as JSON")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="picture as .png")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=run_solve)
+
+
+def run_solve(arguments: argparse.Namespace) -> int:
+    """Calibrate; status 1 if the result is refused."""
+    source = arguments.observations
+    require_free_places(source, {".json": arguments.out, ".png": arguments.report})
+    given = load_observations(source)
+    rig = rig_of(given, source.parent, arguments.robot, arguments.fiducial)
+    previous = load_calibration(arguments.previous) if arguments.previous else None
+    known = None if rig is None else Known(head=rig.head)
+    if previous is not None:
+        known = previous.known
+    observations = observations_of(given, rig)
+    reference = None
+    if rig is not None and len(rig.reference):
+        reference = rig.reference
+    config = CalibrationConfig()
+    result = calibrate(observations, known, reference=reference, config=config)
+    plan = None if rig is None else _next_postures(rig, result, config)
+    content = calibration_to_dict(
+        result,
+        date=datetime.now(UTC),
+        T_base_shoulder=None if rig is None else rig.T_base_shoulder,
+    )
+    change, kept = None, None
+    if arguments.out:
+        change, kept = save_calibration(arguments.out, content)
+    words = "" if change is None or kept is None else change_in_words(change, kept)
+    if arguments.report:
+        _draw(arguments.report, source.name, result, plan, words)
+    if arguments.json:
+        print(json.dumps({**content, "next": plan_to_list(plan)}, indent=1))
+    else:
+        print(summary(result, plan))
+        if words:
+            print(words)
+        written = [str(p) for p in (arguments.out, arguments.report) if p]
+        if written:
+            print("wrote " + ", ".join(written))
+    return 0 if result.decision.accepted else 1
+
+
+def _next_postures(
+    rig: CalibrationRig, result: Calibration, config: CalibrationConfig
+) -> PosturePlan | None:
+    """Postures that would bring a result that was refused below its limit."""
+    if result.decision.accepted:
+        return None
+    try:
+        plan = choose_postures(
+            rig,
+            _MOST_SUGGESTIONS,
+            rng=np.random.default_rng(0),
+            information=np.asarray(np.linalg.inv(result.covariance)),
+        )
+    except InputError:
+        return None  # the robot can't show it; the refusal has said what is wrong
+    needed = plan.choice.needed(config.max_rms) or _MOST_SUGGESTIONS
+    return plan.shortened(max(needed, config.min_places - _n_used(result), 1))
+
+
+def _add_choose(actions: Any) -> None:
+    parser = actions.add_parser(
+        "choose",
+        help="postures of the arm that tell most about the camera",
+        description="Choose postures that the camera sees and in which the robot "
+        "touches nothing of itself. The way between them is not looked at.",
+    )
+    _add_robot(parser, "default: roman")
+    parser.add_argument(
+        "-n", type=int, default=8, dest="count", help="how many (default: 8)"
+    )
+    parser.add_argument(
+        "--known", type=Path, metavar="FILE", help="calibration to add to"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="default: 0")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="observations to be filled in, JSON"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=run_choose)
+
+
+def run_choose(arguments: argparse.Namespace) -> int:
+    """Choose postures."""
+    robot = arguments.robot or "roman"
+    given = ObservationFile(rows=())
+    rig = rig_of(given, Path(), robot, arguments.fiducial)
+    if rig is None or not 1 <= arguments.count <= 100 or arguments.seed < 0:
+        raise ConfigError(
+            "-n, --seed",
+            got=(arguments.count, arguments.seed),
+            expected="1 to 100, and 0 or more",
+        )
+    stored = load_calibration(arguments.known) if arguments.known else None
+    plan = choose_postures(
+        rig,
+        arguments.count,
+        rng=np.random.default_rng(arguments.seed),
+        information=None
+        if stored is None
+        else np.asarray(np.linalg.inv(stored.covariance)),
+        T_base_camera=None if stored is None else stored.T_base_camera,
+    )
+    if arguments.out:
+        save_observations(plan.to_file(str(robot), rig.fiducial), arguments.out)
+    if arguments.json:
+        print(json.dumps(plan_to_list(plan), indent=1))
+        return 0
+    print(plan_table(plan))
+    config = CalibrationConfig()
+    needed = plan.choice.needed(config.max_rms)
+    if needed is None:
+        print(f"\nall of them leave more than {1e3 * config.max_rms:g} mm: choose more")
+    else:
+        fewest = config.min_places if stored is None else 1
+        print(
+            f"\nthe first {max(needed, fewest)} bring the error below "
+            f"{1e3 * config.max_rms:g} mm; the more, the surer a wrong pick is found"
+        )
+    if arguments.out:
+        print(f"wrote {arguments.out}")
+    return 0
+
+
+def _add_watch(actions: Any) -> None:
+    parser = actions.add_parser(
+        "watch", help="has the camera moved since it was calibrated?"
+    )
+    parser.add_argument("calibration", type=Path, help="JSON of an accepted one")
+    parser.add_argument(
+        "looks", type=Path, help="observations since then, oldest first"
+    )
+    _add_robot(parser, "overrides the one in the looks")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=run_watch)
+
+
+def run_watch(arguments: argparse.Namespace) -> int:
+    """Judge looks one after the other; status 1 if the last one alarms."""
+    stored = load_calibration(arguments.calibration)
+    stored.require_accepted()
+    given = load_observations(arguments.looks)
+    rig = rig_of(given, arguments.looks.parent, arguments.robot, arguments.fiducial)
+    looks = observations_of(given, rig)
+    _require_same_head(stored, looks.readings.shape[1])
+    monitor, reports = DriftMonitor(calibration=stored), []
+    for i in range(len(looks)):
+        monitor, report = monitor.seen(looks.selected([i]))
+        reports.append(report)
+    if arguments.json:
+        facts = [
+            {
+                "look": name,
+                "status": r.status.value,
+                "gap": round(r.gap, 6),
+                "shift": r.shift.round(6).tolist(),
+                "p_value": r.p_value,
+                "suspect": r.suspect,
+            }
+            for name, r in zip(looks.names, reports, strict=True)
+        ]
+        print(json.dumps(facts, indent=1))
+    else:
+        rows = [
+            [
+                name,
+                r.status.value,
+                f"{1e3 * r.gap:.1f}",
+                f"{1e3 * np.linalg.norm(r.shift):.1f}",
+                f"{r.p_value:.1g}",
+                r.suspect or "-",
+            ]
+            for name, r in zip(looks.names, reports, strict=True)
+        ]
+        header = ["look", "status", "gap [mm]", "shift [mm]", "p", "suspect"]
+        print(columns(header, rows))
+        trend = reports[-1].trend
+        if trend is not None and trend.looks_left is not None:
+            print(
+                f"\ngrowing by {1e3 * trend.per_look:.2f} mm a look: "
+                f"{trend.looks_left} looks until grasps begin to miss"
+            )
+    return 1 if reports[-1].status is DriftStatus.ALARM else 0
+
+
+def _add_robot(parser: argparse.ArgumentParser, words: str) -> None:
+    parser.add_argument("--robot", help=f"a shipped robot or a YAML file; {words}")
+    parser.add_argument("--fiducial", metavar="LINK", help="link that carries it")
+
+
+def _require_same_head(stored: StoredCalibration, n_joints: int) -> None:
+    if stored.head.n_joints != n_joints:
+        raise ConfigError(
+            "looks",
+            got=f"{n_joints} joints of the head",
+            expected=f"{stored.head.n_joints}, as the calibration has",
+            mend="Name the same robot and fiducial as for the calibration.",
+        )
+
+
+def _n_used(result: Calibration) -> int:
+    return int((~result.is_outlier).sum())
+
+
+def _draw(
+    path: Path, name: str, result: Calibration, plan: PosturePlan | None, change: str
+) -> None:
+    viz: ModuleType = import_module("debrisgrasp.viz.calibration")
+    suggestions = ()
+    if plan is not None:
+        suggestions = tuple(
+            viz.Suggestion(name=p.name, place=p.place, rms_after=error.rms)
+            for p, error in zip(plan.postures, plan.choice.errors, strict=True)
+        )
+    picture = viz.CalibrationPicture(
+        title=f"Calibration from {name}",
+        calibration=result,
+        suggestions=suggestions,
+        change=change,
+    )
+    viz.calibration_png(path, picture)

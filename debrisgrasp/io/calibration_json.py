@@ -1,0 +1,323 @@
+"""Calibrations as JSON; a new one never replaces an old one, which is kept beside."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import FloatArray, frozen, require_finite
+from debrisgrasp._files import read_json, read_text, write_atomic
+from debrisgrasp.calibration import Calibration, Head, Known, displacement
+from debrisgrasp.errors import ConfigError, InputError, OutputError
+from debrisgrasp.geometry import SE3, so3
+
+__all__ = [
+    "SCHEMA",
+    "StoredCalibration",
+    "calibration_to_dict",
+    "difference",
+    "load_calibration",
+    "save_calibration",
+]
+
+SCHEMA = "debrisgrasp/calibration/1"
+_DIGITS = 12
+_CONVENTION = (
+    "T_true = exp(twist) @ T_base_camera; twist = (vx, vy, vz, wx, wy, wz) "
+    "[m, rad], linear part first, about the origin of base, in base axes"
+)
+_HEAD_CONVENTION = (
+    "mount twist (v, w) [m, rad] in the camera frame, "
+    "T_base_camera @ exp(twist), then the offsets of the joints [rad]"
+)
+
+
+def calibration_to_dict(
+    calibration: Calibration,
+    *,
+    date: datetime,
+    T_base_shoulder: SE3 | None = None,
+) -> dict[str, Any]:
+    """Calibration as JSON values.
+
+    Parameters
+    ----------
+    calibration
+        Result to write.
+    date
+        When it was made.
+    T_base_shoulder
+        Pose of the link that carries arm and camera, if it is not the base.
+    """
+    c = calibration
+    pose = c.T_base_camera
+    shoulder = None
+    if T_base_shoulder is not None:
+        shoulder = _rounded((T_base_shoulder.inverse() @ pose).matrix)
+    return {
+        "schema": SCHEMA,
+        "date": date.astimezone(UTC).isoformat(timespec="seconds"),
+        "accepted": c.decision.accepted,
+        "findings": [
+            {"problem": f.problem, "remedy": f.remedy} for f in c.decision.findings
+        ],
+        "notes": list(c.decision.notes),
+        "T_base_camera": _rounded(pose.matrix),
+        "T_shoulder_camera": shoulder,
+        "covariance": _rounded(c.covariance, 18),
+        "covariance_convention": _CONVENTION,
+        "predicted_error": {
+            "rms": _rounded(c.error.rms),
+            "worst": _rounded(c.error.worst),
+            "worst_at": _rounded(c.error.worst_at),
+            "lower": _rounded(c.error.bounds.lower),
+            "upper": _rounded(c.error.bounds.upper),
+        },
+        "rmse": _rounded(c.rmse),
+        "lever": _rounded(c.lever),
+        "model": c.model,
+        "why_model": c.why_model,
+        "attempts": [
+            {
+                "model": a.model,
+                "used": a.n_used,
+                "chi_square": _rounded(a.chi_square),
+                "degrees_of_freedom": a.degrees_of_freedom,
+                "p_value": a.p_value,
+            }
+            for a in c.attempts
+        ],
+        "fiducial_shift": _rounded(c.fiducial),
+        "head": _head_to_dict(c),
+        "observations": _observations_to_list(c),
+        "kinematic_sigma": c.observations.kinematic_sigma,
+        "versions": {
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("debrisgrasp", "numpy", "scipy")},
+        },
+    }
+
+
+def save_calibration(
+    path: str | os.PathLike[str], content: Mapping[str, Any]
+) -> tuple[dict[str, Any] | None, Path | None]:
+    """Write a calibration; one that is there already moves aside first.
+
+    Returns
+    -------
+    difference, kept
+        How far the new one is from the old one (see `difference`), which is in the file
+        too, and where the old one is now; both None if there was none.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written; nothing is lost then.
+    ConfigError
+        If what is there is no calibration.
+    """
+    path = Path(path)
+    if not path.exists():
+        write_atomic(path, _text(content))
+        return None, None
+    old = load_calibration(path)
+    change = difference(old, content)
+    kept = _beside(path, old.date)
+    write_atomic(kept, read_text(path))
+    write_atomic(
+        path, _text({**content, "previous": {"file": kept.name, "difference": change}})
+    )
+    return change, kept
+
+
+def difference(old: StoredCalibration, new: Mapping[str, Any]) -> dict[str, Any]:
+    """How far two calibrations are apart, and whether their covariances explain it."""
+    T_old, T_new = old.T_base_camera, SE3.from_matrix(new["T_base_camera"])
+    moved = displacement(T_old, T_new)
+    change = T_new @ T_old.inverse()
+    covariance = old.covariance + np.array(new["covariance"])
+    twist = change.log()
+    spread = float(np.sqrt(twist @ np.linalg.solve(covariance, twist) / 6.0))
+    turn = float(np.linalg.norm(so3.log(T_old.R.T @ T_new.R)))
+    return {
+        "translation": _rounded(np.linalg.norm(T_new.p - T_old.p)),
+        "rotation": _rounded(turn),
+        "workspace_rms": _rounded(np.sqrt(np.mean(moved**2))),
+        "workspace_worst": _rounded(moved.max()),
+        "in_standard_deviations": round(spread, 3),
+    }
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class StoredCalibration:
+    """What a calibration's file says about the camera."""
+
+    T_base_camera: SE3
+    """Pose of the camera while the head reads `reference`."""
+    covariance: FloatArray
+    """Of that pose, shape (6, 6); see `Calibration`."""
+    head: Head
+    reference: FloatArray
+    head_covariance: FloatArray
+    """Of mount and offsets, shape (6 + k, 6 + k); see `Calibration`."""
+    fiducial: FloatArray
+    """Shift of the fiducial from where the model has it, frame of its link [m]."""
+    date: str
+    problems: tuple[str, ...]
+    """Why it was refused; empty if it was accepted."""
+    path: Path
+
+    @property
+    def known(self) -> Known:
+        """What a new calibration may start from."""
+        return Known(head=self.head, mount_covariance=self.head_covariance[:6, :6])
+
+    def require_accepted(self) -> None:
+        """Raise `ConfigError` if the calibration was refused."""
+        if self.problems:
+            raise ConfigError(
+                f"calibration {self.path}",
+                got="one that was refused: " + "; ".join(self.problems),
+                expected="an accepted one",
+                mend="Calibrate again. To look at a scene nevertheless, give the file "
+                "as --camera-pose.",
+            )
+
+
+def load_calibration(path: str | os.PathLike[str]) -> StoredCalibration:
+    """Read a calibration back, accepted or not.
+
+    Raises
+    ------
+    ConfigError
+        Naming the file and the field that is missing or wrong.
+    """
+    path = Path(path)
+    content = _load(path)
+    try:
+        return _stored(content, path)
+    except KeyError as error:
+        raise ConfigError(
+            f"{path}", got=f"no field {error}", expected=f"the fields of {SCHEMA}"
+        ) from error
+    except InputError as error:
+        raise ConfigError(
+            f"{path}: {error.what}",
+            got=error.got,
+            expected=error.expected,
+            mend=error.mend,
+        ) from error
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ConfigError(
+            f"{path}", got=str(error), expected=f"values as in {SCHEMA}"
+        ) from error
+
+
+def _stored(content: dict[str, Any], path: Path) -> StoredCalibration:
+    head = content["head"]
+    names = tuple(map(str, head["joints"]))
+    k = len(names)
+    problems = tuple(str(f["problem"]) for f in content["findings"])
+    return StoredCalibration(
+        T_base_camera=SE3.from_matrix(content["T_base_camera"], "T_base_camera"),
+        covariance=_covariance(content["covariance"], 6),
+        head=Head(
+            T_base_camera_at_zero=SE3.from_matrix(
+                head["T_base_camera_at_zero"], "T_base_camera_at_zero"
+            ),
+            axes=np.array(head["axes"], dtype=np.float64).reshape(-1, 3),
+            points=np.array(head["points"], dtype=np.float64).reshape(-1, 3),
+            joint_names=names,
+            offsets=np.array(head["offsets"], dtype=np.float64),
+        ),
+        reference=frozen(head["reference"], "reference", (k,)),
+        head_covariance=_covariance(head["covariance"], 6 + k),
+        fiducial=frozen(content["fiducial_shift"], "fiducial_shift", (3,)),
+        date=str(content["date"]),
+        problems=problems or (() if content["accepted"] else ("no reason given",)),
+        path=path,
+    )
+
+
+def _covariance(rows: Any, size: int) -> FloatArray:
+    """Check a covariance: finite, symmetric, without negative variances."""
+    matrix = frozen(rows, "covariance", (size, size))
+    require_finite(matrix, "covariance")
+    if (
+        not np.allclose(matrix, matrix.T, atol=1e-9)
+        or (np.diagonal(matrix) < 0.0).any()
+    ):
+        raise ConfigError(
+            "covariance", got="no covariance", expected="a symmetric matrix, variances"
+        )
+    return matrix
+
+
+def _head_to_dict(calibration: Calibration) -> dict[str, Any]:
+    head = calibration.head
+    return {
+        "joints": list(head.joint_names),
+        "reference": _rounded(calibration.reference),
+        "offsets": _rounded(np.asarray(head.offsets)),
+        "T_base_camera_at_zero": _rounded(head.T_base_camera_at_zero.matrix),
+        "axes": _rounded(head.axes),
+        "points": _rounded(head.points),
+        "covariance": _rounded(calibration.head_covariance, 18),
+        "covariance_convention": _HEAD_CONVENTION,
+    }
+
+
+def _observations_to_list(calibration: Calibration) -> list[dict[str, Any]]:
+    seen = calibration.observations
+    return [
+        {
+            "name": name,
+            "position": _rounded(seen.points_base[i]),
+            "point": _rounded(seen.points_camera[i]),
+            "sigma": _rounded(np.asarray(seen.sigmas)[i]),
+            "head": _rounded(seen.readings[i]),
+            "residual": _rounded(calibration.gaps[i]),
+            "held_out_error": _rounded(calibration.held_out[i]),
+            "outlier": bool(calibration.is_outlier[i]),
+        }
+        for i, name in enumerate(seen.names)
+    ]
+
+
+def _load(path: Path) -> dict[str, Any]:
+    content = read_json(path)
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        got = content.get("schema") if isinstance(content, dict) else type(content)
+        raise ConfigError(f"schema of {path}", got=got, expected=SCHEMA)
+    return content
+
+
+def _beside(path: Path, date: str) -> Path:
+    """Free name beside a file, with the date of what is in it."""
+    stamp = re.sub(r"[^0-9A-Za-z]+", "-", date.split("+")[0]).strip("-") or "undated"
+    for number in range(1, 1000):
+        suffix = "" if number == 1 else f"-{number}"
+        kept = path.with_name(f"{path.stem}.{stamp}{suffix}{path.suffix}")
+        if not kept.exists():
+            return kept
+    raise OutputError(path, "a thousand older ones lie beside it already")
+
+
+def _text(content: Mapping[str, Any]) -> str:
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def _rounded(values: ArrayLike, digits: int = _DIGITS) -> Any:
+    array: FloatArray = np.asarray(values, dtype=np.float64)
+    return (np.round(array, digits) + 0.0).tolist()

@@ -1,0 +1,257 @@
+"""Observations of a fiducial as people write them down: YAML, JSON or CSV."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from debrisgrasp._files import read_json, read_text, read_yaml, write_atomic
+from debrisgrasp.errors import ConfigError
+
+__all__ = [
+    "SCHEMA",
+    "ObservationFile",
+    "ObservationRow",
+    "load_observations",
+    "save_observations",
+]
+
+SCHEMA = "debrisgrasp/observations/1"
+_BASE = ("base_x", "base_y", "base_z")
+_CAMERA = ("camera_x", "camera_y", "camera_z")
+
+Vector = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservationRow:
+    """One look at the fiducial."""
+
+    name: str
+    point: Vector | None = None
+    """Where the camera has it, optical frame [m], three numbers; None as long as it has
+    not been measured."""
+    joints: Mapping[str, float] = field(default_factory=dict)
+    """Joint values by name [rad or m], of the arm, the head, or both."""
+    position: Vector | None = None
+    """Where the arm has it, base frame [m]; None to compute it from the joints."""
+    sigma: Vector | None = None
+    """Standard deviation of the measurement [m], one number or three; None: as in the
+    file's head."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservationFile:
+    """All looks of one session, and the robot they were made with."""
+
+    rows: tuple[ObservationRow, ...]
+    robot: str | None = None
+    """Name of a shipped robot, or path of a robot's file."""
+    fiducial: str | None = None
+    """Link of the robot at whose origin the fiducial sits."""
+    sigma: float | None = None
+    kinematic_sigma: float | None = None
+
+
+def load_observations(path: str | os.PathLike[str]) -> ObservationFile:
+    """Read observations (docs/calibration.md has the formats).
+
+    Raises
+    ------
+    ConfigError
+        Naming the file, the observation and the field that is wrong.
+    """
+    path = Path(path)
+    match path.suffix.lower():
+        case ".csv":
+            return _from_csv(path)
+        case ".json":
+            return _from_mapping(read_json(path), path)
+        case ".yaml" | ".yml":
+            return _from_mapping(read_yaml(path), path)
+    raise ConfigError(
+        "kind of observations file",
+        got=f"suffix {path.suffix!r}",
+        expected=".yaml, .json or .csv",
+    )
+
+
+def save_observations(given: ObservationFile, path: str | os.PathLike[str]) -> None:
+    """Write observations as JSON, which YAML readers take too."""
+    head = {
+        "schema": SCHEMA,
+        "robot": given.robot,
+        "fiducial": given.fiducial,
+        "sigma": given.sigma,
+        "kinematic_sigma": given.kinematic_sigma,
+    }
+    rows = [
+        {
+            "name": row.name,
+            "joints": dict(row.joints),
+            "position": row.position,
+            "point": row.point,
+            "sigma": row.sigma,
+        }
+        for row in given.rows
+    ]
+    content: dict[str, Any] = {k: v for k, v in head.items() if v is not None}
+    content["observations"] = [
+        {k: v for k, v in row.items() if k == "point" or v not in (None, {})}
+        for row in rows
+    ]
+    write_atomic(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def _from_mapping(content: Any, path: Path) -> ObservationFile:
+    if not isinstance(content, dict) or not isinstance(
+        content.get("observations"), list
+    ):
+        raise ConfigError(
+            str(path),
+            got=type(content).__name__
+            if not isinstance(content, dict)
+            else "no list of observations",
+            expected="a mapping with the list `observations`",
+        )
+    known = ("schema", "robot", "fiducial", "sigma", "kinematic_sigma", "observations")
+    _allow(content, known, str(path))
+    if content.get("schema", SCHEMA) != SCHEMA:
+        raise ConfigError(f"schema of {path}", got=content["schema"], expected=SCHEMA)
+    rows = [
+        _row(item, f"observation {number} of {path}", str(number))
+        for number, item in enumerate(content["observations"], start=1)
+    ]
+    names = {key: content.get(key) for key in ("robot", "fiducial")}
+    for key, value in names.items():
+        if value is not None and not isinstance(value, str):
+            raise ConfigError(f"{key} of {path}", got=repr(value), expected="a name")
+    sigmas = {
+        key: None
+        if content.get(key) is None
+        else _number(content[key], f"{key} of {path}")
+        for key in ("sigma", "kinematic_sigma")
+    }
+    return ObservationFile(
+        rows=_named_apart(rows, path),
+        robot=names["robot"],
+        fiducial=names["fiducial"],
+        sigma=sigmas["sigma"],
+        kinematic_sigma=sigmas["kinematic_sigma"],
+    )
+
+
+def _row(content: Any, where: str, default_name: str) -> ObservationRow:
+    if not isinstance(content, dict):
+        raise ConfigError(where, got=repr(content), expected="a mapping of fields")
+    _allow(content, ("name", "joints", "position", "point", "sigma"), where)
+    joints = content.get("joints") or {}
+    if not isinstance(joints, dict):
+        raise ConfigError(
+            f"joints of {where}", got=repr(joints), expected="a mapping of joint names"
+        )
+    if not joints and content.get("position") is None:
+        raise ConfigError(
+            where,
+            got="neither joints nor position",
+            expected="joint values by name, or the fiducial's position in base",
+        )
+    sigma = content.get("sigma")
+    if sigma is not None and not isinstance(sigma, list):
+        sigma = [sigma]
+    return ObservationRow(
+        name=str(content.get("name", default_name)),
+        point=None
+        if content.get("point") is None
+        else _vector(content["point"], f"point of {where}", (3,)),
+        joints={
+            str(name): _number(value, f"joint {name} of {where}")
+            for name, value in joints.items()
+        },
+        position=None
+        if content.get("position") is None
+        else _vector(content["position"], f"position of {where}", (3,)),
+        sigma=None if sigma is None else _vector(sigma, f"sigma of {where}", (1, 3)),
+    )
+
+
+def _from_csv(path: Path) -> ObservationFile:
+    lines = [line for line in read_text(path).splitlines() if line.strip()]
+    reader = csv.DictReader(StringIO("\n".join(lines)), skipinitialspace=True)
+    columns = [name.strip() for name in reader.fieldnames or ()]
+    reader.fieldnames = columns
+    if len(set(columns)) != len(columns) or not set(_CAMERA) <= set(columns):
+        raise ConfigError(
+            f"columns of {path}",
+            got=", ".join(columns) or "none",
+            expected="distinct ones, with " + ", ".join(_CAMERA),
+            mend="Further columns: name, sigma, base_x, base_y, base_z, joint names.",
+        )
+    rows = []
+    for number, cells in enumerate(reader, start=1):
+        where = f"observation {number} of {path}"
+        if None in cells or None in cells.values():
+            raise ConfigError(
+                where,
+                got="a row of another length",
+                expected=f"{len(columns)} cells, as in the first line",
+            )
+        filled = {k: v.strip() for k, v in cells.items() if v.strip()}
+        content: dict[str, Any] = {"name": filled.pop("name", str(number))}
+        for key, names in (("point", _CAMERA), ("position", _BASE)):
+            values = [filled.pop(name, None) for name in names]
+            if any(value is not None for value in values):
+                content[key] = values
+        if "sigma" in filled:
+            content["sigma"] = filled.pop("sigma")
+        content["joints"] = filled
+        rows.append(_row(content, where, str(number)))
+    return ObservationFile(rows=_named_apart(rows, path))
+
+
+def _named_apart(
+    rows: Sequence[ObservationRow], path: Path
+) -> tuple[ObservationRow, ...]:
+    names = [row.name for row in rows]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(
+                f"names of observations in {path}",
+                got=f"{name!r} {names.count(name)} times",
+                expected="each once",
+            )
+    return tuple(rows)
+
+
+def _allow(content: Mapping[Any, Any], known: Iterable[str], where: str) -> None:
+    for key in content:
+        if key not in known:
+            raise ConfigError(
+                f"field {key!r} of {where}",
+                got="an unknown field",
+                expected="one of " + ", ".join(known),
+            )
+
+
+def _vector(values: Any, name: str, sizes: tuple[int, ...]) -> Vector:
+    if not isinstance(values, list) or len(values) not in sizes:
+        wanted = " or ".join(map(str, sizes))
+        raise ConfigError(name, got=repr(values), expected=f"{wanted} numbers")
+    return tuple(_number(value, name) for value in values)
+
+
+def _number(value: Any, name: str) -> float:
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ConfigError(name, got=repr(value), expected="a finite number")
+    return number

@@ -1,0 +1,270 @@
+"""From a posture to a pose of the hand, touching nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import FloatArray, Rng, require_finite
+from debrisgrasp._stopwatch import Progress, Stopwatch
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import (
+    ArmCollision,
+    ArmReach,
+    IkResult,
+    IkStatus,
+    KinematicChain,
+    LimitSet,
+    ReachMap,
+    solve,
+    solve_distinct,
+)
+
+from .config import MotionConfig
+from .exact import ExactArm, ExactTest
+from .query import MotionQuery
+from .result import MotionPlan, MotionStatus
+from .space import MotionSpace
+from .spheres import ArmSpheres
+
+__all__ = ["MotionPlanner"]
+
+
+class MotionPlanner:
+    """Plans for one arm, in any space."""
+
+    def __init__(
+        self,
+        collision: ArmCollision,
+        limits: LimitSet,
+        *,
+        reach_map: ReachMap | None = None,
+        config: MotionConfig | None = None,
+    ) -> None:
+        """Prepare for one arm.
+
+        Parameters
+        ----------
+        collision
+            The robot's body, in segments that the arm's chain moves.
+        limits
+            What every trajectory keeps, and is bound to; the planner's of a family.
+        reach_map
+            Of the chain, if there is one: rules goals out and finds postures faster.
+        """
+        self.chain: KinematicChain = collision.body.chain
+        if limits.joint_names != self.chain.joint_names:
+            raise ConfigError(
+                "joints of the limits",
+                got=", ".join(limits.joint_names),
+                expected=", ".join(self.chain.joint_names),
+            )
+        self.limits, self.config = limits, config or MotionConfig()
+        self._map = reach_map
+        self._spheres = ArmSpheres(collision.body)
+        self._solids = ExactArm(collision.body)
+
+    @classmethod
+    def of_arm(
+        cls,
+        arm: ArmReach,
+        *,
+        limits: LimitSet | None = None,
+        config: MotionConfig | None = None,
+    ) -> MotionPlanner:
+        """Prepare for an arm of a robot, with its planner's limits by default."""
+        limits = limits or arm.robot.limits(arm.name, arm.chain).planner
+        return cls(arm.collision, limits, reach_map=arm.reach_map, config=config)
+
+    def plan(
+        self,
+        q_start: ArrayLike,
+        goal: SE3 | ArrayLike,
+        space: MotionSpace,
+        *,
+        rng: Rng,
+        deadline: float | None = None,
+        progress: Progress | None = None,
+    ) -> MotionPlan:
+        """Plan from a posture to a pose of the hand, or to any of several postures.
+
+        Parameters
+        ----------
+        q_start
+            Posture now (d,) [rad or m].
+        goal
+            Pose of the chain's tip in base, or postures (g, d) or (d,).
+        space
+            Obstacles. Unknown space near the start counts as free, see
+            `MotionConfig.start_room`.
+        rng
+            The same state gives the same motion.
+        deadline
+            Seconds after which the search gives up.
+        progress
+            Called as the work goes on.
+
+        Raises
+        ------
+        InputError
+            If the start, or all postures given as goals, lie outside the limits, or
+            contain NaN.
+        ConfigError
+            If the deadline is not a positive time.
+        """
+        if deadline is not None and not deadline > 0:
+            raise ConfigError(
+                "deadline",
+                got=f"{deadline} s",
+                expected="a positive number of seconds, or none",
+            )
+        start = self._checked(q_start, "start posture", (self.chain.n_joints,))
+        self._require_within(start[None], "start posture")
+        watch = Stopwatch(deadline, progress or _in_silence)
+        query = MotionQuery(
+            spheres_of_arm=self._spheres,
+            solids_of_arm=self._solids,
+            limits=self.limits,
+            config=self.config,
+            space=self._opened(space, start),
+            start=start,
+            rng=rng,
+            watch=watch,
+        )
+        with watch.stage("start"):
+            contacts = query.at_start()
+        if contacts:
+            reason = "; ".join(map(str, contacts))
+            return query.failed(MotionStatus.START_IN_COLLISION, reason, contacts)
+        with watch.stage("goal"):
+            goals, reason = self._goals(start, goal, rng)
+        if not len(goals):
+            return query.failed(MotionStatus.NO_GOAL_POSTURE, reason)
+        return query.solved(goals)
+
+    def exact_test(self, space: MotionSpace, *, with_hand: bool = True) -> ExactTest:
+        """Return the test of the final check, by the links' solids.
+
+        Parameters
+        ----------
+        space
+            Obstacles.
+        with_hand
+            Whether the hand, too, is tested against the space: not where it grips.
+        """
+        return ExactTest(
+            arm=self._solids,
+            space=space,
+            margin=self.config.margin,
+            self_margin=self.config.self_margin,
+            with_hand=with_hand,
+        )
+
+    def goal_postures(
+        self, q_start: ArrayLike, T_base_goal: SE3, *, rng: Rng
+    ) -> FloatArray:
+        """Postures (g, d) within limits that take the hand to a pose; maybe none.
+
+        The nearest to the start (d,) comes first; contact is not looked at.
+        """
+        start = self._checked(q_start, "start posture", (self.chain.n_joints,))
+        return self._goals(start, T_base_goal, rng)[0]
+
+    def _checked(self, q: ArrayLike, what: str, shape: tuple[int, ...]) -> FloatArray:
+        try:
+            array = np.array(q, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ShapeError(what, got=repr(q), expected=f"numbers, {shape}") from error
+        if array.shape != shape:
+            raise ShapeError(f"shape of {what}", got=array.shape, expected=f"{shape}")
+        require_finite(array, what)
+        return array
+
+    def _require_within(self, q: FloatArray, what: str) -> None:
+        broken = [self.limits.violation(row) for row in q]
+        if all(broken):
+            raise InputError(
+                what,
+                got=broken[0],
+                expected="within the planner's limits",
+                mend="Move the arm back inside them first, joint by joint.",
+            )
+
+    def _opened(self, space: MotionSpace, start: FloatArray) -> MotionSpace:
+        """Space in which what is unknown around the robot at its start is free."""
+        if space.unknown is None:
+            return space
+        R, p = self._spheres.poses(start[None])
+        centers = self._spheres.centers(R, p)[..., 0].T
+        radii = self._spheres.radii[:, 0]
+        near = space.unknown_tree.query_ball_point(
+            centers, radii + self.config.margin, return_length=True
+        )
+        if not near.any():
+            return space
+        balls = np.column_stack([centers, radii + self.config.start_room])
+        return replace(space, opened=balls.astype(np.float32))
+
+    def _goals(
+        self, start: FloatArray, goal: SE3 | ArrayLike, rng: Rng
+    ) -> tuple[FloatArray, str]:
+        """Postures of the goal (g, d), nearest to the start first, or why none."""
+        chain, limits = self.chain, self.limits
+        if isinstance(goal, SE3):
+            q, reason = self._postures_at(start, goal, rng)
+        else:
+            rows = np.atleast_2d(np.asarray(goal, dtype=np.float64))
+            q = self._checked(rows, "goal postures", (len(rows), chain.n_joints))
+            self._require_within(q, "goal postures")
+            reason = ""
+        q = chain.unwound(q, start)
+        within = ((q >= limits.lower) & (q <= limits.upper)).all(axis=1)
+        if len(q) and not within.any():
+            reason = f"all {len(q)} found lie outside the planner's limits"
+        q = q[within]
+        order = np.argsort(np.abs(q - start).max(axis=1), kind="stable")
+        return q[order], reason
+
+    def _postures_at(
+        self, start: FloatArray, goal: SE3, rng: Rng
+    ) -> tuple[FloatArray, str]:
+        """Postures (g, d) that take the hand to a pose, or why there are none."""
+        if goal.matrix.shape != (4, 4):
+            raise ShapeError("shape of goal", got=goal.matrix.shape, expected="(4, 4)")
+        require_finite(goal.matrix, "pose of the goal")
+        config, chain = self.config, self.chain
+        near = solve(
+            chain,
+            goal,
+            q_seed=start,
+            reach_map=self._map,
+            rng=rng,
+            config=config.ik,
+        )
+        if not near.is_solved:
+            return np.zeros((0, chain.n_joints)), _why_unreached(near)
+        more = solve_distinct(
+            chain,
+            goal,
+            config.n_goals - 1,
+            reach_map=self._map,
+            rng=rng,
+            config=config.ik,
+        )
+        return np.concatenate([near.q[None], more.q[more.is_solved]]), ""
+
+
+def _why_unreached(near: IkResult) -> str:
+    if near.status == IkStatus.UNREACHABLE:
+        return "it is out of the arm's reach for certain"
+    held = ", held by a joint limit" if near.status == IkStatus.LIMIT else ""
+    away = f"{1000 * float(near.position_error):.0f} mm and "
+    away += f"{np.degrees(float(near.rotation_error)):.0f} degrees"
+    return f"the nearest any attempt gets is {away} away{held}"
+
+
+def _in_silence(_stage: str, _share: float) -> None:
+    """Tell nobody."""

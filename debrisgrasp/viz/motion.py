@@ -1,0 +1,217 @@
+"""Pictures of an arm's motion: postures overlaid, and its joints over time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.geometry import PointCloud, voxel_downsample
+from debrisgrasp.kinematics import LimitSet, RobotModel, Trajectory
+
+from .colors import BACKGROUND_COLOR, GROUND_COLOR, INK, MUTED_INK, hex_color
+from .page import Page, Slot, draw_picture, shortened
+from .raster import Mesh, Splats, render
+from .scene import ground_grid, merged, point_spacing
+from .view import View
+
+__all__ = ["MotionTrack", "motion_png"]
+
+_SIZE = (1500, 1010)
+_PANELS = (Slot(30, 120, 710, 560), Slot(760, 120, 710, 560))
+_PLOTS = (Slot(75, 730, 655, 220), Slot(805, 730, 655, 220))
+_DIRECTIONS = ((-0.75, 0.75, -0.5), (-0.35, -0.9, -0.35))
+_START, _END = np.array([0.60, 0.74, 0.90]), np.array([0.05, 0.30, 0.66])
+_TORSO = (0.70, 0.73, 0.77)
+_BAD = np.array([0.80, 0.10, 0.15])
+_PATH = (0.93, 0.45, 0.05)
+_SHOWN = 2.0
+"""Points of the scene farther from the base than this are not drawn [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MotionTrack:
+    """One motion of an arm, in one or several pieces."""
+
+    label: str
+    trajectories: Sequence[Trajectory]
+    """Pieces, each of which begins where the one before it ends."""
+    limits: LimitSet
+    touches: FloatArray | None = None
+    """Postures (k, d) in which the arm touches something: drawn in red."""
+
+    def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Posture and speed at times (n,) from the start of the first piece."""
+        q = np.empty((len(t), self.limits.n_joints))
+        dq = np.empty_like(q)
+        begin = 0.0
+        for piece in self.trajectories:
+            rows = t >= begin
+            q[rows], dq[rows], _ = piece.at(t[rows] - begin)
+            begin += piece.duration
+        return q, dq
+
+    @property
+    def duration(self) -> float:
+        """Seconds of all pieces."""
+        return sum(piece.duration for piece in self.trajectories)
+
+
+def motion_png(
+    path: str | os.PathLike[str],
+    title: str,
+    robot: RobotModel,
+    arm: str,
+    tracks: Sequence[MotionTrack],
+    *,
+    cloud: PointCloud | None = None,
+    n_postures: int = 6,
+    note: str = "",
+) -> None:
+    """Draw one motion from two sides, or two motions beside each other.
+
+    Parameters
+    ----------
+    path
+        PNG to write, 1500 x 1010 pixels.
+    tracks
+        One or two; their joints are those of the arm's chain.
+    cloud
+        What was measured, base frame.
+    n_postures
+        How many postures of each motion are drawn, first and last among them; the
+        later, the darker.
+
+    Raises
+    ------
+    OutputError
+        If the file can't be written.
+    """
+    page = Page(*_SIZE)
+    page.text(30, 20, shortened(title, 80), 20, weight="bold")
+    page.text(30, 62, shortened(note, 150), 11.5, color=MUTED_INK)
+    shown = [*tracks, tracks[0]][:2]
+    is_pair = len(tracks) > 1
+    for i, (track, slot) in enumerate(zip(shown, _PANELS, strict=True)):
+        side = "seen from the front, " + ("right", "left")[0 if is_pair else i]
+        axes = page.titled_panel(slot, track.label if is_pair or not i else "", side)
+        direction = _DIRECTIONS[0 if is_pair else i]
+        colors = _rendered(robot, arm, track, cloud, direction, slot, n_postures)
+        draw_picture(axes, colors, slot)
+    for i, slot in enumerate(_PLOTS):
+        track = shown[i]
+        kind = "speed" if is_pair or i else "posture"
+        heading = f"{'Speed' if kind == 'speed' else 'Posture'} of the joints"
+        axes = _scaled(page, slot, heading)
+        _draw_joints(axes, track, of_speed=kind == "speed")
+    page.write(path)
+
+
+def _rendered(
+    robot: RobotModel,
+    arm: str,
+    track: MotionTrack,
+    cloud: PointCloud | None,
+    direction: Sequence[float],
+    slot: Slot,
+    n_postures: int,
+) -> FloatArray:
+    chain = robot.chain(arm)
+    joints = track.limits.joint_names
+    moved_by_last = robot.tree.links_below(
+        robot.tree.joints[joints[1 if len(joints) > 7 else 0]].child
+    )
+    q, _ = track.at(np.linspace(0.0, track.duration, n_postures))
+    groups: list[Mesh] = []
+    for k, row in enumerate(q):
+        share = k / max(1, n_postures - 1)
+        r, g, b = ((1.0 - share) * _START + share * _END).tolist()
+        groups.append(_arm_mesh(robot, joints, row, moved_by_last, (r, g, b)))
+    if track.touches is not None:
+        for row in track.touches:
+            r, g, b = _BAD.tolist()
+            groups.append(_arm_mesh(robot, joints, row, moved_by_last, (r, g, b)))
+    values = dict(zip(joints, q[-1].tolist(), strict=True))
+    still = (s for n, s in robot.links_solids(values) if n not in moved_by_last)
+    groups.append(merged(still, _TORSO))
+    way, _ = track.at(np.linspace(0.0, track.duration, 400))
+    tips = chain.fk(way).p
+    splats = [_dots(tips, _PATH, 0.012)]
+    corners = np.concatenate([tips, *(group.vertices for group in groups)])
+    if cloud is not None:
+        near = cloud.points[np.abs(cloud.points).max(axis=1) < _SHOWN]
+        near = near[voxel_downsample(near, 0.008)]
+        corners = np.concatenate([corners, near])
+        shade = np.asarray(GROUND_COLOR) * np.where(near[:, 2:] > 0.02, 0.72, 1.05)
+        colors = np.clip(shade, 0.0, 1.0)
+        splats.append(Splats(near, colors, np.minimum(point_spacing(near), 0.013)))
+    else:
+        splats.append(_dots_of(ground_grid(corners, 0.5)))
+    view = View.fitted(corners, direction, slot.size, margin=1.02)
+    background = np.array(BACKGROUND_COLOR)
+    return render(view, splats, groups, background=background).colors
+
+
+def _arm_mesh(
+    robot: RobotModel,
+    joints: Sequence[str],
+    q: FloatArray,
+    links: frozenset[str],
+    color: tuple[float, float, float],
+) -> Mesh:
+    values = dict(zip(joints, q.tolist(), strict=True))
+    return merged((s for n, s in robot.links_solids(values) if n in links), color)
+
+
+def _dots(points: FloatArray, color: Sequence[float], size: float) -> Splats:
+    colors = np.tile(np.asarray(color), (len(points), 1))
+    return Splats(points, colors, np.full(len(points), size))
+
+
+def _dots_of(lines: FloatArray) -> Splats:
+    """Lines (l, 2, 3) as rows of discs."""
+    share = np.linspace(0.0, 1.0, 400)[:, None]
+    points = lines[:, 0, None] * (1.0 - share) + lines[:, 1, None] * share
+    return _dots(points.reshape(-1, 3), (0.80, 0.82, 0.85), 0.006)
+
+
+def _scaled(page: Page, slot: Slot, title: str) -> Axes:
+    axes = page.titled_panel(slot, title)
+    axes.xaxis.set_major_locator(MaxNLocator(8))
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+    axes.set_xlim(auto=True)
+    axes.set_ylim(auto=True)
+    axes.invert_yaxis()
+    axes.tick_params(labelsize=9.5, colors=hex_color(MUTED_INK), length=3)
+    axes.grid(color="#e4e7ec", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.set_xlabel("seconds", fontsize=10, color=hex_color(MUTED_INK))
+    return axes
+
+
+def _draw_joints(axes: Axes, track: MotionTrack, *, of_speed: bool) -> None:
+    t = np.linspace(0.0, track.duration, 500)
+    q, dq = track.at(t)
+    values = dq / track.limits.velocity if of_speed else q
+    for i in range(values.shape[1]):
+        axes.plot(t, values[:, i], linewidth=1.5, label=str(i + 1))
+    if of_speed:
+        for bound in (-1.0, 1.0):
+            axes.axhline(bound, color=hex_color(INK), linewidth=1.0, linestyle="--")
+        axes.set_ylim(-1.15, 1.5)
+    begin = 0.0
+    for piece in track.trajectories[:-1]:
+        begin += piece.duration
+        axes.axvline(begin, color=hex_color(MUTED_INK), linewidth=0.8)
+    if not of_speed:
+        low, high = float(values.min()), float(values.max())
+        axes.set_ylim(low - 0.2, high + 0.2 * (high - low) + 0.2)
+    unit = "share of the limit" if of_speed else "rad"
+    axes.set_ylabel(unit, fontsize=10, color=hex_color(MUTED_INK))
+    axes.set_xlim(0.0, max(track.duration, 1e-3))
+    axes.legend(fontsize=8, ncols=8, loc="upper right", handlelength=1.2)

@@ -1,0 +1,168 @@
+"""What both forms of the selection report show: nodes, arrows, and doubtful borders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import PointCloud
+from debrisgrasp.segmentation import (
+    GROUND,
+    Candidate,
+    Segmentation,
+    SegmentEdges,
+    SupportGraph,
+)
+
+from .overlay import LabelImage, label_anchors, label_image, painted
+from .report import Image
+
+__all__ = ["DOUBT_COLOR", "Arrow", "Node", "SelectionReport", "SupportLayer"]
+
+DOUBT_COLOR = (1.0, 0.85, 0.1)
+"""Borders at which two segments may be one object."""
+
+_SHOWN = 0.25
+"""Relations less likely than this would only clutter the picture."""
+_DOUBTFUL = 0.25
+"""Score from which on a border is marked: less is kept apart without doubt."""
+_UNSURE = 0.6
+"""Certainty below which a segment may be several objects."""
+_BRIDGE = 3
+"""Pixels without measurement that a border may span on either side."""
+_DASH = 9
+"""Length of a dash of a doubtful border [pixels]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SelectionReport:
+    """A capture, who lies on whom in it, and the order of removal."""
+
+    cloud: PointCloud
+    segmentation: Segmentation
+    support: SupportGraph
+    order: tuple[Candidate, ...]
+    capture: Image | None = None
+    """Where ``cloud`` came from, for its name and colours; None if there is none."""
+
+    def __post_init__(self) -> None:
+        self.cloud.require_frame("base")
+        if self.segmentation.labels.shape != (len(self.cloud),):
+            raise InputError(
+                "segmentation of the report",
+                got=f"labels of shape {self.segmentation.labels.shape}",
+                expected=f"one label for each of the {len(self.cloud)} points",
+            )
+
+    @property
+    def title(self) -> str:
+        """Heading of the report."""
+        return "Selection" if self.capture is None else self.capture.name
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """An object, where it is drawn."""
+
+    label: int
+    place: int
+    """Its turn, from 1; 0 if it is not in the order."""
+    u: float
+    v: float
+    is_on_ground: bool
+    is_unsure: bool
+    """Whether the segment may be several objects."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrow:
+    """A relation between two nodes, from what rests to what carries it."""
+
+    above: Node
+    below: Node
+    confidence: float
+    is_leaning: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SupportLayer:
+    """The picture of a report and what is drawn over it, in pixels of the picture."""
+
+    colors: FloatArray
+    """Red, green, blue in [0, 1], shape (H, W, 3), borders in doubt marked."""
+    nodes: dict[int, Node]
+    """By label."""
+    arrows: tuple[Arrow, ...]
+    """The least likely first, so that the others lie over it."""
+
+    @classmethod
+    def of(cls, report: SelectionReport) -> SupportLayer:
+        """Lay out a report."""
+        segmentation, support = report.segmentation, report.support
+        ground = segmentation.ground
+        image = label_image(
+            report.cloud, segmentation.labels, report.capture, ground.kinds
+        )
+        chosen = report.order[0].label if report.order else 0
+        colors = painted(image, chosen, strength=0.42)
+        border = _doubtful_borders(image, segmentation.edges)
+        colors[border] = DOUBT_COLOR
+        place = {item.label: turn for turn, item in enumerate(report.order, start=1)}
+        below = dict(_supports(support))
+        nodes = {
+            label: Node(
+                label=label,
+                place=place.get(label, 0),
+                u=u,
+                v=v,
+                is_on_ground=below.get((label, GROUND), (0.0, False))[0] >= 0.5,
+                is_unsure=segmentation.segment(label).certainty < _UNSURE,
+            )
+            for label, (u, v) in label_anchors(image.labels).items()
+        }
+        arrows = [
+            Arrow(nodes[a], nodes[b], confidence, is_leaning)
+            for (a, b), (confidence, is_leaning) in below.items()
+            if confidence >= _SHOWN and a in nodes and b in nodes
+        ]
+        arrows.sort(key=lambda arrow: arrow.confidence)
+        return cls(colors, nodes, tuple(arrows))
+
+
+def _supports(
+    support: SupportGraph,
+) -> Iterator[tuple[tuple[int, int], tuple[float, bool]]]:
+    """Pairs (above, below) with confidence, and whether it leans."""
+    for (a, b), confidence, is_leaning in zip(
+        support.relations.tolist(),
+        support.confidence.tolist(),
+        support.is_leaning.tolist(),
+        strict=True,
+    ):
+        yield (a, b), (confidence, is_leaning)
+
+
+def _doubtful_borders(image: LabelImage, edges: SegmentEdges) -> BoolArray:
+    """Pixels of dashed lines along the borders of what may be one object."""
+    n = int(image.labels.max(initial=0)) + 1
+    doubtful = np.zeros((n, n), dtype=np.bool_)
+    pairs = edges.labels[(edges.score >= _DOUBTFUL) & (edges.labels < n).all(axis=1)]
+    doubtful[pairs[:, 0], pairs[:, 1]] = doubtful[pairs[:, 1], pairs[:, 0]] = True
+    marked = np.zeros(image.labels.shape, dtype=np.bool_)
+    for axis in (0, 1):
+        labels, line = np.moveaxis(image.labels, axis, 0), np.moveaxis(marked, axis, 0)
+        meets = doubtful[labels[: -2 * _BRIDGE], labels[2 * _BRIDGE :]]
+        line[_BRIDGE:-_BRIDGE] |= meets
+    # Thinned to the middle of the band, so that all borders are equally wide.
+    depth = ndimage.distance_transform_edt(marked)
+    core = marked & (depth >= ndimage.maximum_filter(depth, 3) - 0.5)
+    wide = ndimage.binary_dilation(core, iterations=1)
+    height, width = image.labels.shape
+    row, column = np.arange(height)[:, None] // _DASH, np.arange(width) // _DASH
+    dash: BoolArray = wide & ((row + column) % 2 == 0)
+    return dash

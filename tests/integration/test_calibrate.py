@@ -1,0 +1,244 @@
+"""From observations to a verdict, a picture, and a pose that captures are read with."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import debrisgrasp
+from debrisgrasp._calibrating import CalibrationRig, View, choose_postures, rig_of
+from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
+from debrisgrasp.geometry import Intrinsics, so3
+from debrisgrasp.io import Capture, data_path
+from debrisgrasp.io.observations_file import ObservationFile, load_observations
+from debrisgrasp.kinematics import RobotModel
+from tests.benchmarks.led_views import led_view
+
+LOOKS = data_path("calibration", "roman_looks.yaml")
+LATER = data_path("calibration", "roman_later.yaml")
+LED = "right_robotiq_led_frame"
+
+
+@pytest.fixture(scope="module")
+def rig() -> CalibrationRig:
+    return CalibrationRig(robot=RobotModel.load("roman"), fiducial=LED)
+
+
+@pytest.fixture
+def calibration_file(run, tmp_path):
+    path = tmp_path / "camera.json"
+    assert run("calibrate", LOOKS, "--out", path).status == 0
+    return path
+
+
+def test_the_bundled_looks_are_calibrated_and_the_wrong_pick_is_named(run, tmp_path):
+    ended = run(
+        "calibrate", LOOKS, "--out", tmp_path / "c.json", "--report", tmp_path / "c.png"
+    )
+    assert ended.status == 0
+    assert ended.out.startswith("accepted")
+    assert "wrong pick: look_5" in ended.out
+    assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+    facts = json.loads((tmp_path / "c.json").read_text())
+    shoulder = np.array(facts["T_shoulder_camera"])
+    base = np.array(facts["T_base_camera"])
+    # RoMan's torso link stands at (0.33, 0, 0.25), unturned.
+    assert base[:3, 3] - shoulder[:3, 3] == pytest.approx([0.33, 0.0, 0.25])
+    assert [o["outlier"] for o in facts["observations"]].count(True) == 1
+
+
+def test_the_facade_gives_what_the_command_writes(calibration_file):
+    found = debrisgrasp.calibrate(LOOKS)
+    facts = json.loads(calibration_file.read_text())
+    assert found.T_base_camera.matrix == pytest.approx(np.array(facts["T_base_camera"]))
+
+
+def test_too_few_looks_are_refused_with_what_to_do(run, tmp_path):
+    content = json.loads(run("calibrate", LOOKS, "--json").out)
+    rows = [
+        {"name": o["name"], "position": o["position"], "point": o["point"]}
+        for o in content["observations"][:4]
+    ]
+    path = tmp_path / "few.json"
+    path.write_text(json.dumps({"observations": rows}))
+    named = run("calibrate", path, "--robot", "roman", "--fiducial", LED)
+    assert named.status == 1
+    assert "REFUSED" in named.out
+    assert "5 are needed" in named.out
+    assert "measure next" in named.out
+    unnamed = run("calibrate", path)
+    assert unnamed.status == 1
+    assert "measure next" not in unnamed.out
+
+
+def test_a_slip_is_seen_and_mended_with_few_looks(run, calibration_file):
+    watched = run("calibrate", "watch", calibration_file, LATER)
+    assert watched.status == 1
+    assert "ptu_tilt_joint slipped by" in watched.out
+    mended = run(
+        "calibrate", LATER, "--previous", calibration_file, "--out", calibration_file
+    )
+    assert mended.status == 0
+    assert "'slipped head'" in mended.out
+    assert "against the one before" in mended.out
+    assert len(list(calibration_file.parent.glob("camera*.json"))) == 2
+    again = run("calibrate", "watch", calibration_file, LATER, "--json")
+    assert again.status == 0
+    assert {look["status"] for look in again.json} == {"steady"}
+
+
+def test_a_capture_is_read_with_a_calibration(run, calibration_file, refused):
+    capture = data_path("captures", "pile.npz")
+    ended = run("segment", capture, "--calibration", calibration_file, "--json")
+    own = run("segment", capture, "--json")
+    assert ended.status == own.status == 0
+    assert ended.json["objects"] != own.json["objects"]
+    assert "one of them" in refused(
+        "segment", capture, "--calibration", calibration_file, "--camera-pose", "level"
+    )
+
+
+def test_a_refused_calibration_is_not_taken(run, refused, tmp_path):
+    content = json.loads(run("calibrate", LOOKS, "--json").out)
+    content |= {"accepted": False, "findings": [{"problem": "bad", "remedy": "x"}]}
+    path = tmp_path / "bad.json"
+    path.write_text(json.dumps(content))
+    capture = data_path("captures", "pile.npz")
+    assert "refused: bad" in refused("segment", capture, "--calibration", path)
+
+
+def test_postures_are_chosen_into_a_file_to_be_filled_in(run, tmp_path, refused):
+    path = tmp_path / "todo.json"
+    ended = run("calibrate", "choose", "--fiducial", LED, "-n", 6, "--out", path)
+    assert ended.status == 0
+    assert "bring the error below 4 mm" in ended.out
+    given = load_observations(path)
+    assert len(given.rows) == 6
+    assert (given.robot, given.fiducial) == ("roman", LED)
+    assert "no point for look_1" in refused("calibrate", path)
+    assert "default" not in refused("calibrate", "choose")
+
+
+def test_the_camera_sees_what_was_chosen_and_nothing_is_touched(rig, rng):
+    view = View()
+    plan = choose_postures(rig, 8, rng=rng)
+    for posture in plan.postures:
+        poses = rig.robot.link_poses(posture.joints)
+        T_camera_led = poses[rig.camera].inverse() @ poses[LED]
+        pixel, depth = view.intrinsics.project(T_camera_led.p)
+        assert pixel == pytest.approx(posture.pixel, abs=1e-6)
+        assert view.nearest < depth < view.farthest
+        assert poses[LED].p == pytest.approx(posture.place, abs=1e-9)
+        q = rig.chain.vector(posture.joints)
+        assert not rig.collision.hits_itself(q)
+        ray = poses[LED].p + np.linspace(0.04, 0.88, 60)[:, None] * (
+            poses[rig.camera].p - poses[LED].p
+        )
+        for link, solid in rig.robot.links_solids(posture.joints):
+            assert not solid.contains(ray).any(), link
+
+
+def test_the_torso_does_not_matter(rig):
+    given = load_observations(LOOKS)
+    turned = ObservationFile(
+        rows=tuple(
+            type(r)(name=r.name, point=r.point, joints={**r.joints, "torso_joint": 0.4})
+            for r in given.rows
+        )
+    )
+    a, b = rig.observations(given), rig.observations(turned)
+    assert a.points_base == pytest.approx(b.points_base)
+
+
+def test_the_rig_agrees_with_the_robot(rig):
+    rest = rig.head.T_base_camera(rig.reference)
+    assert rest.matrix == pytest.approx(rig.robot.T_base_camera().matrix)
+    turned = {"ptu_pan_joint": 0.3, "ptu_tilt_joint": 0.1}
+    moved = rig.head.T_base_camera([0.3, 0.1])
+    assert moved.matrix == pytest.approx(rig.robot.T_base_camera(turned).matrix)
+    led = rig.robot.link_poses(rig.robot.posture("right", "ready"))[LED]
+    q = rig.chain.vector(rig.robot.posture("right", "ready"))
+    assert rig.chain.fk(q).matrix == pytest.approx(led.matrix)
+    # It looks out of the side of the palm.
+    palm = rig.robot.link_poses()["right_robotiq_palm_link"].R
+    assert np.linalg.norm(
+        so3.log(palm.T @ rig.robot.link_poses()[LED].R)
+    ) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("joints", "word"),
+    [
+        ({"right_arm_joint1": 45.0}, "degrees"),
+        ({"right_arm_joint9": 0.1}, "right_arm_joint9"),
+        ({}, "every joint"),
+    ],
+)
+def test_joints_that_can_not_be_are_refused(rig, joints, word):
+    row = load_observations(LOOKS).rows[0]
+    merged = {**row.joints, **joints} if joints else {"ptu_pan_joint": 0.0}
+    bad = type(row)(name="x", point=row.point, joints=merged)
+    with pytest.raises(InputError, match=word):
+        rig.observations(ObservationFile(rows=(bad,)))
+
+
+def test_what_carries_no_fiducial_is_refused(tmp_path):
+    with pytest.raises(UnknownNameError, match="led_fram"):
+        CalibrationRig(robot=RobotModel.load("roman"), fiducial="led_fram")
+    still = CalibrationRig(robot=RobotModel.load("roman"), fiducial="chassis_link")
+    with pytest.raises(ConfigError, match="no arm moves"):
+        _ = still.arm
+    with pytest.raises(ConfigError, match="--fiducial"):
+        rig_of(ObservationFile(rows=()), tmp_path, "roman")
+
+
+def test_an_led_is_found_from_the_command_line(run, tmp_path):
+    view = led_view(np.random.default_rng(4))
+    # A window of a larger picture has no sound intrinsics of its own.
+    side = view.intrinsics.width
+    shift = np.array([side / 2 - view.pixel[0], side / 2 - view.pixel[1]]).round()
+    assert np.abs(shift).max() < side
+    k = view.intrinsics
+    frames = {"on": view.on, "off": view.off}
+    height, width = 480, 848
+    u0, v0 = round(423.5 - k.cx), round(239.5 - k.cy)
+    if not (0 <= u0 < width - side and 0 <= v0 < height - side):
+        pytest.skip("this view lies across the border")
+    depth = np.zeros((height, width))
+    depth[v0 : v0 + side, u0 : u0 + side] = view.depth
+    camera = Intrinsics(
+        fx=k.fx, fy=k.fy, cx=k.cx + u0, cy=k.cy + v0, width=width, height=height
+    )
+    for name, frame in frames.items():
+        rgb = np.zeros((height, width, 3), dtype=np.uint8)
+        rgb[v0 : v0 + side, u0 : u0 + side] = frame
+        Capture(depth=depth, intrinsics=camera, rgb=rgb).save(tmp_path / f"{name}.npz")
+    where = [f"{x:.4f}" for x in view.expected]
+    found = run(
+        "calibrate", "find", tmp_path / "on.npz", "--off", tmp_path / "off.npz",
+        "--expected", *where, "--json",
+    )  # fmt: skip
+    assert found.status == 0
+    assert found.json["point"] == pytest.approx(view.point, abs=0.01)
+    nothing = run("calibrate", "find", tmp_path / "off.npz", "--expected", *where)
+    assert nothing.status == 1
+    assert nothing.out.startswith("no marker: ")
+
+
+def test_a_page_to_pick_in_is_written(run, tmp_path, pipe_file):
+    todo = tmp_path / "todo.json"
+    run("calibrate", "choose", "--fiducial", LED, "-n", 2, "--out", todo)
+    page = tmp_path / "pick.html"
+    ended = run(
+        "calibrate", "pick", pipe_file, pipe_file, "--into", todo, "--report", page
+    )
+    assert ended.status == 0
+    text = page.read_text()
+    assert "{{" not in text
+    start = text.index('id="data">') + len('id="data">')
+    content = json.loads(text[start : text.index("</script>", start)])
+    assert content["header"]["fiducial"] == LED
+    assert [v["observation"]["name"] for v in content["views"]] == ["look_1", "look_2"]
+    assert content["views"][0]["camera"][:2] == [240.0, 240.0]

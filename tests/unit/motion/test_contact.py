@@ -1,0 +1,136 @@
+"""Spheres, grids and solids against brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.geometry import SE3, DepthSight, Intrinsics, PointCloud
+from debrisgrasp.kinematics import ArmCollision
+from debrisgrasp.motion import MotionSpace, UnknownSpace
+from debrisgrasp.motion.spheres import ArmSpheres, SphereTest
+
+from .conftest import GROUND
+
+
+@pytest.fixture(scope="module")
+def clutter() -> MotionSpace:
+    """Crumbs all over the workspace."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform([0.7, -1.1, 0.02], [1.4, 0.2, 0.8], (40, 3))
+    return MotionSpace.from_points(points, ground_plane=GROUND)
+
+
+@pytest.fixture(scope="module")
+def postures(arm) -> np.ndarray:
+    rng = np.random.default_rng(6)
+    q = arm.q_present + rng.normal(0.0, 0.5, (120, 8))
+    return np.clip(q, arm.chain.lower, arm.chain.upper)
+
+
+def by_brute_force(arm, space: MotionSpace, q: np.ndarray, margin: float) -> bool:
+    """Every solid that moves, placed by the robot model, against every point."""
+    moved = dict(zip(arm.joint_names, q, strict=True))
+    moving = {p.link for p in arm.collision.body.parts if p.segment > 0}
+    for link, solid in arm.robot.links_solids(moved):
+        if link not in moving:
+            continue
+        if (solid.signed_distance(space.measured_points) < margin).any():
+            return False
+        if solid.mesh()[0][:, 2].min() < margin:
+            return False
+    return True
+
+
+def test_exact_contact_equals_brute_force(arm, planner, clutter, postures):
+    test = planner.exact_test(clutter)
+    oracle = [by_brute_force(arm, clutter, q, test.margin) for q in postures]
+    body = ArmCollision(body=test.arm.body, self_margin=test.self_margin)
+    oracle = np.array(oracle) & ~body.hits_itself(postures)
+    np.testing.assert_array_equal(test.is_free(postures), oracle)
+    assert 10 < oracle.sum() < 110
+
+
+def test_contacts_name_the_links_and_what_they_touch(arm, planner):
+    palm = arm.chain.fk(arm.q_present).p
+    space = MotionSpace.from_points(palm[None], ground_plane=GROUND)
+    found = planner.exact_test(space).contacts(arm.q_present)
+    assert found
+    assert all("robotiq" in contact.link for contact in found)
+    assert {contact.what for contact in found} == {"a measured surface"}
+    assert not planner.exact_test(space, with_hand=False).contacts(arm.q_present)
+
+
+def test_spheres_that_are_sure_are_right(arm, planner, clutter, postures):
+    exact = planner.exact_test(clutter)
+    spheres = SphereTest(
+        arm=ArmSpheres(arm.collision.body),
+        space=clutter,
+        margin=exact.margin,
+        self_margin=exact.self_margin,
+        is_strict=True,
+    )
+    sure, right = spheres(postures), exact.is_free(postures)
+    assert right[sure].all()
+    assert sure.sum() > 0.5 * right.sum()
+
+
+def test_spheres_see_near_points_as_brute_force_does(rng, clutter):
+    centers = rng.uniform([0.2, -1.1, -0.1], [1.5, 0.8, 1.0], (3000, 3))
+    radii = rng.uniform(0.01, 0.08, 3000)
+    away = np.linalg.norm(centers[:, None] - clutter.measured_points, axis=-1).min(1)
+    near = (away < radii + 0.01) | (centers[:, 2] < radii + 0.01)
+    assert 300 < near.sum() < 2700
+    each = {
+        is_strict: np.array(
+            [
+                clutter.hits(
+                    c[:, None, None].astype(np.float32),
+                    np.full((1, 1), r, np.float32),
+                    0.01,
+                    is_strict=is_strict,
+                )[0]
+                for c, r in zip(centers, radii, strict=True)
+            ]
+        )
+        for is_strict in (False, True)
+    }
+    np.testing.assert_array_equal(each[True], near)
+    # The grid keeps one point a cell, so that it misses a few.
+    assert not (each[False] & ~near).any()
+    assert np.count_nonzero(each[False] != near) < 30
+
+
+def looking_down() -> tuple[PointCloud, DepthSight]:
+    """A camera 1 m above a table 0.3 m wide that hides the ground below it."""
+    camera = Intrinsics(fx=100.0, fy=100.0, cx=49.5, cy=49.5, width=100, height=100)
+    T = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.array([1.0, 0.0, 1.0]))
+    v, u = np.mgrid[0:100, 0:100]
+    is_table = (np.abs(u - 49.5) < 25) & (np.abs(v - 49.5) < 25)
+    depth = np.where(is_table, 0.6, 1.0).astype(np.float32)
+    rays = np.stack([(u - 49.5) / 100.0, (v - 49.5) / 100.0, np.ones(u.shape)], axis=-1)
+    points = T.apply((rays * depth[..., None]).reshape(-1, 3))
+    cloud = PointCloud(points, np.full(points.shape, np.nan), T.p)
+    return cloud, DepthSight(depth, camera, T)
+
+
+@pytest.mark.parametrize(
+    ("unknown", "below", "beside"),
+    [
+        (UnknownSpace.IGNORED, False, False),
+        (UnknownSpace.HIDDEN, True, False),
+        (UnknownSpace.ALL, True, True),
+    ],
+)
+def test_what_counts_as_unknown_is_the_policys_choice(unknown, below, beside):
+    cloud, sight = looking_down()
+    space = MotionSpace.build(cloud, sight, GROUND, unknown=unknown)
+    radius = np.full((1, 1), 0.03, np.float32)
+
+    def hits(x, y, z):
+        return bool(space.hits(np.float32([x, y, z]).reshape(3, 1, 1), radius, 0.0)[0])
+
+    assert hits(1.0, 0.0, 0.4)  # the table
+    assert not hits(1.0, 0.0, 0.6)  # above it
+    assert hits(1.0, 0.0, 0.2) is below
+    assert hits(1.45, 0.45, 0.3) is beside  # outside the camera's view

@@ -1,0 +1,193 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.motion import (
+    MotionConfig,
+    MotionPlanner,
+    MotionSpace,
+    MotionStatus,
+    UnknownSpace,
+    samples_of,
+)
+
+from .conftest import GROUND
+from .test_contact import looking_down
+
+
+def plan(planner, start, goal, space, seed=0, **more):
+    return planner.plan(start, goal, space, rng=np.random.default_rng(seed), **more)
+
+
+def require_free(planner, found, space):
+    assert found.is_solved, found.reason
+    found.trajectory.require_executable(planner.limits)
+    q = samples_of(found.trajectory, 0.01)
+    assert np.abs(np.diff(q, axis=0)).max() <= 0.01 + 1e-9
+    assert planner.exact_test(space).is_free(q).all()
+
+
+def test_in_the_open_the_way_is_straight(arm, planner, empty, q_goal):
+    found = plan(planner, arm.q_present, q_goal, empty)
+    require_free(planner, found, empty)
+    assert len(found.path) == 2
+    assert found.counts.rounds == 0
+    np.testing.assert_allclose(found.trajectory.q[-1], q_goal, atol=1e-6)
+
+
+def test_goes_around_what_is_in_the_way(arm, planner, pillar, q_goal):
+    direct = arm.q_present + np.linspace(0, 1, 101)[:, None] * (q_goal - arm.q_present)
+    assert not planner.exact_test(pillar).is_free(direct).all()
+    for seed in range(3):
+        found = plan(planner, arm.q_present, q_goal, pillar, seed)
+        require_free(planner, found, pillar)
+        assert found.counts.rounds > 0
+
+
+def test_reaches_a_pose_of_the_hand(arm, planner, pillar):
+    goal = SE3.from_parts(p=[0.0, 0.0, 0.1]) @ arm.chain.fk(arm.q_present)
+    found = plan(planner, arm.q_present, goal, pillar)
+    require_free(planner, found, pillar)
+    reached = arm.chain.fk(found.trajectory.q[-1])
+    np.testing.assert_allclose(reached.p, goal.p, atol=1e-3)
+
+
+def test_same_seed_same_motion(arm, planner, pillar, q_goal):
+    one, other = (plan(planner, arm.q_present, q_goal, pillar, 4) for _ in "ab")
+    np.testing.assert_array_equal(one.trajectory.q, other.trajectory.q)
+    np.testing.assert_array_equal(one.trajectory.times, other.trajectory.times)
+    assert one.counts == other.counts
+
+
+def test_a_start_in_contact_says_which_link_touches_what(arm, planner, q_goal):
+    palm = arm.chain.fk(arm.q_present).p
+    space = MotionSpace.from_points(palm[None], ground_plane=GROUND)
+    found = plan(planner, arm.q_present, q_goal, space)
+    assert found.status is MotionStatus.START_IN_COLLISION
+    assert found.is_infeasible
+    assert "right_robotiq_palm_link touches a measured surface" in found.reason
+    assert {c.what for c in found.contacts} == {"a measured surface"}
+
+
+def test_a_goal_in_contact_says_so(arm, planner, q_goal):
+    space = MotionSpace.from_points(arm.chain.fk(q_goal).p[None], ground_plane=GROUND)
+    for goal in (q_goal, arm.chain.fk(q_goal)):
+        found = plan(planner, arm.q_present, goal, space)
+        assert found.status is MotionStatus.GOAL_IN_COLLISION
+        assert "robotiq" in found.reason
+        assert found.counts.goals >= 1
+        assert found.counts.free_goals == 0
+
+
+def test_a_goal_out_of_reach_is_known_for_certain(arm, planner, empty):
+    found = plan(planner, arm.q_present, SE3.from_parts(p=[3.0, 0, 1]), empty)
+    assert found.status is MotionStatus.NO_GOAL_POSTURE
+    assert found.is_infeasible
+    assert "for certain" in found.reason
+
+
+def test_a_cage_exhausts_the_budget_with_numbers(arm, q_goal):
+    palm = arm.chain.fk(arm.q_present).p
+    away = np.random.default_rng(0).normal(size=(6000, 3))
+    shell = palm + 0.32 * away / np.linalg.norm(away, axis=1, keepdims=True)
+    behind = arm.chain.fk(arm.q_present).R[:, 2] @ (shell - palm).T < -0.1
+    space = MotionSpace.from_points(shell[~behind], ground_plane=GROUND)
+    config = MotionConfig(max_rounds=4, attempts=1)
+    planner = MotionPlanner.of_arm(arm, config=config)
+    found = plan(planner, arm.q_present, q_goal, space)
+    assert found.status in (MotionStatus.BUDGET, MotionStatus.START_IN_COLLISION)
+    if found.status is MotionStatus.BUDGET:
+        assert "rounds" in found.reason
+        assert not found.is_infeasible
+
+
+def test_a_deadline_ends_the_search(arm, planner, pillar, q_goal):
+    found = plan(planner, arm.q_present, q_goal, pillar, deadline=1e-9)
+    assert found.status is MotionStatus.BUDGET
+    assert "deadline" in found.reason
+
+
+def test_progress_names_the_stages(arm, planner, empty, q_goal):
+    told = []
+    plan(planner, arm.q_present, q_goal, empty, progress=lambda *a: told.append(a))
+    assert [name for name, share in told if share == 1.0] == [
+        "start",
+        "goal",
+        "path",
+        "time",
+    ]
+
+
+def test_unknown_space_is_free_only_where_the_arm_starts(arm, planner, q_goal):
+    cloud, sight = looking_down()
+    seen = MotionSpace.build(cloud, sight, GROUND, unknown=UnknownSpace.ALL)
+    for place, status in (
+        (arm.q_present, MotionStatus.SOLVED),
+        (q_goal, MotionStatus.GOAL_IN_COLLISION),
+    ):
+        # One unknown cell on the palm, at the start or at the goal.
+        cell = MotionSpace.from_points(arm.chain.fk(place).p[None]).measured
+        space = replace(seen, measured=cell, unknown=cell)
+        hidden = replace(space, measured=far_from(cell))
+        found = plan(planner, arm.q_present, q_goal, hidden)
+        assert found.status is status, found.reason
+    assert "unknown space" in found.reason
+
+
+def far_from(field):
+    """The same grid with its points out of everything's way."""
+    away = field.table.copy()
+    away[:, :3] = 50.0
+    gap = np.full(field.gap.shape, field.truncation, np.float32)
+    return replace(field, table=away, gap=gap)
+
+
+@pytest.mark.parametrize(
+    ("start", "error", "words"),
+    [
+        (np.full(8, np.nan), InputError, "start posture"),
+        (np.zeros(7), ShapeError, r"\(7,\)"),
+        (np.full(8, 3.3), InputError, "within the planner's limits"),
+        ("ready", ShapeError, "start posture"),
+    ],
+)
+def test_a_start_that_is_none_is_refused(planner, empty, q_goal, start, error, words):
+    with pytest.raises(error, match=words):
+        plan(planner, start, q_goal, empty)
+
+
+@pytest.mark.parametrize(
+    ("goal", "error"),
+    [
+        (np.full(8, np.inf), InputError),
+        (np.zeros((2, 5)), ShapeError),
+        (np.full(8, 4.0), InputError),
+        (SE3(np.tile(np.eye(4), (2, 1, 1))), ShapeError),
+    ],
+)
+def test_a_goal_that_is_none_is_refused(arm, planner, empty, goal, error):
+    with pytest.raises(error, match="goal"):
+        plan(planner, arm.q_present, goal, empty)
+
+
+@pytest.mark.parametrize("deadline", [0.0, -1.0, float("nan")])
+def test_a_deadline_is_a_positive_time(arm, planner, empty, q_goal, deadline):
+    with pytest.raises(ConfigError, match="deadline"):
+        plan(planner, arm.q_present, q_goal, empty, deadline=deadline)
+
+
+def test_limits_of_another_arm_are_refused(arm):
+    with pytest.raises(ConfigError, match="joints of the limits"):
+        MotionPlanner.of_arm(arm, limits=arm.robot.limits("left").planner)
+
+
+def test_settings_out_of_range_are_refused():
+    with pytest.raises(ConfigError, match="exact_step"):
+        MotionConfig(exact_step=0.0)
+    with pytest.raises(ConfigError, match=r"MotionConfig\.step"):
+        MotionConfig(step=0.001)

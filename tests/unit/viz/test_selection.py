@@ -1,0 +1,98 @@
+"""The selection report, as a picture and as a page."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from debrisgrasp.errors import InputError
+from debrisgrasp.segmentation import SupportAware, segment_cloud, support_graph
+from debrisgrasp.viz import SelectionReport, selection_html, selection_png
+from debrisgrasp.viz.support_layer import DOUBT_COLOR, SupportLayer
+from tests.scenes import capture_of
+from tests.unit.segmentation.clouds import STACK
+
+
+@pytest.fixture(scope="module")
+def report() -> SelectionReport:
+    capture = capture_of(STACK)
+    cloud = capture.cloud()
+    segmentation = segment_cloud(cloud)
+    return SelectionReport(
+        capture=capture,
+        cloud=cloud,
+        segmentation=segmentation,
+        support=support_graph(segmentation, cloud),
+        order=SupportAware().order(segmentation, cloud),
+    )
+
+
+def test_the_upper_block_has_an_arrow_to_the_lower(report):
+    layer = SupportLayer.of(report)
+    upper = report.order[0].label
+    (arrow,) = layer.arrows
+    assert arrow.above.label == upper
+    assert arrow.above.v < arrow.below.v
+    assert arrow.below.is_on_ground
+    assert not arrow.above.is_on_ground
+    assert layer.nodes[upper].place == 1
+
+
+def test_a_doubtful_border_is_dashed(report):
+    def marked(score):
+        edges = report.segmentation.edges
+        scored = replace(edges, score=np.full(len(edges), score))
+        segmentation = replace(report.segmentation, edges=scored)
+        layer = SupportLayer.of(replace(report, segmentation=segmentation))
+        return (layer.colors == DOUBT_COLOR).all(axis=2).sum()
+
+    assert len(report.segmentation.edges)
+    assert marked(0.0) == 0
+    assert marked(0.45) > 20
+
+
+def test_the_picture_is_complete(report, tmp_path):
+    path = tmp_path / "order.png"
+    selection_png(path, report)
+    with Image.open(path) as picture:
+        assert picture.size == (1720, 960)
+
+
+def test_the_page_names_every_object_and_fetches_nothing(report, tmp_path):
+    path = tmp_path / "order.html"
+    selection_html(path, report)
+    page = path.read_text()
+    for item in report.order:
+        assert f'<tr data-node="{item.label}"' in page
+        assert item.reason.split(";")[0] in page
+    assert "rests on" in page
+    assert "{{" not in page
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)
+
+
+def test_names_are_escaped(report, tmp_path):
+    path = tmp_path / "order.html"
+    capture = replace(report.capture, name="<script>alert(1)</script>")
+    selection_html(path, replace(report, capture=capture))
+    assert "<script>alert" not in path.read_text()
+
+
+def test_a_scene_without_objects_is_shown_too(tmp_path):
+    capture = capture_of(())
+    cloud = capture.cloud()
+    segmentation = segment_cloud(cloud)
+    bare = SelectionReport(
+        cloud=cloud,
+        segmentation=segmentation,
+        support=support_graph(segmentation, cloud),
+        order=(),
+    )
+    selection_png(tmp_path / "bare.png", bare)
+    selection_html(tmp_path / "bare.html", bare)
+
+
+def test_labels_of_another_cloud_are_refused(report):
+    with pytest.raises(InputError, match="one label for each"):
+        replace(report, cloud=report.cloud.selected(np.arange(5)))
