@@ -27,6 +27,8 @@ _TOLERANCE = 1e-6
 """Error of a waypoint, metres and radians alike, that ends its iterations."""
 _ACCEPTED = 1e-4
 """Error of a waypoint that is still on the line."""
+_PUSHED = 1e-3
+"""Error of a waypoint of a hand that is pushed aside: it is led there by no line."""
 _KNOT = 0.02
 """Time between the knots of a planned leg [s]."""
 
@@ -193,13 +195,13 @@ class LegPlanner:
 
     def _reaches(self, q: list[float], leg: CartesianLeg, n: int = 8) -> str:
         for i in range(1, n + 1):
-            q, status, reason = self._waypoint(q, *leg.at(i / n))
+            q, status, reason = self._waypoint(q, *leg.at(i / n), accepted=_PUSHED)
             if status is not LegStatus.DONE:
                 return f"{status.value}: {reason}"
         return ""
 
     def _waypoint(
-        self, q: list[float], R: Rotation, p: Vector
+        self, q: list[float], R: Rotation, p: Vector, *, accepted: float = _ACCEPTED
     ) -> tuple[list[float], LegStatus, str]:
         """Posture at one pose, from the posture before it."""
         limits, servo = self.limits, self._servo
@@ -216,7 +218,7 @@ class LegPlanner:
             for j, value in enumerate(q):
                 if not lower[j] <= value <= upper[j]:
                     q[j], stopped = min(max(value, lower[j]), upper[j]), j
-        if size > _ACCEPTED:
+        if size > accepted:
             if stopped >= 0:
                 name = limits.joint_names[stopped]
                 return q, LegStatus.JOINT_LIMIT, f"{name} stands at {q[stopped]:.3f}"

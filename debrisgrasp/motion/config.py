@@ -27,7 +27,7 @@ class MotionConfig:
     spare: float = 0.005
     """What the search keeps beyond these margins [m]: for what happens between its
     samples."""
-    step: float = 0.05
+    step: float = 0.08
     """Largest change of a joint between two samples of the search [rad or m]."""
     exact_step: float = 0.01
     """The same for the final check by the links' solids."""
@@ -36,10 +36,10 @@ class MotionConfig:
     n_goals: int = 12
     """Postures sought at the goal; any of them may end the motion."""
     max_rounds: int = 300
-    """Of the search by trees."""
-    shortcut_rounds: int = 8
+    """Of the search by trees, all attempts together."""
+    shortcut_rounds: int = 6
     """Batches of shortcuts that are tried."""
-    attempts: int = 3
+    attempts: int = 4
     """Searches made if the final check refuses what one has found; each with half the
     step of the one before."""
     engine: Engine = connect

@@ -16,6 +16,8 @@ FreeTest = Callable[[FloatArray], BoolArray]
 
 _STRIDE = 6
 """Every so many samples of an edge are tested first."""
+_FEW = 400
+"""So many samples are tested at once: a second call would cost more than it spares."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +37,16 @@ class EdgeTest:
         limit = np.ones(len(q_from))
         place = np.round(share * count[owner]).astype(np.intp)
         is_first = (place % _STRIDE == 0) | (place == count[owner])
+        if len(share) <= _FEW:
+            is_first[:] = True
         for part in (is_first, ~is_first):
             # What lies behind a blocked sample is not reached anyway.
             rows = np.flatnonzero(part & (share < limit[owner] + 1e-9))
+            if not len(rows):
+                continue
             q = q_from[owner[rows]]
             q = q + share[rows, None] * (q_to[owner[rows]] - q)
-            blocked = rows[~self.is_free(q)] if len(rows) else rows
+            blocked = rows[~self.is_free(q)]
             before = (place[blocked] - 1) / count[owner[blocked]]
             np.minimum.at(limit, owner[blocked], before)
         return limit

@@ -17,13 +17,16 @@ from .rrt import PathQuery, PathSearch
 
 __all__ = ["connect_by_ompl"]
 
+_MOTIONS = 32
+"""Tested in one round of ours: sixteen branches, and their ways to the other tree."""
+
 
 def connect_by_ompl(query: PathQuery, *, rng: Rng) -> PathSearch:
     """Search by OMPL's RRT-Connect.
 
     OMPL draws from a generator of its own for the whole process; it is seeded from
     ``rng``, which OMPL heeds only before its first use. So a path may differ from run
-    to run where ours does not. A round is one motion tested.
+    to run where ours does not. A round is 32 motions tested.
 
     Raises
     ------
@@ -77,14 +80,15 @@ def connect_by_ompl(query: PathQuery, *, rng: Rng) -> PathSearch:
     planner = geometric.RRTConnect(info)
     planner.setProblemDefinition(problem)
     planner.setup()
-    most = query.max_rounds * 32
+    most = query.max_rounds * _MOTIONS
 
     def is_over() -> bool:
         return tested[0] >= most or query.is_late()
 
     status = planner.solve(base.PlannerTerminationCondition(is_over))
     if not status or not problem.hasExactSolution():
-        return PathSearch(None, tested[0], 0)
+        return PathSearch(None, -(-tested[0] // _MOTIONS), 0)
     found = problem.getSolutionPath()
     states = (found.getState(i) for i in range(found.getStateCount()))
-    return PathSearch(np.array([posture(each) for each in states]), tested[0], 0)
+    path = np.array([posture(each) for each in states])
+    return PathSearch(path, -(-tested[0] // _MOTIONS), 0)

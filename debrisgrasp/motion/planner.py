@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,7 +122,7 @@ class MotionPlanner:
                 got=f"{deadline} s",
                 expected="a positive number of seconds, or none",
             )
-        start = self._checked(q_start, "start posture", (self.chain.n_joints,))
+        start = self._checked_start(q_start)
         self._require_within(start[None], "start posture")
         watch = Stopwatch(deadline, progress or _in_silence)
         query = MotionQuery(
@@ -170,18 +171,32 @@ class MotionPlanner:
 
         The nearest to the start (d,) comes first; contact is not looked at.
         """
-        start = self._checked(q_start, "start posture", (self.chain.n_joints,))
+        start = self._checked_start(q_start)
         return self._goals(start, T_base_goal, rng)[0]
 
-    def _checked(self, q: ArrayLike, what: str, shape: tuple[int, ...]) -> FloatArray:
+    def _checked(self, q: ArrayLike, what: str) -> FloatArray:
+        """Postures (..., d) as finite numbers."""
+        d = self.chain.n_joints
         try:
             array = np.array(q, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise ShapeError(what, got=repr(q), expected=f"numbers, {shape}") from error
-        if array.shape != shape:
-            raise ShapeError(f"shape of {what}", got=array.shape, expected=f"{shape}")
+            raise ShapeError(what, got=repr(q), expected=f"{d} numbers") from error
+        if array.ndim not in (1, 2) or array.shape[-1] != d or not array.size:
+            raise ShapeError(
+                f"shape of {what}", got=array.shape, expected=f"(..., {d})"
+            )
         require_finite(array, what)
         return array
+
+    def _checked_start(self, q: ArrayLike) -> FloatArray:
+        start = self._checked(q, "start posture")
+        if start.ndim != 1:
+            raise ShapeError(
+                "shape of start posture",
+                got=start.shape,
+                expected=f"({self.chain.n_joints},)",
+            )
+        return start
 
     def _require_within(self, q: FloatArray, what: str) -> None:
         broken = [self.limits.violation(row) for row in q]
@@ -206,7 +221,7 @@ class MotionPlanner:
         if not near.any():
             return space
         balls = np.column_stack([centers, radii + self.config.start_room])
-        return replace(space, opened=balls.astype(np.float32))
+        return space.with_opened(balls)
 
     def _goals(
         self, start: FloatArray, goal: SE3 | ArrayLike, rng: Rng
@@ -216,17 +231,38 @@ class MotionPlanner:
         if isinstance(goal, SE3):
             q, reason = self._postures_at(start, goal, rng)
         else:
-            rows = np.atleast_2d(np.asarray(goal, dtype=np.float64))
-            q = self._checked(rows, "goal postures", (len(rows), chain.n_joints))
+            q = np.atleast_2d(self._checked(goal, "goal postures"))
             self._require_within(q, "goal postures")
             reason = ""
         q = chain.unwound(q, start)
         within = ((q >= limits.lower) & (q <= limits.upper)).all(axis=1)
-        if len(q) and not within.any():
-            reason = f"all {len(q)} found lie outside the planner's limits"
+        if len(q) and not within.any() and isinstance(goal, SE3):
+            q = self._pulled_in(q, goal, rng)
+            within = np.ones(len(q), dtype=bool)
+        if not within.any() and not reason:
+            reason = "all that were found lie outside the planner's limits"
         q = q[within]
         order = np.argsort(np.abs(q - start).max(axis=1), kind="stable")
         return q[order], reason
+
+    def _pulled_in(self, q: FloatArray, goal: SE3, rng: Rng) -> FloatArray:
+        """Postures near some just outside the limits (g, d) that lie within them."""
+        limits = self.limits
+        found = solve(
+            self._narrow,
+            SE3(np.tile(goal.matrix, (len(q), 1, 1))),
+            q_seed=np.clip(q, limits.lower, limits.upper),
+            rng=rng,
+            config=replace(self.config.ik, attempts=4),
+        )
+        inner: FloatArray = found.q[found.is_solved]
+        return inner
+
+    @cached_property
+    def _narrow(self) -> KinematicChain:
+        """The chain with the planner's limits."""
+        limits = self.limits
+        return replace(self.chain, lower=limits.lower, upper=limits.upper)
 
     def _postures_at(
         self, start: FloatArray, goal: SE3, rng: Rng

@@ -127,13 +127,13 @@ class MotionQuery:
         step = self.config.step
         for attempt in range(self.config.attempts):
             # What leaves no room to spare is then looked at more closely.
-            test = replace(self.strict, is_strict=False) if attempt else self.roomy
+            test = self.strict if attempt else self.roomy
             edges = EdgeTest(self._counted(test), step)
             step = max(0.5 * step, self.config.exact_step)
             with self.watch.stage("path"):
                 path = self._path(goals[is_free], edges)
             if path is None:
-                if self.watch.is_late():
+                if self._rounds_left() <= 0 or self.watch.is_late():
                     break
                 continue
             with self.watch.stage("time"):
@@ -185,21 +185,25 @@ class MotionQuery:
         self, start: FloatArray, goals: FloatArray, edges: EdgeTest
     ) -> FloatArray | None:
         limits = self.limits
-        middle = 0.5 * (start + goals[0])
-        lower = np.where(np.isfinite(limits.lower), limits.lower, middle - np.pi)
-        upper = np.where(np.isfinite(limits.upper), limits.upper, middle + np.pi)
+        ends = np.vstack([start, goals])
+        least, most = ends.min(axis=0) - np.pi, ends.max(axis=0) + np.pi
+        lower = np.where(np.isfinite(limits.lower), limits.lower, least)
+        upper = np.where(np.isfinite(limits.upper), limits.upper, most)
         query = PathQuery(
             q_start=start,
             q_goals=goals,
             lower=lower,
             upper=upper,
             edges=edges,
-            max_rounds=self.config.max_rounds,
+            max_rounds=self._rounds_left(),
             is_late=self.watch.is_late,
         )
         search = self.config.engine(query, rng=self.rng)
         self._count(rounds=search.n_rounds, nodes=search.n_nodes)
         return search.path
+
+    def _rounds_left(self) -> int:
+        return self.config.max_rounds - self.counts.rounds
 
     def _clear_of(
         self, q: FloatArray, edges: EdgeTest

@@ -10,7 +10,7 @@ measured points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property
 
@@ -133,6 +133,14 @@ class MotionSpace:
             unknown=UnknownSpace.IGNORED,
             spacing=spacing,
         )
+
+    def with_opened(self, balls: FloatArray) -> MotionSpace:
+        """Return the same space with balls (b, 4) in which nothing is unknown [m]."""
+        opened = replace(self, opened=balls.astype(np.float32))
+        # What was worked out before doesn't depend on them.
+        own = {field.name for field in fields(self)}
+        opened.__dict__.update({k: v for k, v in vars(self).items() if k not in own})
+        return opened
 
     @cached_property
     def measured_points(self) -> FloatArray:

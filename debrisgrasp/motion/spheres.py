@@ -128,29 +128,32 @@ class ArmSpheres:
     @cached_property
     def still(self) -> tuple[_StillParts, ...]:
         """What stands still, or turns with the trunk, and may be met."""
-        to_joint = joint_frames_of_segments(self.body.chain)
-        found = []
-        for segment in (0, 1):
-            T = to_joint[1] if segment else None
-            for others, mine in self._met(segment).items():
-                solids = [self.body.parts[j].solid for j in others]
-                if T is not None:
-                    solids = [solid.moved(T) for solid in solids]
-                rows = np.flatnonzero(np.isin(self.parts, mine))
-                found.append(_StillParts(segment, SolidField.build(solids), rows))
-        return tuple(found)
+        return (*self._met(0, self.parts), *self._met(1, self.parts))
 
-    def _met(self, segment: int) -> dict[tuple[int, ...], list[int]]:
-        """Parts of a segment, with the parts of segments 2 to d that may meet them."""
-        parts, pairs = self.body.parts, self.body.pairs
+    @cached_property
+    def trunk_still(self) -> tuple[_StillParts, ...]:
+        """What stands still and may be met by the trunk."""
+        return self._met(0, self.trunk.parts)
+
+    def _met(self, segment: int, owners: IntArray) -> tuple[_StillParts, ...]:
+        """Parts of a segment that may be met by spheres on the given parts (s,)."""
+        parts, mine = self.body.parts, set(owners.tolist())
         sets: dict[int, list[int]] = {}
-        for i, j in pairs.tolist():
-            if parts[j].segment == segment and parts[i].segment > 1:
+        for i, j in self.body.pairs.tolist():
+            if parts[j].segment == segment and i in mine:
                 sets.setdefault(i, []).append(j)
         groups: dict[tuple[int, ...], list[int]] = {}
         for i, others in sets.items():
             groups.setdefault(tuple(sorted(others)), []).append(i)
-        return groups
+        T = joint_frames_of_segments(self.body.chain)[1]
+        found = []
+        for still, movers in groups.items():
+            solids = [parts[j].solid for j in still]
+            if segment == 1:
+                solids = [solid.moved(T) for solid in solids]
+            rows = np.flatnonzero(np.isin(owners, movers))
+            found.append(_StillParts(segment, SolidField.build(solids), rows))
+        return tuple(found)
 
     @cached_property
     def moving(self) -> tuple[_MovingPair, ...]:
@@ -210,13 +213,14 @@ class ArmSpheres:
     def hits_arm(self, centers: Float32Array, margin: float) -> BoolArray:
         """Whether spheres (3, s, n) of different segments touch, shape (n,)."""
         is_hit = np.zeros(centers.shape[-1], dtype=bool)
-        for pair in self.moving:
-            i, j = pair.balls
-            gap = centers[:, i] - centers[:, j]
-            reach = pair.reach + np.float32(margin)
-            near = np.flatnonzero((gap * gap).sum(axis=0) < reach * reach)
-            if not len(near):
-                continue
+        if not self.moving:
+            return is_hit
+        i, j = np.array([pair.balls for pair in self.moving]).T
+        reach = np.array([pair.reach for pair in self.moving], np.float32)[:, None]
+        gap = centers[:, i] - centers[:, j]
+        is_near = (gap * gap).sum(axis=0) < (reach + np.float32(margin)) ** 2
+        for row in np.flatnonzero(is_near.any(axis=1)):
+            pair, near = self.moving[row], np.flatnonzero(is_near[row])
             close = centers
             if len(near) < len(is_hit):
                 close = np.take(centers, near, axis=2)
@@ -290,7 +294,18 @@ class SphereTest:
         q[:, 0] = values
         R, p = self.arm.poses(q)
         centers = carried(R[0], p[0], cover.centers)
-        return float(lower), ~self.space.hits(centers, cover.radii, self.margin)
+        # Between two values of the table the trunk moves by half a step.
+        lever = np.hypot(*cover.centers[:2]).max() if chain.is_revolute[0] else 1.0
+        sweep = 0.5 * _STEP * float(lever) if self.is_strict else 0.0
+        is_hit = self.space.hits(
+            centers, cover.radii, self.margin + sweep, is_strict=self.is_strict
+        )
+        room = self.self_margin + sweep + 0.87 * GRID_SPACING * self.is_strict
+        for still in self.arm.trunk_still:
+            gap = still.field(*centers[:, still.spheres])
+            need = cover.radii[still.spheres] + np.float32(room)
+            is_hit |= (gap < need).any(axis=0)
+        return float(lower), ~is_hit
 
 
 def _taken(keep: BoolArray, *arrays: Float32Array) -> list[Float32Array]:

@@ -14,7 +14,7 @@ from .surface import LabelledSurface
 
 __all__ = ["Contacts", "find_contacts"]
 
-_ZONE = 0.06
+_ZONE = 0.04
 """How far around a contact the surfaces are looked at [m]."""
 _STEP = 0.02
 """Edge of the cells in which the length of a contact is counted [m]."""

@@ -10,7 +10,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["carried_loads", "removal_sequence", "support_shares"]
 
-_CERTAIN = 0.8
+_CERTAIN = 0.7
 """Confidence from which on a relation counts in the lower bound of a load."""
 _POSSIBLE = 0.2
 """Confidence from which on a relation counts in the upper bound of a load."""

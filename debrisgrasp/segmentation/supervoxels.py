@@ -43,10 +43,10 @@ _SETTLED = 0.002
 class SupervoxelConfig:
     """How fine the patches are and what makes a point similar to one."""
 
-    voxel_resolution: float = 0.0115
+    voxel_resolution: float = 0.009
     """Edge of a voxel [m]; larger is faster and blurs thin parts together. Voxels are
     enlarged where the cloud is coarser, see ``min_points_per_voxel``."""
-    seed_resolution: float = 0.0345
+    seed_resolution: float = 0.027
     """Distance between the seeds of patches [m], about their size."""
     color_importance: float = 0.0
     """Weight of the distance in colour; needs colours with the cloud."""
@@ -255,7 +255,8 @@ def _grown(grid: VoxelGrid, seeds: IntArray, config: SupervoxelConfig) -> IntArr
     free = owner < 0
     if free.any():
         owner[free] = len(seeds) + _components(grid, free)
-    return np.unique(owner, return_inverse=True)[1]
+    numbered: IntArray = np.unique(owner, return_inverse=True)[1].astype(np.int32)
+    return numbered
 
 
 def _sweep(
@@ -372,10 +373,9 @@ def _touching_patches(grid: VoxelGrid, owner: IntArray) -> tuple[IntArray, IntAr
     a, b = owner[grid.sources], owner[grid.targets]
     crossing = a < b
     n_patches = int(owner.max()) + 1
-    dtype = np.int32 if n_patches < _MAX_SHORT else np.int64
-    keys, counts = np.unique(
-        a[crossing].astype(dtype) * dtype(n_patches) + b[crossing].astype(dtype),
-        return_counts=True,
-    )
+    a, b = a[crossing], b[crossing]
+    if n_patches >= _MAX_SHORT:
+        a = a.astype(np.int64)
+    keys, counts = np.unique(a * n_patches + b, return_counts=True)
     keys = keys.astype(np.int64)
     return np.stack(np.divmod(keys, n_patches), axis=1), counts

@@ -18,7 +18,7 @@ from debrisgrasp.geometry import PointCloud
 from .contacts import Contacts, find_contacts
 from .loads import carried_loads, removal_sequence, support_shares
 from .occlusion import occluded_shares
-from .segmentation import Segmentation, SegmentEdges
+from .segmentation import Segmentation
 from .surface import LabelledSurface, Shapes
 
 __all__ = ["GROUND", "SupportConfig", "SupportGraph", "support_graph"]
@@ -26,20 +26,20 @@ __all__ = ["GROUND", "SupportConfig", "SupportGraph", "support_graph"]
 GROUND = 0
 """Label of the ground in relations."""
 
-_EVIDENCE = np.array([2.64, -2.20, 0.50, 1.58, -1.14, 0.60])
-_PRIOR = -1.21
+_EVIDENCE = np.array([1.64, -1.42, 0.41, 1.42, -1.03, 0.24, 0.87])
+_PRIOR = -0.89
 """Weights of the evidence that one object bears on another, and what is left without
 any: a logistic model, fitted to simulated piles at rest, in clean and noisy depth, with
 true labels and with our own. In the order of `_evidence`."""
-_GROUND_EVIDENCE = np.array([-15.3, -2.0])
-_GROUND_PRIOR = 2.75
+_GROUND_EVIDENCE = np.array([-10.3, -2.75])
+_GROUND_PRIOR = 2.71
 """The same for resting on the ground: height of the lowest part that was seen [m], and
 probability of another support."""
-_LOAD_EVIDENCE = np.array([3.3, 4.2, -0.23, -1.1])
-_LOAD_PRIOR = 0.22
+_LOAD_EVIDENCE = np.array([3.64, 2.11, -0.44, -1.65, -0.82])
+_LOAD_PRIOR = 2.73
 """The same for something bearing on an object, seen or not: probability that something
-was seen to, occluded share of the outline, logarithm of the number of its cells, and
-height of its top [m]."""
+was seen to, occluded share of the outline, logarithm of the number of its cells,
+height of its top [m], and certainty of being one object."""
 _LENGTH_FLOOR = 0.01
 """Added to the length of contacts before its logarithm is taken [m]."""
 _LEAST_CONFIDENCE = 0.05
@@ -58,9 +58,9 @@ class SupportConfig:
     reach: float = 0.015
     """Largest gap between cells that touch, without noise [m]; larger finds contacts
     that are partly hidden, and takes passing close by for touching."""
-    noise: float = 0.0018
-    """s in sigma = s z^2, the error of the sensor at distance z [1/m]; larger forgives
-    larger gaps."""
+    noise: float = 0.0009
+    """s in sigma = s z^2, the error left in the mean of a cell at distance z [1/m],
+    about half that of a pixel; larger forgives larger gaps."""
     density: tuple[float, float] = (60.0, 900.0)
     """Least and greatest mass per volume that an object encloses [kg/m^3]: an empty
     bucket, and hard wood or a hollow block. Loads grow with both."""
@@ -139,8 +139,7 @@ def support_graph(
     Parameters
     ----------
     segmentation
-        Labels of the points of ``cloud``. Where it holds a score for two segments being
-        one object, that much less likely one bears on the other.
+        Labels of the points of ``cloud``.
     cloud
         In the base frame, z up.
     config
@@ -182,7 +181,7 @@ def graph_of_surface(
     shapes = Shapes.of(surface, n)
     contacts = find_contacts(surface, config.reach)
     relations, confidence, places, steepness = _between_objects(
-        contacts, surface, shapes, _one_object(segmentation.edges, n)
+        contacts, surface, shapes
     )
     free = np.ones(n + 1)
     np.multiply.at(free, relations[:, 0], 1.0 - confidence)
@@ -202,7 +201,8 @@ def graph_of_surface(
     kept = confidence >= _LEAST_CONFIDENCE
     relations, confidence = relations[kept], confidence[kept]
     occluded = occluded_shares(cloud, segmentation.labels, n)
-    encumbrance = _encumbrance(relations, confidence, shapes, occluded)
+    certainty = np.array([segment.certainty for segment in segmentation.segments])
+    encumbrance = _encumbrance(relations, confidence, shapes, occluded, certainty)
     order, certain = removal_sequence(relations, confidence, encumbrance)
     weight = _weights(shapes, config)
     shares = support_shares(
@@ -252,16 +252,8 @@ def labelled_surface(
     )
 
 
-def _one_object(edges: SegmentEdges, n: int) -> FloatArray:
-    """Probability that two segments are one object, shape (n + 1, n + 1)."""
-    same = np.zeros((n + 1, n + 1))
-    a, b = edges.labels.T
-    same[a, b] = same[b, a] = edges.score
-    return same
-
-
 def _between_objects(
-    contacts: Contacts, surface: LabelledSurface, shapes: Shapes, same: FloatArray
+    contacts: Contacts, surface: LabelledSurface, shapes: Shapes
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
     """Relations of each contact in both directions.
 
@@ -280,7 +272,6 @@ def _between_objects(
         ]
     )
     confidence = _sigmoid(evidence @ _EVIDENCE + _PRIOR)
-    confidence = confidence * (1.0 - same[relations[:, 0], relations[:, 1]])
     places = np.tile(contacts.place, (2, 1))
     return relations, confidence, places, np.tile(np.abs(contacts.normal[:, 2]), 2)
 
@@ -293,10 +284,12 @@ def _evidence(
     Returns
     -------
     FloatArray
-        Shape (c, 6): slope of the upper and of the lower surface away from the contact,
-        logarithm of the touching length, how far the upper is in front, convexity, and
-        share of the upper that lies over the outline of the lower.
+        Shape (c, 7): slope of the upper and of the lower surface away from the contact,
+        logarithm of the touching length, how far the upper is in front, convexity,
+        share of the upper that lies over the outline of the lower, and how far the
+        normal of their common face points up.
     """
+    sign = 1.0 if above == 0 else -1.0
     upper, lower = contacts.labels[:, above], contacts.labels[:, 1 - above]
     over = [
         shapes.share_over(surface.points[surface.cells_of(int(a))], int(b))
@@ -307,21 +300,26 @@ def _evidence(
             contacts.slope[:, above],
             contacts.slope[:, 1 - above],
             np.log(contacts.length + _LENGTH_FLOOR),
-            contacts.front if above == 0 else -contacts.front,
+            sign * contacts.front,
             contacts.convexity,
             over,
+            sign * contacts.normal[:, 2],
         ]
     )
 
 
 def _encumbrance(
-    relations: IntArray, confidence: FloatArray, shapes: Shapes, occluded: FloatArray
+    relations: IntArray,
+    confidence: FloatArray,
+    shapes: Shapes,
+    occluded: FloatArray,
+    certainty: FloatArray,
 ) -> FloatArray:
     """Probability that something bears on each object, shape (s,)."""
     free = np.ones(len(occluded) + 1)
     np.multiply.at(free, relations[:, 1], 1.0 - confidence)
     size = np.log(np.maximum(shapes.n_cells[1:], 1))
-    evidence = [1.0 - free[1:], occluded, size, shapes.highest[1:]]
+    evidence = [1.0 - free[1:], occluded, size, shapes.highest[1:], certainty]
     return _sigmoid(np.stack(evidence, axis=1) @ _LOAD_EVIDENCE + _LOAD_PRIOR)
 
 

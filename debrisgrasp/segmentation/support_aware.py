@@ -105,10 +105,9 @@ def _carried(graph: SupportGraph, label: int) -> str:
     if len(sure):
         low, high = graph.load[label - 1]
         first = min(sure, key=lambda k: np.flatnonzero(graph.removal_order == k)[0])
-        amount = (
-            f"about {low:.0f}-{high:.0f} N" if low >= 0.5 else f"up to {high:.0f} N"
-        )
-        return f"carries {amount} of {_named(sure)}; take {first} first"
+        least = f"about {low:.0f}-" if low >= 0.5 else "up to "
+        load = f"{least}{max(high, 1.0):.0f} N"
+        return f"carries {load} of {_named(sure)}; take {first} first"
     if likely.any():
         share = 100 * float(confidence.max())
         return f"{_named(above[likely])} may bear on it ({share:.0f} %)"

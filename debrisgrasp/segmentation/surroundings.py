@@ -223,8 +223,8 @@ def _facing_sides(planes: list[UprightPlane], points: FloatArray) -> list[Uprigh
     sides: list[UprightPlane] = []
     for plane in planes:
         fits = all(
-            np.median(other.before(points[plane.members])) > 2 * other.band
-            and np.median(plane.before(points[other.members])) > 2 * plane.band
+            np.median(other.before(points[plane.members])) > 0
+            and np.median(plane.before(points[other.members])) > 0
             and plane.normal @ other.normal < 0.5
             for other in sides
         )
@@ -234,11 +234,10 @@ def _facing_sides(planes: list[UprightPlane], points: FloatArray) -> list[Uprigh
 
 
 def _held(points: FloatArray, sides: list[UprightPlane]) -> BoolArray:
-    """Which points (n, 3) lie between the sides."""
+    """Which points (n, 3) lie before all sides; open ends bound nothing."""
     held = np.ones(len(points), dtype=bool)
     for plane in sides:
         held &= plane.before(points) > -plane.band
-        held &= plane.spans(points, _MARGIN)
     return held
 
 

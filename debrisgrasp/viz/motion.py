@@ -25,7 +25,7 @@ __all__ = ["MotionTrack", "motion_png"]
 _SIZE = (1500, 1010)
 _PANELS = (Slot(30, 120, 710, 560), Slot(760, 120, 710, 560))
 _PLOTS = (Slot(75, 730, 655, 220), Slot(805, 730, 655, 220))
-_DIRECTIONS = ((-0.75, 0.75, -0.5), (-0.35, -0.9, -0.35))
+_DIRECTIONS = ((-0.75, 0.75, -0.6), (-0.35, -0.9, -0.4))
 _START, _END = np.array([0.60, 0.74, 0.90]), np.array([0.05, 0.30, 0.66])
 _TORSO = (0.70, 0.73, 0.77)
 _BAD = np.array([0.80, 0.10, 0.15])
@@ -101,8 +101,9 @@ def motion_png(
         side = "seen from the front, " + ("right", "left")[0 if is_pair else i]
         axes = page.titled_panel(slot, track.label if is_pair or not i else "", side)
         direction = _DIRECTIONS[0 if is_pair else i]
-        colors = _rendered(robot, arm, track, cloud, direction, slot, n_postures)
-        draw_picture(axes, colors, slot)
+        colors, way = _rendered(robot, arm, track, cloud, direction, slot, n_postures)
+        scale, left, top = draw_picture(axes, colors, slot)
+        axes.plot(*(scale * way + (left, top)).T, color=hex_color(_PATH), linewidth=2.2)
     for i, slot in enumerate(_PLOTS):
         track = shown[i]
         kind = "speed" if is_pair or i else "posture"
@@ -120,28 +121,27 @@ def _rendered(
     direction: Sequence[float],
     slot: Slot,
     n_postures: int,
-) -> FloatArray:
-    chain = robot.chain(arm)
-    joints = track.limits.joint_names
-    moved_by_last = robot.tree.links_below(
-        robot.tree.joints[joints[1 if len(joints) > 7 else 0]].child
-    )
+) -> tuple[FloatArray, FloatArray]:
+    """Picture, and the palm's path in its pixels (n, 2)."""
+    tree, joints = robot.tree, track.limits.joint_names
+    whole = tree.links_below(tree.joints[joints[1 if len(joints) > 7 else 0]].child)
+    # Whole arms in between would hide one another.
+    end = tree.links_below(tree.joints[joints[-2]].child)
     q, _ = track.at(np.linspace(0.0, track.duration, n_postures))
     groups: list[Mesh] = []
     for k, row in enumerate(q):
         share = k / max(1, n_postures - 1)
-        r, g, b = ((1.0 - share) * _START + share * _END).tolist()
-        groups.append(_arm_mesh(robot, joints, row, moved_by_last, (r, g, b)))
-    if track.touches is not None:
-        for row in track.touches:
-            r, g, b = _BAD.tolist()
-            groups.append(_arm_mesh(robot, joints, row, moved_by_last, (r, g, b)))
+        color = (1.0 - share) * _START + share * _END
+        links = whole if k in (0, n_postures - 1) else end
+        groups.append(_arm_mesh(robot, joints, row, links, color))
+    for row in () if track.touches is None else track.touches:
+        groups.append(_arm_mesh(robot, joints, row, end, _BAD))
     values = dict(zip(joints, q[-1].tolist(), strict=True))
-    still = (s for n, s in robot.links_solids(values) if n not in moved_by_last)
+    still = (s for n, s in robot.links_solids(values) if n not in whole)
     groups.append(merged(still, _TORSO))
     way, _ = track.at(np.linspace(0.0, track.duration, 400))
-    tips = chain.fk(way).p
-    splats = [_dots(tips, _PATH, 0.012)]
+    tips = robot.chain(arm).fk(way).p
+    splats = []
     corners = np.concatenate([tips, *(group.vertices for group in groups)])
     if cloud is not None:
         near = cloud.points[np.abs(cloud.points).max(axis=1) < _SHOWN]
@@ -154,7 +154,8 @@ def _rendered(
         splats.append(_dots_of(ground_grid(corners, 0.5)))
     view = View.fitted(corners, direction, slot.size, margin=1.02)
     background = np.array(BACKGROUND_COLOR)
-    return render(view, splats, groups, background=background).colors
+    colors = render(view, splats, groups, background=background).colors
+    return colors, view.project(tips)[0]
 
 
 def _arm_mesh(
@@ -162,22 +163,20 @@ def _arm_mesh(
     joints: Sequence[str],
     q: FloatArray,
     links: frozenset[str],
-    color: tuple[float, float, float],
+    color: FloatArray,
 ) -> Mesh:
     values = dict(zip(joints, q.tolist(), strict=True))
-    return merged((s for n, s in robot.links_solids(values) if n in links), color)
-
-
-def _dots(points: FloatArray, color: Sequence[float], size: float) -> Splats:
-    colors = np.tile(np.asarray(color), (len(points), 1))
-    return Splats(points, colors, np.full(len(points), size))
+    r, g, b = color.tolist()
+    return merged((s for n, s in robot.links_solids(values) if n in links), (r, g, b))
 
 
 def _dots_of(lines: FloatArray) -> Splats:
     """Lines (l, 2, 3) as rows of discs."""
     share = np.linspace(0.0, 1.0, 400)[:, None]
     points = lines[:, 0, None] * (1.0 - share) + lines[:, 1, None] * share
-    return _dots(points.reshape(-1, 3), (0.80, 0.82, 0.85), 0.006)
+    points = points.reshape(-1, 3)
+    colors = np.full(points.shape, (0.80, 0.82, 0.85))
+    return Splats(points, colors, np.full(len(points), 0.006))
 
 
 def _scaled(page: Page, slot: Slot, title: str) -> Axes:

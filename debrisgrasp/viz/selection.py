@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrowPatch
 from matplotlib.patheffects import Stroke, withStroke
@@ -21,9 +22,12 @@ _FRAME = 30
 _PICTURE = Slot(_FRAME, 84, 1080, 810)
 _LIST_X = 1140
 _WIDTH, _HEIGHT = 1720, 960
-_RADIUS = 15.0
-"""Of the disc of an object [pixels of the page]."""
-_MOST_LINES = 42
+_RADII = (8.0, 15.0)
+"""Of the discs of the smallest and of large objects [pixels of the page]."""
+_NAMED = 10.0
+"""Radius from which on there is room for a label beside the disc."""
+_LINE, _GAP = 20.0, 5.0
+"""Height of a line of the list, and the gap between its entries [pixels]."""
 
 
 def selection_png(path: str | os.PathLike[str], report: SelectionReport) -> None:
@@ -54,27 +58,35 @@ def selection_png(path: str | os.PathLike[str], report: SelectionReport) -> None
         label: (left + scale * (node.u + 0.5), top + scale * (node.v + 0.5))
         for label, node in layer.nodes.items()
     }
+    radii = {
+        label: float(np.clip(0.3 * scale * node.size, *_RADII))
+        for label, node in layer.nodes.items()
+    }
     for arrow in layer.arrows:
-        _draw_arrow(axes, arrow, places[arrow.above.label], places[arrow.below.label])
+        above, below = arrow.above.label, arrow.below.label
+        ends, shrink = (places[above], places[below]), (radii[above], radii[below])
+        _draw_arrow(axes, arrow, ends, shrink)
     for label, node in layer.nodes.items():
-        _draw_node(axes, node, places[label])
+        _draw_node(axes, node, places[label], radii[label])
     _draw_legend(page)
     _write_order(page, report.order)
     page.write(path)
 
 
 def _draw_arrow(
-    axes: Axes, arrow: Arrow, start: tuple[float, float], end: tuple[float, float]
+    axes: Axes,
+    arrow: Arrow,
+    ends: tuple[tuple[float, float], tuple[float, float]],
+    shrink: tuple[float, float],
 ) -> None:
     width = 1.0 + 3.5 * arrow.confidence
     color = "white"
     patch = FancyArrowPatch(
-        start,
-        end,
+        *ends,
         arrowstyle=f"-|>,head_length={3 + width:.1f},head_width={2 + 0.6 * width:.1f}",
         connectionstyle="arc3,rad=0.08",
-        shrinkA=_RADIUS * 0.75,
-        shrinkB=_RADIUS * 0.75,
+        shrinkA=0.75 * shrink[0],
+        shrinkB=0.75 * shrink[1],
         linewidth=width,
         linestyle=(0, (2.2, 1.1)) if arrow.is_leaning else "-",
         color=color,
@@ -88,11 +100,13 @@ def _draw_arrow(
     axes.add_patch(patch)
 
 
-def _draw_node(axes: Axes, node: Node, place: tuple[float, float]) -> None:
+def _draw_node(
+    axes: Axes, node: Node, place: tuple[float, float], radius: float
+) -> None:
     x, y = place
     is_first = node.place == 1
     own = CHOSEN_COLOR if is_first else label_colors(node.label)
-    radius = _RADIUS * (1.2 if is_first else 1.0)
+    radius *= 1.2 if is_first else 1.0
     if node.is_on_ground:
         for k, half in enumerate((0.85, 0.5, 0.2)):
             line = y + radius + 5 + 4.5 * k
@@ -120,12 +134,14 @@ def _draw_node(axes: Axes, node: Node, place: tuple[float, float]) -> None:
         y,
         text,
         color="white",
-        fontsize=11.5 if is_first else 10.0,
+        fontsize=0.68 * radius,
         weight="bold",
         ha="center",
         va="center_baseline",
         zorder=7,
     )
+    if radius < _NAMED:
+        return
     axes.text(
         x + radius + 3,
         y - radius * 0.75,
@@ -142,9 +158,9 @@ def _draw_node(axes: Axes, node: Node, place: tuple[float, float]) -> None:
 def _draw_legend(page: Page) -> None:
     y = _PICTURE.y + _PICTURE.height + 14
     parts = (
-        ("disc: turn, beside it the label", INK),
-        ("arrow: rests on (thicker = surer; dashed = leans)", INK),
-        ("three bars: lies on the ground", INK),
+        ("disc: turn, label beside it", INK),
+        ("arrow: rests on (thicker: surer, dashed: leans)", INK),
+        ("bars: lies on the ground", INK),
         ("?: may be several objects", INK),
         (
             "yellow dashes: may be one object",
@@ -154,21 +170,21 @@ def _draw_legend(page: Page) -> None:
     x = float(_FRAME)
     for text, color in parts:
         page.text(x, y, text, 9.5, color=color)
-        x += 6.5 * len(text) + 26
+        x += 6.1 * len(text) + 24
 
 
 def _write_order(page: Page, order: Sequence[Candidate]) -> None:
     page.text(_LIST_X, 54, "Order of removal", 12, weight="bold")
-    y, lines_left = 84.0, _MOST_LINES
+    y = _PICTURE.y
     for turn, item in enumerate(order, start=1):
-        text = wrapped([item.reason], 60, max(lines_left, 1))
-        n_lines = text.count("\n") + 1
-        if lines_left < n_lines:
-            page.text(_LIST_X + 40, y, f"and {len(order) - turn + 1} more", 10)
+        text = wrapped([item.reason], 60, 4)
+        height = _LINE * (text.count("\n") + 1) + _GAP
+        if y + height + _LINE > _HEIGHT - _FRAME:
+            page.text(_LIST_X, y, f"and {len(order) - turn + 1} more", 10.5)
             return
-        color = CHOSEN_COLOR if turn == 1 else label_colors(item.label).tolist()
+        own = CHOSEN_COLOR if turn == 1 else label_colors(item.label)
+        color = tuple(mixed(own, (0, 0, 0), 0.3))
         page.text(_LIST_X, y, f"{turn}", 11, color=color, weight="bold")
         page.text(_LIST_X + 26, y, f"#{item.label}", 10.5, weight="bold")
         page.text(_LIST_X + 66, y, plain(text), 10.5)
-        y += 20.0 * n_lines + 5.0
-        lines_left -= n_lines
+        y += height

@@ -18,8 +18,8 @@ from .support_layer import Arrow, Node, SelectionReport, SupportLayer
 
 __all__ = ["selection_html"]
 
-_RADIUS = 1.0 / 60.0
-"""Of the disc of an object, as a share of the width of the picture."""
+_RADII = (1.0 / 130.0, 1.0 / 65.0)
+"""Of the discs of the smallest and of large objects, as a share of the width."""
 
 
 def selection_html(path: str | os.PathLike[str], report: SelectionReport) -> None:
@@ -61,7 +61,7 @@ def _rows(report: SelectionReport) -> list[str]:
     rows = []
     for turn, item in enumerate(report.order, start=1):
         weight, load = (
-            f"{low:.0f}–{high:.0f}"
+            f"{low:.0f}–{high:.0f}" if high > 0 else "0"
             for low, high in (
                 report.support.weight[item.label - 1],
                 report.support.load[item.label - 1],
@@ -83,7 +83,7 @@ def _picture(layer: SupportLayer) -> str:
     pixels = np.rint(np.clip(layer.colors, 0.0, 1.0) * 255).astype(np.uint8)
     Image.fromarray(pixels).save(stream, format="JPEG", quality=90, subsampling=0)
     jpeg = base64.b64encode(stream.getvalue()).decode()
-    radius = _RADIUS * width
+    large = _RADII[1] * width
     related: dict[int, set[int]] = {label: {label} for label in layer.nodes}
     for arrow in layer.arrows:
         related[arrow.above.label].add(arrow.below.label)
@@ -93,8 +93,8 @@ def _picture(layer: SupportLayer) -> str:
             f'<svg viewBox="0 0 {width} {height}" role="img">',
             f'<image href="data:image/jpeg;base64,{jpeg}" '
             f'width="{width}" height="{height}"/>',
-            *(_arrow(arrow, radius) for arrow in layer.arrows),
-            *(_node(n, radius, related[n.label]) for n in layer.nodes.values()),
+            *(_arrow(arrow, large) for arrow in layer.arrows),
+            *(_node(n, width, related[n.label]) for n in layer.nodes.values()),
             "</svg>",
         ]
     )
@@ -124,7 +124,8 @@ def _arrow(arrow: Arrow, radius: float) -> str:
     )
 
 
-def _node(node: Node, radius: float, related: set[int]) -> str:
+def _node(node: Node, width: int, related: set[int]) -> str:
+    radius = float(np.clip(0.3 * node.size, _RADII[0] * width, _RADII[1] * width))
     own = CHOSEN_COLOR if node.place == 1 else label_colors(node.label)
     fill = hex_color(mixed(own, (0, 0, 0), 0.3))
     u, v = node.u, node.v

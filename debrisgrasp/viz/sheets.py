@@ -78,7 +78,7 @@ def segmentation_png(
         if count:
             text = f"■ {kind.name.lower()} {count}"
             page.text(x, 70, text, 10.5, color=color, weight="bold")
-            x += 9 * len(text)
+            x += 9 * len(text) + 24
     if report.pose_doubt:
         page.text(x, 70, shortened(report.pose_doubt, 100), 10.5, color=INK)
     chosen = order[0].label if order else 0

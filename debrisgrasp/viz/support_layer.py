@@ -74,6 +74,8 @@ class Node:
     """Its turn, from 1; 0 if it is not in the order."""
     u: float
     v: float
+    size: float
+    """Edge of the square as large as what is seen of it [pixels]."""
     is_on_ground: bool
     is_unsure: bool
     """Whether the segment may be several objects."""
@@ -120,6 +122,7 @@ class SupportLayer:
                 place=place.get(label, 0),
                 u=u,
                 v=v,
+                size=float(np.sqrt(np.count_nonzero(image.labels == label))),
                 is_on_ground=below.get((label, GROUND), (0.0, False))[0] >= 0.5,
                 is_unsure=segmentation.segment(label).certainty < _UNSURE,
             )

@@ -21,6 +21,7 @@ TELLING = {
     "10_lift_a_beam": "hand that turns: done",
     "11_guarded_approach": "guarded: touched something",
     "12_calibrate": "ptu_tilt_joint slipped by",
+    "13_reach_a_grasp": "planned: ",
 }
 
 
@@ -73,3 +74,10 @@ def test_rehearses_a_leg_and_draws_it(name, tmp_path):
     assert TELLING[name] in output
     assert "limit" in output
     assert (tmp_path / "leg.png").stat().st_size > 20_000
+
+
+def test_draws_a_leg_beside_a_planned_motion(tmp_path):
+    output = run("13_reach_a_grasp", str(tmp_path / "reach.png"), cwd=tmp_path)
+    assert TELLING["13_reach_a_grasp"] in output
+    assert "straight: something is in the way" in output
+    assert (tmp_path / "reach.png").stat().st_size > 20_000

@@ -152,6 +152,7 @@ def far_from(field):
     [
         (np.full(8, np.nan), InputError, "start posture"),
         (np.zeros(7), ShapeError, r"\(7,\)"),
+        (np.zeros((1, 8)), ShapeError, r"\(1, 8\)"),
         (np.full(8, 3.3), InputError, "within the planner's limits"),
         ("ready", ShapeError, "start posture"),
     ],
@@ -166,6 +167,8 @@ def test_a_start_that_is_none_is_refused(planner, empty, q_goal, start, error, w
     [
         (np.full(8, np.inf), InputError),
         (np.zeros((2, 5)), ShapeError),
+        (np.zeros((0, 8)), ShapeError),
+        ("home", ShapeError),
         (np.full(8, 4.0), InputError),
         (SE3(np.tile(np.eye(4), (2, 1, 1))), ShapeError),
     ],

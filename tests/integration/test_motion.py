@@ -1,0 +1,85 @@
+"""From a capture to a motion: the facade and the command line."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import debrisgrasp
+from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.executable import MotionsConfig
+from debrisgrasp.io import Capture, data_path
+from debrisgrasp.kinematics import RobotModel
+
+
+@pytest.fixture(scope="module")
+def result():
+    capture = Capture.load(data_path("captures", "pile.npz"))
+    return debrisgrasp.plan(capture, arm="right")
+
+
+def test_the_whole_chain_hangs_together_and_keeps_the_limits(result):
+    found = debrisgrasp.plan_motion(result)
+    chosen = found.chosen
+    assert chosen is not None, found.why_none
+    assert [index for index, _ in found.passed_over] == list(range(chosen.index))
+    assert all(reason for _, reason in found.passed_over)
+    robot = result.robot
+    limits, chain = robot.limits(chosen.arm).planner, robot.chain(chosen.arm)
+    here = chain.vector(robot.posture(chosen.arm, robot.arm(chosen.arm).present))
+    for motion in chosen.trajectories.values():
+        motion.require_executable(limits)
+        np.testing.assert_allclose(motion.q[0], here, atol=1e-6)
+        here = motion.q[-1]
+    grasp = chosen.grasp
+    reached = [chain.fk(m.q[-1]) for m in chosen.trajectories.values()]
+    lift = np.array([0.0, 0.0, 0.15])
+    goals = [grasp.T_base_pregrasp.p, grasp.T_base_hand.p, grasp.T_base_hand.p + lift]
+    for pose, goal in zip(reached, goals, strict=True):
+        np.testing.assert_allclose(pose.p, goal, atol=2e-3)
+
+
+def test_same_seed_same_motion(result):
+    one, other = (debrisgrasp.plan_motion(result, seed=3).chosen for _ in "ab")
+    np.testing.assert_array_equal(one.reach.path, other.reach.path)
+
+
+def test_a_lift_that_no_arm_can_do_passes_every_grasp_over(result):
+    config = MotionsConfig(lift=(0.0, 0.0, 3.0), tries=1)
+    found = debrisgrasp.plan_motion(result, config=config)
+    assert found.chosen is None
+    assert len(found.passed_over) == len(result.plan.grasps)
+    assert "none of" in found.why_none
+    assert any(reason.startswith("lift") for _, reason in found.passed_over)
+
+
+def test_bad_input_is_refused(result):
+    with pytest.raises(ConfigError, match="deadline"):
+        debrisgrasp.plan_motion(result, deadline=0.0)
+    floating = debrisgrasp.plan(result.capture, robot="none", gripper="robotiq_3f")
+    with pytest.raises(InputError, match="floating hand"):
+        debrisgrasp.plan_motion(floating)
+
+
+def test_the_command_writes_motions_and_a_picture(run, tmp_path):
+    out, report = tmp_path / "motion.json", tmp_path / "motion.png"
+    capture = data_path("captures", "pile.npz")
+    ended = run("motion", capture, "--arm", "right", "--out", out, "--report", report)
+    assert ended.status == 0, ended.err
+    assert "approach" in ended.out
+    assert report.read_bytes()[:4] == b"\x89PNG"
+    content = json.loads(out.read_text())
+    assert content["schema"] == "debrisgrasp/motion/1"
+    assert [m["name"] for m in content["motions"]] == ["reach", "approach", "lift"]
+    limits = RobotModel.load("roman").limits("right").planner
+    for motion in content["motions"]:
+        assert motion["limits"] == limits.hash
+        assert len(motion["times"]) == len(motion["q"]) == len(motion["dq"])
+
+
+def test_the_command_refuses_an_unknown_policy(run):
+    ended = run("motion", data_path("captures", "pile.npz"), "--unknown", "some")
+    assert ended.status == 2
+    assert "--unknown" in ended.err
