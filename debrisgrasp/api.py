@@ -16,7 +16,7 @@ from debrisgrasp.calibration import (
     Observations,
 )
 from debrisgrasp.calibration import calibrate as calibrate_observations
-from debrisgrasp.errors import InputError
+from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.executable import GraspMotions, MotionsConfig, first_executable
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, measured, point_colors
@@ -50,6 +50,13 @@ def segment(capture: Capture, config: SegmentationConfig | None = None) -> Segme
     CaptureError
         If the capture has no pose in the base frame.
     """
+    if not isinstance(capture, Capture):
+        raise CaptureError(
+            "capture",
+            got=type(capture).__name__,
+            expected="a Capture",
+            mend="Capture.load(path) reads one.",
+        )
     is_marked = None if capture.mask is None else capture.mask[measured(capture)]
     return segment_cloud(
         capture.cloud(),

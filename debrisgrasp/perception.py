@@ -10,6 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp._targets import Target
+from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import (
     DepthSight,
     LineOfSight,
@@ -62,6 +63,13 @@ class Perception:
         CaptureError
             If the capture has no pose.
         """
+        if not isinstance(capture, Capture):
+            raise CaptureError(
+                "capture",
+                got=type(capture).__name__,
+                expected="a Capture",
+                mend="Capture.load(path) reads one.",
+            )
         with watch.stage("cloud"):
             cloud = capture.cloud()
             sight = _sight(capture, cloud)

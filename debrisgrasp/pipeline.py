@@ -123,6 +123,12 @@ class Pipeline:
         config: PipelineConfig | None = None,
     ) -> None:
         self.config = config or PipelineConfig()
+        if not isinstance(robot, str):
+            raise ConfigError(
+                "robot",
+                got=repr(robot),
+                expected="the name of a robot, the path of its file, or 'none'",
+            )
         self.robot = None if robot == "none" else RobotModel.load(robot)
         self.arms = _arms(self.robot, arm, gripper)
         library = PrototypeLibrary.load(

@@ -141,6 +141,10 @@ def run_plan(arguments: argparse.Namespace) -> int:
     require_places(
         arguments.report, REPORT_FORMS, arguments.out, source=arguments.capture
     )
+    if arguments.object is not None and arguments.pick is not None:
+        raise ConfigError(
+            "object", got="both --object and --pick", expected="one of them"
+        )
     box = arguments.region
     result = debrisgrasp.plan(
         _load(arguments),
@@ -159,10 +163,11 @@ def run_plan(arguments: argparse.Namespace) -> int:
     if arguments.out:
         result.save(arguments.out)
     write_plan_reports(result, arguments.report, title=arguments.capture.name)
+    ground = result.segmentation.ground
     if arguments.json:
+        _tell_doubt(ground)
         print(plan_to_json(result.plan))
     else:
-        ground = result.segmentation.ground
         if ground.status == "skipped":
             print(f"ground left in the scene: {ground.reason}")
         _print_surroundings(ground)
@@ -172,6 +177,12 @@ def run_plan(arguments: argparse.Namespace) -> int:
         if written:
             print("wrote " + ", ".join(str(path) for path in written))
     return 0 if result.plan.grasps else 1
+
+
+def _tell_doubt(ground: GroundReport) -> None:
+    """Say on stderr, where JSON is not disturbed, that the pose is in doubt."""
+    if ground.pose_doubt:
+        print(f"note: camera pose in doubt: {ground.pose_doubt}", file=sys.stderr)
 
 
 def add_segment(subparsers: Subparsers) -> None:
@@ -249,7 +260,12 @@ def add_select(subparsers: Subparsers) -> None:
     )
     _add_capture(parser)
     parser.add_argument(
-        "--report", type=Path, metavar="FILE", help="who lies on whom, as .html or .png"
+        "--report",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="who lies on whom, as .html or .png; may be given twice",
     )
     add_policy(parser)
     parser.set_defaults(run=run_select)
@@ -257,12 +273,13 @@ def add_select(subparsers: Subparsers) -> None:
 
 def run_select(arguments: argparse.Namespace) -> int:
     """Order the objects, and give the reasons."""
-    require_places([arguments.report], REPORT_FORMS, source=arguments.capture)
+    require_places(arguments.report, REPORT_FORMS, source=arguments.capture)
     capture = _load(arguments)
     segmentation = debrisgrasp.segment(capture)
+    _tell_doubt(segmentation.ground)
     order = debrisgrasp.select(capture, segmentation, policy_of(arguments))
-    if arguments.report:
-        write_selection_report(capture, segmentation, order, arguments.report)
+    for path in arguments.report:
+        write_selection_report(capture, segmentation, order, path)
     if arguments.json:
         facts = [
             {"object": c.label, "cost": round(c.cost, 6), "reason": c.reason}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,15 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import read_json
 from debrisgrasp.io.arrays_npz import UNREADABLE_ARRAY
+from debrisgrasp.io.camera_pose import require_radians
 from debrisgrasp.io.plan_json import SCHEMA, load_plan
-from debrisgrasp.kinematics import ArmReach, IkResult, IkStatus, solve
+from debrisgrasp.kinematics import (
+    ArmReach,
+    IkResult,
+    IkStatus,
+    solve,
+    solve_distinct,
+)
 
 from .arm_arguments import add_arm, chosen_arms, require_metres
 from .tables import columns
@@ -59,7 +67,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 rng=np.random.default_rng(0),
                 config=arm.config.ik,
             )
-            answers += _answers(arm, mine, found)
+            answers += _answers(arm, mine, _untangled(arm, SE3(T[mine]), found))
     if not answers:
         carried = ", ".join(sorted({arm.gripper for arm in arms}))
         raise ConfigError(
@@ -73,6 +81,31 @@ def _run(arguments: argparse.Namespace) -> int:
     else:
         print(_table(answers))
     return 0 if any(a["status"] == "solved" for a in answers) else 1
+
+
+def _untangled(arm: ArmReach, T_base_hand: SE3, found: IkResult) -> IkResult:
+    """Replace postures in which the robot touches itself, where others don't."""
+    touching = np.flatnonzero(found.is_solved & arm.collision.hits_itself(found.q))
+    if not len(touching):
+        return found
+    others = solve_distinct(
+        arm.chain,
+        SE3(T_base_hand.matrix[touching]),
+        _ALTERNATIVES,
+        reach_map=arm.reach_map,
+        rng=np.random.default_rng(0),
+        config=arm.config.ik,
+    )
+    is_free = others.is_solved & ~arm.collision.hits_itself(others.q)
+    first, has_free = is_free.argmax(axis=1), is_free.any(axis=1)
+    rows, picks = touching[has_free], (np.flatnonzero(has_free), first[has_free])
+    fields = {
+        name: getattr(found, name).copy()
+        for name in ("q", "position_error", "rotation_error")
+    }
+    for name, values in fields.items():
+        values[rows] = getattr(others, name)[picks]
+    return replace(found, **fields)
 
 
 def _answers(
@@ -97,6 +130,10 @@ def _answers(
         }
         for row, i in enumerate(index)
     ]
+
+
+_ALTERNATIVES = 24
+"""Postures of a pose among which one without self-collision is sought."""
 
 
 def _table(answers: Sequence[dict[str, Any]]) -> str:
@@ -133,6 +170,7 @@ def _poses(words: Sequence[str]) -> tuple[FloatArray, list[str | None]]:
             expected="six numbers a pose (x y z roll pitch yaw), or one file",
         )
     values = np.array([float(word) for word in words]).reshape(-1, 6)
+    require_radians(values[:, 3:], "pose")
     T = SE3.from_parts(so3.from_rpy(values[:, 3:]), values[:, :3]).matrix
     return _checked(T), [None] * len(T)
 

@@ -139,6 +139,17 @@ def checked_pose(pose: object, name: str) -> None:
             mend="Build it with SE3.from_matrix(matrix).",
         )
     SE3.from_matrix(pose.matrix, name)
+    if np.abs(pose.p).max() > _FARTHEST:
+        raise CaptureError(
+            f"position in {name}",
+            got=f"{pose.p.round(3).tolist()} m",
+            expected=f"within {_FARTHEST:g} m of the robot",
+            mend="If these are millimetres, divide them by 1000.",
+        )
+
+
+_FARTHEST = 100.0
+"""A camera farther away than this from its robot [m] is given in millimetres."""
 
 
 def _require_floats(array: NDArray[Any], name: str) -> None:

@@ -7,13 +7,14 @@ from typing import Any, Literal
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import read_json, read_yaml
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 
 from .arrays_npz import UNREADABLE_ARRAY
 
-__all__ = ["CameraPose", "parse_camera_pose", "pose_from_rows"]
+__all__ = ["CameraPose", "parse_camera_pose", "pose_from_rows", "require_radians"]
 
 CameraPose = SE3 | Literal["level"]
 """A measured pose of the camera in the base frame, or ``"level"`` for the frame that
@@ -48,7 +49,20 @@ def parse_camera_pose(text: str) -> CameraPose:
         raise ConfigError("camera pose", got=repr(text), expected=_FORMS) from error
     if numbers.shape != (6,) or not np.isfinite(numbers).all():
         raise ConfigError("camera pose", got=repr(text), expected=_FORMS)
+    require_radians(numbers[3:], "camera pose")
     return SE3.from_parts(so3.from_rpy(numbers[3:]), numbers[:3])
+
+
+def require_radians(angles: FloatArray, what: str) -> None:
+    """Raise `ConfigError` if angles can only be degrees."""
+    largest = float(np.abs(angles).max(initial=0.0))
+    if largest > 2 * np.pi:
+        raise ConfigError(
+            f"angles of the {what}",
+            got=f"{largest:g}",
+            expected="radians, at most 2 pi = 6.28",
+            mend="If these are degrees, multiply by pi / 180.",
+        )
 
 
 def pose_from_rows(rows: Any, name: str) -> SE3:

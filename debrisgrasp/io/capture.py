@@ -118,6 +118,8 @@ class Capture:
         with naming_the_file(path):
             content = _read(path, camera_file)
             if viewpoint is not None:
+                if content.get("points") is None:
+                    raise _unused("viewpoint", "a depth image, seen from its camera")
                 content["viewpoint"] = np.asarray(viewpoint)
             capture = cls(**content, name=path.stem)
             return capture if camera_pose is None else capture.posed(camera_pose)
@@ -207,6 +209,8 @@ def _read(path: Path, camera_file: str | os.PathLike[str] | None) -> CaptureFiel
     if path.is_dir():
         return read_folder(path, camera)
     match path.suffix.lower():
+        case ".npz" | ".ply" | ".pcd" if camera is not None:
+            raise _unused("camera file", f"a {path.suffix} file, which has its own")
         case ".npz":
             return read_npz(path)
         case ".png":
@@ -220,6 +224,11 @@ def _read(path: Path, camera_file: str | os.PathLike[str] | None) -> CaptureFiel
         got=f"suffix {path.suffix!r}",
         expected=".npz, .png, .ply, .pcd or a folder",
     )
+
+
+def _unused(what: str, whose: str) -> CaptureError:
+    """Say that something was given that would change nothing."""
+    return CaptureError(what, got=f"one for {whose}", expected="none", mend="Omit it.")
 
 
 def _compact(array: NDArray[Any]) -> NDArray[Any]:

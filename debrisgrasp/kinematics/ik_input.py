@@ -24,6 +24,13 @@ _FEW = 12
 
 def checked_poses(T_base_tip: SE3) -> FloatArray:
     """Poses as (n, 4, 4), found to be finite and rigid."""
+    if not isinstance(T_base_tip, SE3):
+        raise InputError(
+            "target pose",
+            got=type(T_base_tip).__name__,
+            expected="SE3",
+            mend="Build it with SE3.from_matrix(matrix).",
+        )
     T = T_base_tip.matrix.reshape(-1, 4, 4)
     require_finite(T, "target pose")
     if len(T) <= _FEW:

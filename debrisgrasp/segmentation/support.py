@@ -339,5 +339,5 @@ def _weights(shapes: Shapes, config: SupportConfig) -> FloatArray:
 
 
 def _sigmoid(x: FloatArray) -> FloatArray:
-    result: FloatArray = 1.0 / (1.0 + np.exp(-x))
+    result: FloatArray = 1.0 / (1.0 + np.exp(-np.clip(x, -60.0, 60.0)))
     return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -95,7 +96,29 @@ class SupportAware:
             reasons.append(f"{distance[row]:.2f} m from the priority point")
             reason = "; ".join(text for text in reasons if text)
             found.append(Candidate(segment.label, float(cost), reason))
-        return tuple(sorted(found, key=lambda item: (item.cost, item.label)))
+        return _feasible(sorted(found, key=lambda c: (c.cost, c.label)), graph)
+
+
+def _feasible(
+    candidates: Sequence[Candidate], graph: SupportGraph
+) -> tuple[Candidate, ...]:
+    """Keep the order, but take what surely lies on an object before the object."""
+    above = {c.label: set(_surely_on(graph, c.label).tolist()) for c in candidates}
+    waiting, order = list(candidates), []
+    while waiting:
+        left = {c.label for c in waiting}
+        # In a ring of mutual support the cheapest gives way.
+        free = (c for c in waiting if not above[c.label] & (left - {c.label}))
+        chosen = next(free, waiting[0])
+        waiting.remove(chosen)
+        order.append(chosen)
+    return tuple(order)
+
+
+def _surely_on(graph: SupportGraph, label: int) -> IntArray:
+    """Labels of what clearly rests on an object."""
+    above, confidence = graph.resting_on(label)
+    return above[confidence >= _CLEAR]
 
 
 def _carried(graph: SupportGraph, label: int) -> str:

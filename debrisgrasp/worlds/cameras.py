@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import Rng
+from debrisgrasp._arrays import Rng, require_finite
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Intrinsics, so3
 
@@ -28,6 +28,8 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, roll: float = 0.0) -> SE3:
         If the target lies at, or straight above or below, the eye.
     """
     eye = np.asarray(eye, dtype=np.float64)
+    require_finite(eye, "eye of a camera")
+    require_finite(np.asarray(target, dtype=np.float64), "target of a camera")
     z = np.asarray(target, dtype=np.float64) - eye
     x = np.cross(z, (0.0, 0.0, 1.0))
     if not np.linalg.norm(x) > 1e-9 * max(1.0, float(np.linalg.norm(z))):

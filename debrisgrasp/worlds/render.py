@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import FloatArray, IntArray, require_range
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Intrinsics, Solid
 
@@ -60,8 +60,18 @@ def render(
     Raises
     ------
     InputError
-        If the camera is inside a solid or under the ground.
+        If the camera is inside a solid or under the ground, or its pose is no SE3.
+    ConfigError
+        If nothing could be within the greatest depth.
     """
+    require_range("max_depth", max_depth, 1e-3)
+    if not isinstance(T_base_camera, SE3):
+        raise InputError(
+            "T_base_camera",
+            got=type(T_base_camera).__name__,
+            expected="SE3",
+            mend="Build it with SE3.from_matrix(matrix).",
+        )
     pose = SE3.from_matrix(T_base_camera.matrix, "T_base_camera")
     _require_free(world, extra, pose.p)
     shape = (intrinsics.height, intrinsics.width)

@@ -34,7 +34,7 @@ from debrisgrasp.segmentation.segmentation import measured_segments
 from .piles import FEWEST_PIXELS, FreshPile, fresh_piles
 from .report import arguments, publish
 
-SEEDS = range(7000, 7024)
+SEEDS = range(7000, 7040)
 POLICIES: dict[str, SelectionPolicy] = {
     "support": SupportAware(),
     "eq1": PriorityPoint.at(0.9, 0.0, 1.0),

@@ -55,6 +55,10 @@ BAD_ARRAYS = {
         {"T_base_camera": np.full((4, 4), np.nan)},
         ["T_base_camera", "finite"],
     ),
+    "pose in millimetres": (
+        {"T_base_camera": np.diag([1.0, 1.0, 1.0, 1.0]) + 1200.0 * np.eye(4, k=3)},
+        ["T_base_camera", "1200", "divide them by 1000"],
+    ),
     "mask of another image": (
         {"mask": np.ones((4, 4), bool)},
         ["mask", "(4, 4)", f"({H}, {W})"],
@@ -309,3 +313,37 @@ def test_the_library_refuses_what_the_command_refuses(pipe_capture, dictionary):
             debrisgrasp.plan(
                 pipe_capture, robot="none", prototypes=dictionary, **limits
             )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--camera-pose=0,0,1.2,-129,0,-90"], ["129", "radians", "pi / 180"]),
+        (["--camera-file", "camera.json"], ["camera file", "Omit it"]),
+        (["--viewpoint", "0", "0", "1"], ["viewpoint", "Omit it"]),
+    ],
+)
+def test_options_that_can_only_be_a_mistake_are_refused(
+    refused, tmp_path, arguments, words
+):
+    path = tmp_path / "capture.npz"
+    np.savez(path, **arrays())
+    message = refused("segment", path, *arguments)
+    for word in words:
+        assert word in message
+
+
+def test_two_ways_to_name_the_object_are_refused(refused, tmp_path):
+    path = tmp_path / "capture.npz"
+    np.savez(path, **arrays())
+    assert "both --object and --pick" in refused(
+        "plan", path, "--object", "1", "--pick", "2"
+    )
+
+
+def test_what_is_no_capture_is_refused_from_python():
+    for call in (debrisgrasp.segment, debrisgrasp.Pipeline(robot="none").plan):
+        with pytest.raises(debrisgrasp.DebrisGraspError, match="Capture.load"):
+            call("pile.npz")
+    with pytest.raises(debrisgrasp.DebrisGraspError, match="robot"):
+        debrisgrasp.Pipeline(robot=None)

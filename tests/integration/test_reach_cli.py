@@ -166,3 +166,21 @@ def test_reach_ranks_places_for_the_grasps_of_a_plan(run, tmp_path):
     plan["grasps"] = []
     path.write_text(json.dumps(plan))
     assert run("reach", *REGION, "--grasps", path).status == 2
+
+
+def test_ik_prefers_postures_in_which_the_robot_does_not_touch_itself(run):
+    ended = run("ik", 0.9, -0.3, 0.5, 0, 1.57, 0, "--json")
+    assert ended.status == 0
+    robot = RobotModel.load("roman")
+    T = SE3.from_parts(so3.from_rpy([0, 1.57, 0]), (0.9, -0.3, 0.5)).matrix
+    for answer in ended.json:
+        assert answer["touches"] == []
+        chain = robot.chain(answer["arm"])
+        reached = chain.fk(chain.vector(answer["joints"])).matrix
+        np.testing.assert_allclose(reached, T, atol=2e-3)
+
+
+def test_ik_takes_angles_in_radians_only(run):
+    ended = run("ik", 0.9, -0.3, 0.5, 0, 90, 0)
+    assert ended.status == 2
+    assert "pi / 180" in ended.err
