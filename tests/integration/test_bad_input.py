@@ -343,7 +343,7 @@ def test_two_ways_to_name_the_object_are_refused(refused, tmp_path):
 
 def test_what_is_no_capture_is_refused_from_python():
     for call in (debrisgrasp.segment, debrisgrasp.Pipeline(robot="none").plan):
-        with pytest.raises(debrisgrasp.DebrisGraspError, match="Capture.load"):
+        with pytest.raises(debrisgrasp.DebrisGraspError, match=r"Capture\.load"):
             call("pile.npz")
     with pytest.raises(debrisgrasp.DebrisGraspError, match="robot"):
         debrisgrasp.Pipeline(robot=None)
