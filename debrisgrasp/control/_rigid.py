@@ -11,7 +11,7 @@ from math import atan2, cos, hypot, sin, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, require_finite
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3
 
@@ -157,9 +157,17 @@ def left_jacobian_times(w: Vector, v: Vector) -> Vector:
 
 
 def parts(pose: SE3) -> tuple[Rotation, Vector]:
-    """Rotation and translation of one pose as plain numbers."""
+    """Rotation and translation of one pose from outside, as plain numbers."""
+    if not isinstance(pose, SE3):
+        raise InputError(
+            "pose",
+            got=type(pose).__name__,
+            expected="an SE3",
+            mend="Make one of a matrix: SE3.from_matrix(matrix).",
+        )
     if pose.batch:
         raise ShapeError("pose", got=pose.matrix.shape, expected="one pose, (4, 4)")
+    require_finite(pose.matrix, "pose")
     R, p = tuple(pose.R.ravel().tolist()), tuple(pose.p.tolist())
     return R, p
 

@@ -70,6 +70,7 @@ class BaselineLook:
         require_finite(raw, "readings of a baseline")
         object.__setattr__(self, "raw", raw)
         R = frozen(self.R_base_ft, "orientation of the sensor", (3, 3))
+        require_finite(R, "orientation of the sensor")
         object.__setattr__(self, "R_base_ft", R)
 
 
@@ -130,7 +131,7 @@ def judge_baseline(
         ),
     ):
         over = np.abs(shift) / most
-        if over.max() > 1.0:
+        if not over.max() <= 1.0:
             i = int(over.argmax())
             unit = "N" if i < 3 else "N m"
             refusals.append(
@@ -177,7 +178,7 @@ def _disagreement(
     felt = np.array([look.R_base_ft.T @ down for look in looks])
     angle = float(np.arccos(np.clip(felt @ felt.T, -1.0, 1.0)).max())
     words = []
-    if angle < config.angle:
+    if not angle >= config.angle:
         words.append(
             f"orientations at most {np.rad2deg(angle):.0f} degrees apart, expected "
             f"{np.rad2deg(config.angle):.0f} or more between two"

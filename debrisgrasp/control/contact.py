@@ -71,7 +71,8 @@ class ContactGuard:
         """Whether the unfiltered load has changed enough since the leg began."""
         a, b, c, d, e, f = load
         p, q, r, s, t, u = reference
-        return (
-            hypot(a - p, b - q, c - r) >= self.force
-            or hypot(d - s, e - t, f - u) >= self.torque
+        # Written so that NaN counts as a touch.
+        return not (
+            hypot(a - p, b - q, c - r) < self.force
+            and hypot(d - s, e - t, f - u) < self.torque
         )

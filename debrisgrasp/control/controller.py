@@ -214,6 +214,12 @@ class LegController:
             latched = self._supervisor.stopped(safety, Fault.OSCILLATION, sensed)
             return self._stopped(state, latched)
         moved = self._moved(state, safety, verdict, sensed)
+        if not isfinite(sum(moved.servo.q)):
+            words = (
+                f"{Fault.COMMAND_INVALID.value}: {100 * state.share:.0f} % of the leg"
+            )
+            latched = self._supervisor.stopped(safety, Fault.COMMAND_INVALID, words)
+            return self._stopped(state, latched)
         return moved, Command(
             moved.servo.q,
             moved.outcome,

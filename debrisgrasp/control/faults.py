@@ -30,6 +30,7 @@ class Fault(Enum):
     ENCODER_JUMP = "a joint's reading jumped"
     ENCODER_INVALID = "a joint's reading is not a number"
     CLOCK_GAP = "the control loop was interrupted"
+    COMMAND_INVALID = "the next command is not a number"
     OSCILLATION = "the hand swings against what it touches"
 
     @property
@@ -49,6 +50,7 @@ _CLASSES = {
     Fault.ENCODER_JUMP: FaultClass.MECHANICAL,
     Fault.ENCODER_INVALID: FaultClass.DRIVER,
     Fault.CLOCK_GAP: FaultClass.DRIVER,
+    Fault.COMMAND_INVALID: FaultClass.SAFETY,
     Fault.OSCILLATION: FaultClass.SAFETY,
 }
 

@@ -37,6 +37,9 @@ class GripPhase(Enum):
     LOST = "no usable reading of the fingers"
 
 
+_WIDEST = 1.0
+"""No hand opens farther; beyond it a length was meant in millimetres [m]."""
+_LENGTHS = ("opening", "width", "empty_margin", "tolerance", "slip_travel")
 _ENDED = (GripPhase.EMPTY, GripPhase.SLIPPED, GripPhase.JAMMED, GripPhase.LOST)
 
 
@@ -75,7 +78,8 @@ class GripConfig:
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
-            require_range(f"GripConfig.{name}", getattr(self, name), 0.0, 1e4)
+            most = _WIDEST if name in _LENGTHS else 1e4
+            require_range(f"GripConfig.{name}", getattr(self, name), 0.0, most)
         if not self.resistance <= self.squeeze <= self.max_force:
             raise ConfigError(
                 "forces of a grip [N]",
@@ -160,12 +164,12 @@ class GripController:
     ) -> tuple[GripState, GripCommand]:
         """One tick; a phase that ended without a grip keeps the fingers where they are.
 
-        A lost reading, like a slip, goes on squeezing: letting go is worse.
+        A lost reading, like a slip, goes on squeezing: letting go is worse. An opening
+        below zero by more than the tolerance, or above 1 m, is no reading. No pad is
+        sent beyond zero or the opening of the preshape.
         """
-        config, n = self.config, len(state.targets)
-        values = (*reading.openings, *reading.forces)
-        is_whole = len(reading.openings) == len(reading.forces) == n
-        if not is_whole or not isfinite(sum(values)):
+        config = self.config
+        if not self._is_usable(reading, len(state.targets)):
             if state.phase not in _ENDED:
                 state = state._replace(phase=GripPhase.LOST)
         elif state.phase is GripPhase.PRESHAPING:
@@ -174,10 +178,20 @@ class GripController:
             state = self._closing(state, reading)
         elif state.phase is GripPhase.HOLDING:
             state = self._holding(state, reading)
-        state = state._replace(elapsed=state.elapsed + config.period)
+        targets = tuple([min(max(x, 0.0), config.opening) for x in state.targets])
+        state = state._replace(elapsed=state.elapsed + config.period, targets=targets)
         is_squeezing = any(state.is_stopped) or state.phase is GripPhase.SLIPPED
         force = config.squeeze if is_squeezing else config.resistance
         return state, GripCommand(state.targets, force)
+
+    def _is_usable(self, reading: FingerReading, n: int) -> bool:
+        """Whether all fingers are there, with numbers that a hand can have."""
+        if not len(reading.openings) == len(reading.forces) == n:
+            return False
+        least = -self.config.tolerance
+        return isfinite(sum(reading.forces)) and all(
+            least <= opening <= _WIDEST for opening in reading.openings
+        )
 
     def _preshaping(self, state: GripState, reading: FingerReading) -> GripState:
         gap = max(abs(x - self.config.opening) for x in reading.openings)

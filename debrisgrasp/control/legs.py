@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import KinematicChain, LimitSet, Trajectory
 
@@ -23,6 +24,8 @@ from .servo import CartesianServo, pose_error
 
 __all__ = ["CartesianLeg", "LegPlan", "LegPlanner", "LegStatus"]
 
+_LONGEST = 3.0
+"""No arm moves its hand farther along one line [m]."""
 _TOLERANCE = 1e-6
 """Error of a waypoint, metres and radians alike, that ends its iterations."""
 _ACCEPTED = 1e-4
@@ -34,21 +37,39 @@ _KNOT = 0.02
 
 
 class CartesianLeg:
-    """Straight way from one pose of the hand to another."""
+    """Straight way from one pose of the hand to another.
+
+    A leg of no length holds the hand where it is; compliant, it only gives way.
+
+    Raises
+    ------
+    InputError
+        If a pose is not finite, or the leg is longer than 3 m.
+    """
 
     def __init__(self, T_base_start: SE3, T_base_goal: SE3) -> None:
         self.start, self.goal = T_base_start, T_base_goal
         self._R, self._p = parts(T_base_start)
+        parts(T_base_goal)
         x, y, z = (T_base_goal.p - T_base_start.p).tolist()
         a, b, c = so3.log(T_base_start.R.T @ T_base_goal.R).tolist()
         self._way: Vector = (x, y, z)
         self._turn: Vector = (a, b, c)
+        if not self.length <= _LONGEST:
+            raise InputError(
+                "length of a leg [m]",
+                got=f"{self.length:g}",
+                expected=f"at most {_LONGEST:g}",
+                mend="Was it given in millimetres?",
+            )
 
     @classmethod
     def along(cls, T_base_start: SE3, offset: ArrayLike) -> CartesianLeg:
         """Leg that moves by an offset in base [m], shape (3,), without turning."""
-        shift = SE3.from_parts(p=np.asarray(offset, dtype=np.float64))
-        return cls(T_base_start, shift @ T_base_start)
+        parts(T_base_start)
+        shift = frozen(offset, "offset of a leg [m]", (3,))
+        require_finite(shift, "offset of a leg [m]")
+        return cls(T_base_start, SE3.from_parts(p=shift) @ T_base_start)
 
     @property
     def length(self) -> float:
@@ -139,7 +160,8 @@ class LegPlanner:
         Raises
         ------
         InputError
-            If the start posture is outside the limits.
+            If the start posture is outside the limits, or the goal is no leg at all:
+            not finite, or farther than 3 m.
         """
         q0 = np.asarray(q_start, dtype=np.float64)
         self._servo.start(q0)

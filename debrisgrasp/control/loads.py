@@ -87,11 +87,11 @@ class LoadModel:
         require_finite(self.gravity, "gravity")
         if self.wrench_sign not in (1.0, -1.0):
             raise ConfigError("wrench_sign", got=self.wrench_sign, expected="1 or -1")
+        object.__setattr__(self, "_mount", parts(self.T_ee_ft))
         # All that doesn't change is moved to the hand once.
         com = self.T_ee_ft.apply(self.tool.com).tolist()
         bias = self.T_ee_ft.map_wrench(self.bias).tolist()
         g = tuple((self.tool.mass * self.gravity).tolist())
-        object.__setattr__(self, "_mount", parts(self.T_ee_ft))
         object.__setattr__(self, "_tool", (g, tuple(com), tuple(bias)))
 
     def with_bias(self, bias: ArrayLike) -> LoadModel:

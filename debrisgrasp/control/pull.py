@@ -88,6 +88,7 @@ def choose_pull(
         directions = _cone(config)
     else:
         directions = frozen(candidates, "candidates", (None, 3))
+        require_finite(directions, "candidates")
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         if len(directions) == 0 or not np.all(lengths > 1e-9):
             raise InputError(
@@ -111,7 +112,7 @@ def _cone(config: PullConfig) -> FloatArray:
     road = np.array(config.along_road, dtype=np.float64)
     default = road / max(float(np.linalg.norm(road)), 1e-9) + [0, 0, config.rise]
     size = float(np.linalg.norm(default))
-    if size < 1e-9:
+    if not 1e-9 <= size < np.inf:
         raise InputError(
             "default pull", got=config.along_road, expected="a direction, or a rise"
         )

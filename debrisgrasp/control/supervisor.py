@@ -134,6 +134,8 @@ class Supervisor:
         now, gap = self._advanced(state, reading.time)
         if gap > self.config.stop_after + _CLOCK:
             words = f"{1000 * gap:.0f} ms without a tick"
+            if not isfinite(gap):
+                words = f"a time of {reading.time}"
             return self._stopped(state, Fault.CLOCK_GAP, words, now)
         q = _floats(reading.q)
         fault, words, is_following = self._judged_joints(state, q, commanded, gap)
@@ -161,8 +163,10 @@ class Supervisor:
 
     def _advanced(self, state: SafetyState, time: float) -> tuple[float, float]:
         """Time of this tick, and since the last; a standing clock is not believed."""
+        if not isfinite(time):
+            return state.time, inf
         if time > state.time:
-            return (time, time - state.time) if time < inf else (state.time, inf)
+            return time, time - state.time
         return state.time + self._period, self._period
 
     def _judged_joints(
@@ -178,11 +182,12 @@ class Supervisor:
         for i, (value, last, wanted, speed) in enumerate(
             zip(q, state.q, commanded, self._speeds, strict=True)
         ):
-            if abs(value - last) > speed * gap + 0.02:
+            # Written so that NaN is a fault in each comparison, here and below.
+            if not abs(value - last) <= speed * gap + 0.02:
                 name = self.limits.joint_names[i]
                 words = f"{name} from {last:.3f} to {value:.3f} in {1000 * gap:.0f} ms"
                 return Fault.ENCODER_JUMP, words, False
-            if abs(value - wanted) > most:
+            if not abs(value - wanted) <= most:
                 is_following = False
         return None, "", is_following
 
@@ -248,15 +253,15 @@ class Supervisor:
         config = self.config
         p, q, r, s, t, u = previous
         jump, twist = hypot(a - p, b - q, c - r), hypot(d - s, e - t, f - u)
-        if jump > config.jump_force or twist > config.jump_torque:
+        if not (jump <= config.jump_force and twist <= config.jump_torque):
             words = f"by {jump:.0f} N, {twist:.1f} N m between two samples"
             return Fault.WRENCH_JUMP, words
         if config.motion_force is not None or config.motion_torque is not None:
             p, q, r, s, t, u = reference
             change, turn = hypot(a - p, b - q, c - r), hypot(d - s, e - t, f - u)
-            if change >= (config.motion_force or inf) or turn >= (
-                config.motion_torque or inf
-            ):
+            most_change = config.motion_force or inf
+            most_turn = config.motion_torque or inf
+            if not (change < most_change and turn < most_turn):
                 words = f"by {change:.0f} N, {turn:.1f} N m"
                 return Fault.MOTION_OVERLOAD, words
         return None, ""

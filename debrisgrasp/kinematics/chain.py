@@ -11,7 +11,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, Rng, frozen, require_trailing
+from debrisgrasp._arrays import (
+    BoolArray,
+    FloatArray,
+    Rng,
+    frozen,
+    require_finite,
+    require_trailing,
+)
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3
 
@@ -22,6 +29,8 @@ from .urdf import MOVABLE_KINDS, UrdfJoint, UrdfTree
 
 __all__ = ["KinematicChain"]
 
+_ROUNDING = 1e-9
+"""A locked value may be so far outside its limits [rad or m]."""
 _FULL_TURN = 2.0 * np.pi - 1e-3
 """A revolute joint whose range [rad] reaches this can take any direction."""
 
@@ -57,6 +66,8 @@ class KinematicChain:
             ("points", (d, 3)),
         ):
             array = frozen(getattr(self, name), name, trailing)
+            if len(trailing) == 2:
+                require_finite(array, f"{name} of a chain")
             object.__setattr__(self, name, array)
         for joint, lower, upper in zip(
             self.joint_names, self.lower, self.upper, strict=True
@@ -95,8 +106,8 @@ class KinematicChain:
         UnknownNameError
             If a link or a locked joint does not exist; names near ones.
         ConfigError
-            If a joint on the way is of an unsupported kind or has no range, or if none
-            can move.
+            If a joint on the way is of an unsupported kind or has no range, if none can
+            move, or if a locked value is outside the limits of its joint.
         """
         return cls.from_tree(UrdfTree.load(path), base, tip, locked)
 
@@ -117,6 +128,7 @@ class KinematicChain:
                 raise UnknownNameError(
                     f"locked joint of {tree.name}", name, tree.joints
                 )
+            _require_possible(tree.joints[name], locked[name])
         moving, T_base_tip = _walked(tree, base, tip, locked)
         if not moving:
             raise ConfigError(
@@ -343,6 +355,20 @@ def _walked(
             moving.append((joint, T_base_joint.rotate(axis), T_base_joint.p))
         T = T @ (step if goes_down else step.inverse())
     return moving, T
+
+
+def _require_possible(joint: UrdfJoint, value: float) -> None:
+    """Raise `ConfigError` unless a joint can stand at a value; NaN never does."""
+    lower, upper = joint.lower, joint.upper
+    if joint.kind not in MOVABLE_KINDS:
+        lower, upper = -np.inf, np.inf
+    is_number = isinstance(value, (int, float, np.number)) and np.isfinite(value)
+    if not is_number or not lower - _ROUNDING <= value <= upper + _ROUNDING:
+        raise ConfigError(
+            f"value of locked joint {joint.name!r}",
+            got=value,
+            expected=f"a finite number from {lower:g} to {upper:g} rad or m",
+        )
 
 
 def _require_supported(joint: UrdfJoint, tree: UrdfTree) -> None:

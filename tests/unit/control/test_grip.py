@@ -150,9 +150,43 @@ def test_closing_needs_the_preshape():
         {"resistance": 50.0, "squeeze": 40.0},
         {"squeeze": 70.0},
         {"width": 0.13},
+        {"width": -0.01},
+        {"opening": -1.0},
+        {"opening": 120.0, "width": 80.0},
         {"speed": float("nan")},
     ],
 )
 def test_settings_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ConfigError):
         GripConfig(**{"opening": 0.12, "width": 0.08} | wrong)
+
+
+@pytest.mark.parametrize("bad", [-1.0, -0.004, 80.0, float("nan")])
+@pytest.mark.parametrize("phase", [GripPhase.PRESHAPING, GripPhase.CLOSING])
+def test_an_opening_that_no_hand_has_is_a_lost_reading(bad, phase):
+    grip = GripController(CONFIG)
+    ready = FingerReading((0.12,) * 3, (1.0,) * 3)
+    state = grip.preshape(ready)
+    if phase is GripPhase.CLOSING:
+        state = grip.close(grip.step(state, ready)[0])
+    for forces in ((1.0,) * 3, (30.0,) * 3):
+        reading = FingerReading((bad, 0.12, 0.12), forces)
+        found, command = grip.step(state, reading)
+        assert found.phase is GripPhase.LOST
+        assert command.openings == (CONFIG.opening,) * 3
+
+
+def test_no_pad_is_sent_beyond_zero_or_the_preshape():
+    """Encoders are off by a little; commands are not."""
+    config = GripConfig(opening=0.05, width=0.0)
+    grip = GripController(config)
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        state = grip.preshape(FingerReading((0.05,) * 2, (0.0,) * 2))
+        state, _ = grip.step(state, FingerReading((0.05,) * 2, (0.0,) * 2))
+        state = grip.close(state)
+        for _ in range(4):
+            openings = rng.choice([-0.002, 0.0, 0.03, 0.052, 0.9], 2).tolist()
+            forces = rng.choice([0.0, 30.0], 2).tolist()
+            state, command = grip.step(state, FingerReading(openings, forces))
+            assert 0.0 <= min(command.openings) <= max(command.openings) <= 0.05

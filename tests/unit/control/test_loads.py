@@ -15,7 +15,7 @@ from debrisgrasp.control import (
     reference_wrench,
 )
 from debrisgrasp.errors import InputError, ShapeError
-from debrisgrasp.geometry import random_rotations
+from debrisgrasp.geometry import SE3, random_rotations
 
 from .rigs import T_EE_FT, rpy
 
@@ -152,3 +152,27 @@ def test_a_baseline_needs_looks():
     with pytest.raises(InputError, match="looks"):
         judged()
     assert BaselineConfig().clearance == 0.05
+
+
+def test_a_sensor_is_placed_by_a_pose_only():
+    with pytest.raises(InputError, match=r"ndarray.*SE3\.from_matrix"):
+        LoadModel(T_ee_ft=np.eye(4))
+    with pytest.raises(InputError, match="finite"):
+        LoadModel(T_ee_ft=SE3.from_parts(p=[0.0, 0.0, np.nan]))
+
+
+def test_a_baseline_of_unknown_age_or_orientation_is_no_baseline():
+    R = np.eye(3)
+    turned = rpy(np.pi / 2, 0.0, 0.0)
+    assert not judged(look(R), look(turned), age=np.nan).is_accepted
+    broken = np.full(6, np.nan)
+    assert not judged(look(R), look(turned), commissioned=broken).is_accepted
+    with pytest.raises(InputError, match="orientation"):
+        BaselineLook(
+            raw=np.zeros((5, 6)),
+            R_base_ft=np.full((3, 3), np.nan),
+            duration=1.0,
+            clearance=0.1,
+            is_open_and_empty=True,
+            is_standing=True,
+        )

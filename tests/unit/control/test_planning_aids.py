@@ -80,6 +80,8 @@ def test_pulls_are_checked():
         choose_pull(OBJECT, np.full((3, 3), np.nan))
     with pytest.raises(InputError, match="candidates"):
         choose_pull(OBJECT, FREE, candidates=[[0.0, 0, 0]])
+    with pytest.raises(InputError, match="candidates"):
+        choose_pull(OBJECT, FREE, candidates=[[np.inf, 0, 0]])
     with pytest.raises(InputError, match="default pull"):
         choose_pull(OBJECT, FREE, PullConfig(along_road=(0, 0, 0), rise=0.0))
     with pytest.raises(ConfigError):

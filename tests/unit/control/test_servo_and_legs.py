@@ -183,3 +183,28 @@ def test_a_leg_is_only_accepted_with_room_for_the_deflection():
     assert long.is_done
     assert "joint" in planner.margin_fault(long)
     assert planner.margin_fault(planner.plan(READY, SE3.from_parts(p=[0.6, 0, 0]) @ T))
+
+
+@pytest.mark.parametrize(
+    ("offset", "words"),
+    [
+        ((0, 0, np.nan), "offset of a leg"),
+        ((np.inf, 0, 0), "offset of a leg"),
+        ((0, 0, 100.0), "at most 3.*millimetres"),
+        ((0, 0), "offset of a leg"),
+    ],
+)
+def test_an_offset_that_makes_no_leg_is_refused(offset, words):
+    with pytest.raises(InputError, match=words):
+        CartesianLeg.along(T, offset)
+
+
+def test_a_leg_takes_finite_poses_only():
+    broken = SE3.from_parts(np.full((3, 3), np.nan), T.p)
+    for start, goal in ((T, broken), (broken, T)):
+        with pytest.raises(InputError, match="finite"):
+            CartesianLeg(start, goal)
+    with pytest.raises(InputError, match=r"SE3\.from_matrix"):
+        CartesianLeg(T, np.eye(4))
+    with pytest.raises(InputError, match="finite"):
+        LegPlanner(CHAIN, LIMITS).plan(READY, SE3.from_parts(p=[0, 0, np.nan]))

@@ -9,6 +9,7 @@ from debrisgrasp.control import (
     BiasBound,
     Compliance,
     Contact,
+    ContactGuard,
     ControllerConfig,
     Fault,
     FaultClass,
@@ -343,3 +344,51 @@ def test_settings_out_of_range_are_refused():
 
 def test_limits_are_those_of_the_robots_file():
     assert (LIMITS.force, LIMITS.torque) == (150.0, 40.0)
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf, -np.inf])
+def test_a_clock_that_gives_no_number_stops_at_once(time):
+    rig = Rig(SOFT)
+    state, reading = rig.engaged(), rig.reading(1, rig.q_start, (0.0,) * 6)
+    state, command = rig.controller.step(state, reading._replace(time=time))
+    assert command.stop.fault is Fault.CLOCK_GAP
+    assert str(time) in command.stop.message
+    assert np.isfinite(command.stop.time)
+    held = command.q
+    state, command = rig.controller.step(state, rig.reading(2, rig.q_start, (0.0,) * 6))
+    assert command.is_stop
+    assert command.q == held
+
+
+@pytest.mark.parametrize("compliance", [None, SOFT])
+def test_a_command_that_is_no_number_never_leaves(compliance):
+    """Whatever spoiled the leg: the arm stops and stays where it is."""
+    rig = Rig(compliance)
+    state, _ = pushed(rig, [wrench(0, 0, 0)] * 20)
+    rig.controller.leg._way = (0.0, 0.0, np.nan)
+    q = state.servo.q
+    state, command = rig.controller.step(state, rig.reading(21, q, (0.0,) * 6))
+    assert command.stop.fault is Fault.COMMAND_INVALID
+    assert command.outcome is LegOutcome.STOPPED
+    np.testing.assert_allclose(command.q, q)
+    rig.controller.leg._way = (0.0, 0.0, 0.1)
+    _, command = rig.controller.step(state, rig.reading(22, q, (0.0,) * 6))
+    assert command.stop.fault is Fault.COMMAND_INVALID
+    np.testing.assert_allclose(command.q, q)
+
+
+def test_a_commanded_posture_that_is_no_number_counts_as_not_followed():
+    rig = Rig(SOFT)
+    state, supervisor = rig.engaged().safety, rig.controller._supervisor
+    for k in range(1, 30):
+        reading = rig.reading(k, rig.q_start, (0.001 * k, 0, 0, 0, 0, 0))
+        state, _ = supervisor.step(
+            state, reading, (np.nan,) * 7, (0.0,) * 6, is_moving=True
+        )
+    assert state.stop.fault is Fault.JOINT_STUCK
+
+
+def test_a_load_that_is_no_number_counts_as_a_touch():
+    nan = (np.nan, *(0.0,) * 5)
+    assert ContactGuard().is_touched(nan, (0.0,) * 6)
+    assert not ContactGuard().is_touched((0.0,) * 6, (0.0,) * 6)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -233,3 +234,16 @@ def test_a_urdf_that_does_not_exist_is_named(tmp_path: Path) -> None:
 def test_wrong_number_of_joint_values_is_refused(arm: KinematicChain) -> None:
     with pytest.raises(DebrisGraspError, match="joint values"):
         arm.fk(np.zeros(7))
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 99.0, -1.6, "up"])
+def test_a_locked_joint_can_only_stand_within_its_limits(value: float) -> None:
+    with pytest.raises(ConfigError, match=r"'torso_joint'.*-1\.57.* to 1\.57"):
+        KinematicChain.from_urdf(
+            ROMAN_URDF, "base_link", "right_hand", {"torso_joint": value}
+        )
+
+
+def test_a_chain_of_numbers_that_are_none_is_refused(arm: KinematicChain) -> None:
+    with pytest.raises(DebrisGraspError, match="points of a chain"):
+        replace(arm, points=np.full_like(arm.points, np.nan))
