@@ -181,6 +181,17 @@ class ArmReach:
         goals = Goals.from_matrices(self.chain.form, T_base_hand.matrix)
         return self.reach_map.may_reach(goals)
 
+    def solves(self, T_base_hand: SE3, *, rng: Rng) -> BoolArray:
+        """Tell which palm poses (k,) have a posture at all, collision aside, (k,)."""
+        found = solve(
+            self.chain,
+            T_base_hand,
+            reach_map=self.reach_map,
+            rng=rng,
+            config=self.config.ik,
+        )
+        return found.is_solved
+
     def reach(self, T_base_hand: SE3, distance: Distance, *, rng: Rng) -> ReachResult:
         """Find a collision-free posture for each palm pose.
 

@@ -56,6 +56,10 @@ class Arm(Protocol):
         """Tell quickly which of k palm poses are not out of reach for certain."""
         ...
 
+    def solves(self, T_base_hand: SE3, *, rng: Rng) -> BoolArray:
+        """Tell which of k palm poses have a posture at all, collision aside."""
+        ...
+
     def reach(self, T_base_hand: SE3, distance: Distance, *, rng: Rng) -> ReachAnswer:
         """Find a posture for each of k palm poses."""
         ...

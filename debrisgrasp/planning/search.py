@@ -147,7 +147,8 @@ class GraspSearch:
         with watch.stage("search"):
             quality = self._quality(scene, arms)
             states = self._explored(scene, quality, watch, rng)
-            tops = self._refined(quality, self._modes(scene, states), watch, rng)
+            modes = self._solved(arms, self._modes(scene, states), ledger, rng)
+            tops = self._refined(quality, modes, watch, rng)
             if arms and not len(tops.Ts):
                 ledger["no arm gets that far"] += self._n_too_far(
                     scene, arms, watch, rng
@@ -191,6 +192,27 @@ class GraspSearch:
         quality = self._quality(scene, ())
         found = self._modes(scene, self._explored(scene, quality, watch, rng))
         return int((~self._may_reach(arms, found.Ts, found.prototype)).sum())
+
+    def _solved(
+        self,
+        arms: Sequence[Arm],
+        found: Candidates,
+        ledger: Counter[str],
+        rng: Rng,
+    ) -> Candidates:
+        """Keep the poses for which an arm with the right hand has a posture.
+
+        The map lets a few through that no posture takes; here each is solved.
+        """
+        if not arms or self._config.reach == "after" or not len(found.Ts):
+            return found
+        is_solved = np.zeros(len(found.Ts), dtype=bool)
+        for arm in arms:
+            mine = np.flatnonzero(self.gripper_of[found.prototype] == arm.gripper)
+            if len(mine):
+                is_solved[mine] |= arm.solves(SE3(found.Ts[mine]), rng=rng)
+        ledger["no arm gets there"] += int((~is_solved).sum())
+        return found[is_solved]
 
     def _may_reach(
         self, arms: Sequence[Arm], Ts: FloatArray, prototype: IntArray
