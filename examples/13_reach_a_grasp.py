@@ -76,7 +76,7 @@ def main() -> None:
         ],
         cloud=cloud,
         note=f"{CartesianLeg(T, goal).length:.2f} m sideways; postures from light to "
-        "dark, path of the palm in orange, contact in red",
+        "dark, path of the palm in purple, contact in red",
     )
     print(f"wrote {picture}")
 

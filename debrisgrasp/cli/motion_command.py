@@ -148,5 +148,7 @@ def _draw(result: PlanningResult, found: GraspMotions, path: Path) -> None:
             )
         ],
         cloud=result.cloud,
-        note=f"{seconds}; postures from light to dark, path of the palm in orange",
+        gripped=result.segmentation.labels == chosen.grasp.object_label,
+        note=f"{seconds}; postures from light to dark, path of the palm in purple, "
+        "object in orange",
     )

@@ -17,6 +17,7 @@ __all__ = [
     "KIND_COLORS",
     "MUTED_INK",
     "ROBOT_COLOR",
+    "WARNING_COLOR",
     "hex_color",
     "label_colors",
     "mixed",
@@ -48,6 +49,7 @@ ROBOT_COLOR = _rgb("#8d96a3")
 BACKGROUND_COLOR = _rgb("#f4f6f9")
 INK = _rgb("#1c2330")
 MUTED_INK = _rgb("#5d6675")
+WARNING_COLOR = _rgb("#b34700")
 KIND_COLORS = {
     PointKind.GROUND: _rgb("#9fb4c9"),
     PointKind.BELOW: _rgb("#5b6b7d"),

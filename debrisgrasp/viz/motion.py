@@ -10,11 +10,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.geometry import PointCloud, voxel_downsample
 from debrisgrasp.kinematics import LimitSet, RobotModel, Trajectory
 
-from .colors import BACKGROUND_COLOR, GROUND_COLOR, INK, MUTED_INK, hex_color
+from .colors import (
+    BACKGROUND_COLOR,
+    CHOSEN_COLOR,
+    GROUND_COLOR,
+    INK,
+    MUTED_INK,
+    hex_color,
+)
 from .page import Page, Slot, draw_picture, shortened
 from .raster import Mesh, Splats, render
 from .scene import ground_grid, merged, point_spacing
@@ -29,7 +36,7 @@ _DIRECTIONS = ((-0.75, 0.75, -0.6), (-0.35, -0.9, -0.4))
 _START, _END = np.array([0.60, 0.74, 0.90]), np.array([0.05, 0.30, 0.66])
 _TORSO = (0.70, 0.73, 0.77)
 _BAD = np.array([0.80, 0.10, 0.15])
-_PATH = (0.93, 0.45, 0.05)
+_PATH = (0.56, 0.13, 0.62)
 _SHOWN = 2.0
 """Points of the scene farther from the base than this are not drawn [m]."""
 
@@ -70,6 +77,7 @@ def motion_png(
     tracks: Sequence[MotionTrack],
     *,
     cloud: PointCloud | None = None,
+    gripped: BoolArray | None = None,
     n_postures: int = 6,
     note: str = "",
 ) -> None:
@@ -83,6 +91,9 @@ def motion_png(
         One or two; their joints are those of the arm's chain.
     cloud
         What was measured, base frame.
+    gripped
+        Which of its points are those of the gripped object, shape (n,): drawn in its
+        colour.
     n_postures
         How many postures of each motion are drawn, first and last among them; the
         later, the darker.
@@ -97,11 +108,12 @@ def motion_png(
     page.text(30, 62, shortened(note, 150), 11.5, color=MUTED_INK)
     shown = [*tracks, tracks[0]][:2]
     is_pair = len(tracks) > 1
+    scene = None if cloud is None else _scene(cloud, gripped)
     for i, (track, slot) in enumerate(zip(shown, _PANELS, strict=True)):
         side = "seen from the front, " + ("right", "left")[0 if is_pair else i]
         axes = page.titled_panel(slot, track.label if is_pair or not i else "", side)
         direction = _DIRECTIONS[0 if is_pair else i]
-        colors, way = _rendered(robot, arm, track, cloud, direction, slot, n_postures)
+        colors, way = _rendered(robot, arm, track, scene, direction, slot, n_postures)
         scale, left, top = draw_picture(axes, colors, slot)
         axes.plot(*(scale * way + (left, top)).T, color=hex_color(_PATH), linewidth=2.2)
     for i, slot in enumerate(_PLOTS):
@@ -117,7 +129,7 @@ def _rendered(
     robot: RobotModel,
     arm: str,
     track: MotionTrack,
-    cloud: PointCloud | None,
+    scene: Splats | None,
     direction: Sequence[float],
     slot: Slot,
     n_postures: int,
@@ -143,19 +155,27 @@ def _rendered(
     tips = robot.chain(arm).fk(way).p
     splats = []
     corners = np.concatenate([tips, *(group.vertices for group in groups)])
-    if cloud is not None:
-        near = cloud.points[np.abs(cloud.points).max(axis=1) < _SHOWN]
-        near = near[voxel_downsample(near, 0.008)]
-        corners = np.concatenate([corners, near])
-        shade = np.asarray(GROUND_COLOR) * np.where(near[:, 2:] > 0.02, 0.72, 1.05)
-        colors = np.clip(shade, 0.0, 1.0)
-        splats.append(Splats(near, colors, np.minimum(point_spacing(near), 0.013)))
+    if scene is not None:
+        corners = np.concatenate([corners, scene.points])
+        splats.append(scene)
     else:
         splats.append(_dots_of(ground_grid(corners, 0.5)))
     view = View.fitted(corners, direction, slot.size, margin=1.02)
     background = np.array(BACKGROUND_COLOR)
     colors = render(view, splats, groups, background=background).colors
     return colors, view.project(tips)[0]
+
+
+def _scene(cloud: PointCloud, gripped: BoolArray | None) -> Splats:
+    """Draw what was measured near the robot, the gripped object in its colour."""
+    shown = np.flatnonzero(np.abs(cloud.points).max(axis=1) < _SHOWN)
+    shown = shown[voxel_downsample(cloud.points[shown], 0.008)]
+    near = cloud.points[shown]
+    colors = np.asarray(GROUND_COLOR) * np.where(near[:, 2:] > 0.02, 0.72, 1.05)
+    if gripped is not None:
+        colors[gripped[shown]] = CHOSEN_COLOR
+    sizes = np.minimum(point_spacing(near), 0.013)
+    return Splats(near, np.clip(colors, 0.0, 1.0), sizes)
 
 
 def _arm_mesh(
@@ -198,19 +218,19 @@ def _draw_joints(axes: Axes, track: MotionTrack, *, of_speed: bool) -> None:
     q, dq = track.at(t)
     values = dq / track.limits.velocity if of_speed else q
     for i in range(values.shape[1]):
-        axes.plot(t, values[:, i], linewidth=1.5, label=str(i + 1))
+        axes.plot(t, values[:, i], linewidth=1.5, label=track.limits.joint_names[i])
     if of_speed:
         for bound in (-1.0, 1.0):
             axes.axhline(bound, color=hex_color(INK), linewidth=1.0, linestyle="--")
-        axes.set_ylim(-1.15, 1.5)
+        axes.set_ylim(-1.15, 1.9)
     begin = 0.0
     for piece in track.trajectories[:-1]:
         begin += piece.duration
         axes.axvline(begin, color=hex_color(MUTED_INK), linewidth=0.8)
     if not of_speed:
         low, high = float(values.min()), float(values.max())
-        axes.set_ylim(low - 0.2, high + 0.2 * (high - low) + 0.2)
+        axes.set_ylim(low - 0.2, high + 0.4 * (high - low) + 0.2)
     unit = "share of the limit" if of_speed else "rad"
     axes.set_ylabel(unit, fontsize=10, color=hex_color(MUTED_INK))
     axes.set_xlim(0.0, max(track.duration, 1e-3))
-    axes.legend(fontsize=8, ncols=8, loc="upper right", handlelength=1.2)
+    axes.legend(fontsize=8, ncols=4, loc="upper right", handlelength=1.2)

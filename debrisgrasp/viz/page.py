@@ -18,7 +18,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import write_atomic
 from debrisgrasp.segmentation import Candidate
 
-from .colors import CHOSEN_COLOR, INK, MUTED_INK, hex_color
+from .colors import CHOSEN_COLOR, INK, MUTED_INK, hex_color, label_colors, mixed
 from .overlay import LabelImage, label_anchors, painted
 
 __all__ = [
@@ -29,9 +29,14 @@ __all__ = [
     "plain",
     "shortened",
     "wrapped",
+    "write_order",
 ]
 
 _DPI = 100
+_FOOT = 30
+"""Margin that a list keeps at the right and at the foot [pixels]."""
+_LINE, _GAP = 20.0, 5.0
+"""Height of a line of a list of reasons, and the gap between its entries [pixels]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +85,24 @@ class Page:
             weight=weight,
             linespacing=1.45,
         )
+
+    def row(
+        self,
+        x: float,
+        y: float,
+        parts: Iterable[tuple[str, Sequence[float]]],
+        size: float = 11.0,
+        *,
+        gap: float = 20.0,
+        weight: str = "normal",
+    ) -> None:
+        """Write texts, each in its colour, beside one another with equal gaps."""
+        for text, color in parts:
+            self.text(x, y, text, size, color=color, weight=weight)
+            drawn = self.figure.texts[-1]
+            # By their base lines: the tops of the letters differ from text to text.
+            drawn.set(va="baseline", y=1.0 - (y + 1.35 * size) / self.height)
+            x += drawn.get_window_extent().width + gap
 
     def titled_panel(self, slot: Slot, title: str, note: str = "") -> Axes:
         """Panel with a heading above it, and a short note at its right end."""
@@ -209,6 +232,28 @@ def draw_segments(
                 )
             ],
         )
+
+
+def write_order(page: Page, x: float, y: float, order: Sequence[Candidate]) -> None:
+    """List objects with their turns and reasons down to the foot of the page.
+
+    Only whole entries are written; of those left, the last line gives the number.
+    """
+    columns = int((page.width - _FOOT - x - 66) / 7.9)
+    for turn, item in enumerate(order, start=1):
+        text = wrapped([item.reason], columns, 4)
+        height = _LINE * (text.count("\n") + 1) + _GAP
+        rest = _LINE if turn < len(order) else 0.0
+        if y + height + rest > page.height - _FOOT:
+            left = f"and {len(order) - turn + 1} more"
+            page.text(x, y, left, 10.5, weight="bold")
+            return
+        own = CHOSEN_COLOR if turn == 1 else label_colors(item.label)
+        color = tuple(mixed(own, (0, 0, 0), 0.3))
+        page.text(x, y, f"{turn}", 11, color=color, weight="bold")
+        page.text(x + 26, y, f"#{item.label}", 10.5, weight="bold")
+        page.text(x + 66, y, text, 10.5)
+        y += height
 
 
 def plain(text: str) -> str:

@@ -39,6 +39,7 @@ from .scene import (
     thinned,
 )
 from .words import (
+    doubt_line,
     headline,
     object_reason,
     passed_over_lines,
@@ -59,6 +60,7 @@ def payload(report: Report) -> dict[str, Any]:
     return {
         "title": report.title,
         "summary": summary(report),
+        "doubt": doubt_line(report.segmentation),
         "headline": headline(report),
         "reason": object_reason(report),
         "passedOver": passed_over_lines(plan),

@@ -7,7 +7,14 @@ import os
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from .colors import CHOSEN_COLOR, HAND_COLORS, INK, MUTED_INK, hex_color
+from .colors import (
+    CHOSEN_COLOR,
+    HAND_COLORS,
+    INK,
+    MUTED_INK,
+    WARNING_COLOR,
+    hex_color,
+)
 from .overlay import label_image
 from .page import (
     Page,
@@ -23,6 +30,7 @@ from .raster import Picture
 from .report import Report
 from .view import View
 from .words import (
+    doubt_line,
     grasp_row,
     headline,
     object_reason,
@@ -78,6 +86,8 @@ def report_png(path: str | os.PathLike[str], report: Report) -> None:
     plan = report.plan
     page.text(30, 20, shortened(report.title, 60), 20, weight="bold")
     page.text(30, 64, summary(report), 11.5, color=MUTED_INK)
+    doubt = shortened(doubt_line(report.segmentation), 265)
+    page.text(30, 87, doubt, 9.5, color=WARNING_COLOR)
     color = INK if plan.grasps else tuple(0.8 * c for c in CHOSEN_COLOR)
     sentence = wrapped([headline(report)], 82, 2)
     page.text(1770, 24, sentence, 13, ha="right", color=color, weight="bold")

@@ -12,6 +12,7 @@ from html import escape
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
+from matplotlib.transforms import Bbox
 from scipy.spatial import ConvexHull
 
 from debrisgrasp._arrays import FloatArray
@@ -79,7 +80,11 @@ def reach_html(path: str | os.PathLike[str], picture: ReachPicture) -> None:
         If the file can't be written.
     """
     stream = io.BytesIO()
-    _drawn(picture).figure.savefig(stream, format="png", metadata={"Software": ""})
+    figure = _drawn(picture, is_headed=False).figure
+    # Without the strip above the legend, where the picture alone has its title.
+    width, height = figure.get_size_inches()
+    shown = Bbox([[0.0, 0.0], [width, height * (1.0 - 24 / _SIZE[1])]])
+    figure.savefig(stream, format="png", metadata={"Software": ""}, bbox_inches=shown)
     data = base64.b64encode(stream.getvalue()).decode()
     head, *body = picture.rows
     cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
@@ -91,18 +96,21 @@ def reach_html(path: str | os.PathLike[str], picture: ReachPicture) -> None:
     write_atomic(
         path,
         f'<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
-        "<style>body{font:15px sans-serif;margin:24px;color:#1c2330}img{width:100%;"
-        "max-width:1800px}td,th{padding:3px 14px 3px 0;text-align:left}</style>"
+        "<style>body{font:15px system-ui,'DejaVu Sans',sans-serif;margin:24px;"
+        "color:#1c2330;background:#fff}h1{font-size:26px;margin:0}p{margin:6px 0 0}"
+        "img{width:100%;max-width:1800px}"
+        "td,th{padding:3px 14px 3px 0;text-align:left}</style>"
         f"<h1>{title}</h1><p>{escape(picture.summary)}</p>"
         f'<img alt="{title}" src="data:image/png;base64,{data}">'
         f"<table><tr>{cells}</tr>{lines}</table></html>\n",
     )
 
 
-def _drawn(picture: ReachPicture) -> Page:
+def _drawn(picture: ReachPicture, *, is_headed: bool = True) -> Page:
     page = Page(*_SIZE)
-    page.text(30, 20, shortened(picture.title, 70), 20, weight="bold")
-    page.text(30, 64, shortened(picture.summary, 130), 11.5, color=MUTED_INK)
+    if is_headed:
+        page.text(30, 20, shortened(picture.title, 70), 20, weight="bold")
+        page.text(30, 64, shortened(picture.summary, 130), 11.5, color=MUTED_INK)
     _legend(page, picture)
     axes = page.titled_panel(_VIEW, "Reach around the robot", "grid 50 cm")
     draw_picture(axes, _rendered(picture), _VIEW)

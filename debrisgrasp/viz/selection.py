@@ -3,31 +3,38 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrowPatch
 from matplotlib.patheffects import Stroke, withStroke
 
-from debrisgrasp.segmentation import Candidate
-
-from .colors import CHOSEN_COLOR, INK, MUTED_INK, hex_color, label_colors, mixed
-from .page import Page, Slot, draw_picture, plain, shortened, wrapped
+from .colors import (
+    CHOSEN_COLOR,
+    INK,
+    MUTED_INK,
+    WARNING_COLOR,
+    hex_color,
+    label_colors,
+    mixed,
+)
+from .page import Page, Slot, draw_picture, shortened, wrapped, write_order
 from .support_layer import DOUBT_COLOR, Arrow, Node, SelectionReport, SupportLayer
+from .words import doubt_line
 
 __all__ = ["selection_png"]
 
 _FRAME = 30
-_PICTURE = Slot(_FRAME, 84, 1080, 810)
+_TOP = 84
+_PICTURE = (1080, 810)
 _LIST_X = 1140
 _WIDTH, _HEIGHT = 1720, 960
 _RADII = (8.0, 15.0)
 """Of the discs of the smallest and of large objects [pixels of the page]."""
 _NAMED = 10.0
 """Radius from which on there is room for a label beside the disc."""
-_LINE, _GAP = 20.0, 5.0
-"""Height of a line of the list, and the gap between its entries [pixels]."""
+_MOST_DISCS = 15
+"""Of more objects, only the first in the order get a disc: more would overlap."""
 
 
 def selection_png(path: str | os.PathLike[str], report: SelectionReport) -> None:
@@ -46,14 +53,25 @@ def selection_png(path: str | os.PathLike[str], report: SelectionReport) -> None
         If the file can't be written.
     """
     layer = SupportLayer.of(report)
-    page = Page(_WIDTH, _HEIGHT)
+    doubt = wrapped([doubt_line(report.segmentation)], 150, 3)
+    shift = 19 * (doubt.count("\n") + 1) if doubt else 0
+    slot = Slot(_FRAME, _TOP + shift, *_PICTURE)
+    page = Page(_WIDTH, _HEIGHT + shift)
     n = len(report.segmentation.segments)
+    nodes = [node for node in layer.nodes.values() if node.place <= _MOST_DISCS]
+    if n <= _MOST_DISCS:
+        nodes = list(layer.nodes.values())
+    drawn = {node.label for node in nodes}
+    arrows = [arrow for arrow in layer.arrows if arrow.above.label in drawn]
     page.text(_FRAME, 18, shortened(report.title, 70), 18, weight="bold")
-    note = f"{n} object{'s' * (n != 1)}, {len(layer.arrows)} relations of support shown"
+    note = f"{n} object{'s' * (n != 1)}, {len(arrows)} relations of support shown"
+    if n > _MOST_DISCS:
+        note += f": those of the first {_MOST_DISCS} objects in the order"
     page.text(_FRAME, 54, note, 11, color=MUTED_INK)
-    axes = page.panel(_PICTURE)
+    page.text(_FRAME, 76, doubt, 10, color=WARNING_COLOR)
+    axes = page.panel(slot)
     axes.set_facecolor("#21262d")
-    scale, left, top = draw_picture(axes, layer.colors, _PICTURE)
+    scale, left, top = draw_picture(axes, layer.colors, slot)
     places = {
         label: (left + scale * (node.u + 0.5), top + scale * (node.v + 0.5))
         for label, node in layer.nodes.items()
@@ -62,14 +80,17 @@ def selection_png(path: str | os.PathLike[str], report: SelectionReport) -> None
         label: float(np.clip(0.3 * scale * node.size, *_RADII))
         for label, node in layer.nodes.items()
     }
-    for arrow in layer.arrows:
+    for arrow in arrows:
         above, below = arrow.above.label, arrow.below.label
         ends, shrink = (places[above], places[below]), (radii[above], radii[below])
         _draw_arrow(axes, arrow, ends, shrink)
-    for label, node in layer.nodes.items():
-        _draw_node(axes, node, places[label], radii[label])
-    _draw_legend(page)
-    _write_order(page, report.order)
+    for node in nodes:
+        _draw_node(axes, node, places[node.label], radii[node.label])
+    for label in {arrow.below.label for arrow in arrows} - drawn:
+        _write_label(axes, label, places[label], "center")
+    _draw_legend(page, slot)
+    page.text(_LIST_X, slot.y - 28, "Order of removal", 12, weight="bold")
+    write_order(page, _LIST_X, slot.y, report.order)
     page.write(path)
 
 
@@ -140,23 +161,26 @@ def _draw_node(
         va="center_baseline",
         zorder=7,
     )
-    if radius < _NAMED:
-        return
+    if radius >= _NAMED:
+        place = (x + radius + 3, y - radius * 0.75)
+        _write_label(axes, node.label, place, "left")
+
+
+def _write_label(axes: Axes, label: int, place: tuple[float, float], ha: str) -> None:
     axes.text(
-        x + radius + 3,
-        y - radius * 0.75,
-        f"#{node.label}",
+        *place,
+        f"#{label}",
         color="white",
         fontsize=8.5,
         weight="bold",
+        ha=ha,
         va="center",
         zorder=7,
         path_effects=[withStroke(linewidth=2.6, foreground=hex_color(INK))],
     )
 
 
-def _draw_legend(page: Page) -> None:
-    y = _PICTURE.y + _PICTURE.height + 14
+def _draw_legend(page: Page, slot: Slot) -> None:
     parts = (
         ("disc: turn, label beside it", INK),
         ("arrow: rests on (thicker: surer, dashed: leans)", INK),
@@ -167,24 +191,4 @@ def _draw_legend(page: Page) -> None:
             tuple(mixed(DOUBT_COLOR, (0, 0, 0), 0.35)),
         ),
     )
-    x = float(_FRAME)
-    for text, color in parts:
-        page.text(x, y, text, 9.5, color=color)
-        x += 6.1 * len(text) + 24
-
-
-def _write_order(page: Page, order: Sequence[Candidate]) -> None:
-    page.text(_LIST_X, 54, "Order of removal", 12, weight="bold")
-    y = _PICTURE.y
-    for turn, item in enumerate(order, start=1):
-        text = wrapped([item.reason], 60, 4)
-        height = _LINE * (text.count("\n") + 1) + _GAP
-        if y + height + _LINE > _HEIGHT - _FRAME:
-            page.text(_LIST_X, y, f"and {len(order) - turn + 1} more", 10.5)
-            return
-        own = CHOSEN_COLOR if turn == 1 else label_colors(item.label)
-        color = tuple(mixed(own, (0, 0, 0), 0.3))
-        page.text(_LIST_X, y, f"{turn}", 11, color=color, weight="bold")
-        page.text(_LIST_X + 26, y, f"#{item.label}", 10.5, weight="bold")
-        page.text(_LIST_X + 66, y, plain(text), 10.5)
-        y += height
+    page.row(_FRAME, slot.y + slot.height + 14, parts, 9.5, gap=18)

@@ -15,6 +15,7 @@ from debrisgrasp._files import write_atomic
 
 from .colors import CHOSEN_COLOR, hex_color, label_colors, mixed
 from .support_layer import Arrow, Node, SelectionReport, SupportLayer
+from .words import doubt_line
 
 __all__ = ["selection_html"]
 
@@ -44,6 +45,7 @@ def selection_html(path: str | os.PathLike[str], report: SelectionReport) -> Non
         "title": escape(report.title),
         "style": (folder / "report.css").read_text(encoding="utf-8"),
         "note": f"{n} object{'s' * (n != 1)}, order of removal",
+        "doubt": escape(doubt_line(report.segmentation)),
         "picture": _picture(layer),
         "rows": "\n".join(_rows(report)),
     }
@@ -61,19 +63,26 @@ def _rows(report: SelectionReport) -> list[str]:
     rows = []
     for turn, item in enumerate(report.order, start=1):
         weight, load = (
-            f"{low:.0f}–{high:.0f}" if high > 0 else "0"
+            _span(low, high)
             for low, high in (
                 report.support.weight[item.label - 1],
                 report.support.load[item.label - 1],
             )
         )
         cells = "".join(
-            f'<td class="number">{text}</td>'
+            f'<td class="number">{escape(str(text))}</td>'
             for text in (turn, item.label, weight, load)
         )
         key = f'data-node="{item.label}" data-of="{item.label}"'
         rows.append(f"<tr {key}>{cells}<td>{escape(item.reason)}</td></tr>")
     return rows
+
+
+def _span(low: float, high: float) -> str:
+    """Format bounds of a force [N]."""
+    if high < 0.5:
+        return "<1" if high > 0 else "0"
+    return f"{low:.0f}–{high:.0f}"
 
 
 def _picture(layer: SupportLayer) -> str:

@@ -20,18 +20,28 @@ from .colors import (
     INK,
     KIND_COLORS,
     MUTED_INK,
+    WARNING_COLOR,
 )
 from .overlay import label_image
-from .page import Page, Slot, draw_picture, draw_segments, shortened, wrapped
+from .page import (
+    Page,
+    Slot,
+    draw_picture,
+    draw_segments,
+    shortened,
+    wrapped,
+    write_order,
+)
 from .raster import Splats, render
 from .report import Image
 from .scene import merged, point_spacing
 from .view import View
+from .words import doubt_line
 
 __all__ = ["prototype_png", "segmentation_png"]
 
 _FRAME = 30
-_MOST_LINES = 38
+_LINE = 20
 
 
 def segmentation_png(
@@ -61,35 +71,35 @@ def segmentation_png(
     OutputError
         If the file can't be written.
     """
-    slot = Slot(_FRAME, 92, 1080, 810)
-    width = 1700 if order else 1080 + 2 * _FRAME
-    page = Page(width, 932)
     report = segmentation.ground
     image = label_image(cloud, segmentation.labels, capture, report.kinds)
     n = len(segmentation.segments)
     name = "Segments" if capture is None else capture.name
+    found = f"{n} segment{'s' * (n != 1)}; ground {report.status}: {report.reason}"
+    columns = 190 if order else 130
+    note = wrapped([found], columns, 3)
+    counts = [
+        (f"■ {kind.name.lower()} {report.counts[kind.name.lower()]}", color)
+        for kind, color in KIND_COLORS.items()
+        if report.counts.get(kind.name.lower())
+    ]
+    doubt = wrapped([doubt_line(segmentation)], columns, 3)
+    y = 50 + _LINE * (note.count("\n") + 1)
+    top = doubt_y = y + (_LINE if counts else 0)
+    if doubt:
+        top += _LINE * (doubt.count("\n") + 1)
+    slot = Slot(_FRAME, top + 2, 1080, 810)
+    width = 1700 if order else 1080 + 2 * _FRAME
+    page = Page(width, int(slot.y) + 840)
     page.text(_FRAME, 18, shortened(name, 70), 18, weight="bold")
-    ground = f"ground {report.status}: {report.reason}"
-    note = f"{n} segment{'s' * (n != 1)}; {ground}"
-    page.text(_FRAME, 50, shortened(note, 190 if order else 130), 11, color=MUTED_INK)
-    x = _FRAME
-    for kind, color in KIND_COLORS.items():
-        count = report.counts.get(kind.name.lower())
-        if count:
-            text = f"■ {kind.name.lower()} {count}"
-            page.text(x, 70, text, 10.5, color=color, weight="bold")
-            x += 9 * len(text) + 24
-    if report.pose_doubt:
-        page.text(x, 70, shortened(report.pose_doubt, 100), 10.5, color=INK)
+    page.text(_FRAME, 50, note, 11, color=MUTED_INK)
+    page.row(_FRAME, y, counts, 10.5, weight="bold")
+    page.text(_FRAME, doubt_y, doubt, 10.5, color=WARNING_COLOR)
     chosen = order[0].label if order else 0
     draw_segments(page.panel(slot), image, slot, chosen=chosen, order=order)
     if order:
-        page.text(1130, 58, "Order of removal", 12, weight="bold")
-        lines = [
-            f"{place}: #{item.label}  {item.reason}"
-            for place, item in enumerate(order, start=1)
-        ]
-        page.text(1130, 92, wrapped(lines, 72, _MOST_LINES), 10.5)
+        page.text(1130, slot.y - 34, "Order of removal", 12, weight="bold")
+        write_order(page, 1130, slot.y, order)
     page.write(path)
 
 

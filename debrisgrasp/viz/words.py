@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from debrisgrasp.planning import Grasp, GraspPlan
+from debrisgrasp.segmentation import Segmentation
 
 from .report import Report
 
 __all__ = [
+    "doubt_line",
     "grasp_row",
     "headline",
     "object_reason",
@@ -28,6 +30,12 @@ def summary(report: Report) -> str:
         f"{_thousands(len(labels))} points, {_counted(n_objects, 'segment')}, "
         f"{_counted(n_grasps, 'grasp')}, {hand}, seed {report.plan.seed}"
     )
+
+
+def doubt_line(segmentation: Segmentation) -> str:
+    """Say what speaks against the pose of the camera; empty if nothing does."""
+    doubt = segmentation.ground.pose_doubt
+    return f"Camera pose in doubt: {doubt}" if doubt else ""
 
 
 def headline(report: Report) -> str:

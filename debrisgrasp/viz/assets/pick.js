@@ -9,6 +9,9 @@ let current = 0, viewer = null;
 const SHOWN = [0, 0, 1, -1, 0, 0, 0, -1, 0];  // rows: camera z, -x, -y
 const shownOf = (p) => [0, 3, 6].map((r) => SHOWN[r] * p[0] + SHOWN[r + 1] * p[1] + SHOWN[r + 2] * p[2]);
 
+// Depth farther from a click than this many pixels belongs to something else.
+const FARTHEST = 6, FEWEST = 4;
+
 function median(values) {
   const sorted = [...values].sort((a, b) => a - b), n = sorted.length;
   return n % 2 ? sorted[(n - 1) / 2] : (sorted[n / 2 - 1] + sorted[n / 2]) / 2;
@@ -17,21 +20,18 @@ function median(values) {
 // Depth of a pixel: median over a ring of the foremost surface there.
 function pickInPicture(u, v) {
   const view = views[current], [fx, fy, cx, cy] = view.camera, p = view.points;
-  for (const outer of [12, 20, 32]) {
-    const depths = [];
-    for (let i = 0; i < p.length; i += 3) {
-      const du = fx * p[i] / p[i + 2] + cx - u, dv = fy * p[i + 1] / p[i + 2] + cy - v;
-      const away = du * du + dv * dv;
-      if (away >= 4 && away <= outer * outer) depths.push(p[i + 2]);
-    }
-    if (depths.length < 8) continue;
-    depths.sort((a, b) => a - b);
-    const near = depths[Math.floor(0.25 * depths.length)];
-    const surface = depths.filter((z) => Math.abs(z - near) < 0.02 * near);
-    const z = median(surface);
-    return take([(u - cx) / fx * z, (v - cy) / fy * z, z], `ring of ${surface.length}`);
+  const depths = [];
+  for (let i = 0; i < p.length; i += 3) {
+    const du = fx * p[i] / p[i + 2] + cx - u, dv = fy * p[i + 1] / p[i + 2] + cy - v;
+    const away = du * du + dv * dv;
+    if (away >= 4 && away <= FARTHEST * FARTHEST) depths.push(p[i + 2]);
   }
-  tell("No depth was measured around this pixel.");
+  if (depths.length < FEWEST) return tell(`no depth here: hardly any within ${FARTHEST} pixels`);
+  depths.sort((a, b) => a - b);
+  const near = depths[Math.floor(0.25 * depths.length)];
+  const surface = depths.filter((z) => Math.abs(z - near) < 0.02 * near);
+  const z = median(surface);
+  take([(u - cx) / fx * z, (v - cy) / fy * z, z], `ring of ${surface.length}`);
 }
 
 function pickInSpace(x, y) {
@@ -58,9 +58,14 @@ function pickInSpace(x, y) {
 }
 
 function take(point, from) {
-  Object.assign(views[current], { pick: point, from });
-  tell(point.map((x, k) => `${"xyz"[k]} ${x.toFixed(4)}`).join("   ") + " m");
-  refresh();
+  const view = views[current], isNew = !view.pick;
+  Object.assign(view, { pick: point, from });
+  // A second pick in one view mends the first: stay there.
+  const n = views.length, next = views.findIndex((_, k) => k > current && !views[k].pick);
+  const open = next >= 0 ? next : views.findIndex((other) => !other.pick);
+  if (isNew && open >= 0) show(open); else refresh();
+  const place = point.map((x, k) => `${"xyz"[k]} ${x.toFixed(4)}`).join("   ") + " m";
+  tell(n > 1 ? `${view.observation.name}:   ${place}` : place);
 }
 
 function tell(text) { find("picked").textContent = text; }

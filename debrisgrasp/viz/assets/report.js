@@ -23,6 +23,7 @@ const columns = (pose) => [0, 1, 2, 3].flatMap((c) => pose.map((row) => row[c]))
 function fillPage() {
   find("title").textContent = data.title;
   find("summary").textContent = data.summary;
+  find("doubt").textContent = data.doubt;
   find("headline").textContent = data.headline;
   find("headline").classList.toggle("empty", !data.grasps.length);
   for (const line of [data.reason, ...data.passedOver]) if (line) find("reasons").append(make("p", line));

@@ -84,10 +84,14 @@ def page(tmp_path) -> Path:
     (u, v), _ = CAMERA.project(TARGET)
     rows, columns = np.indices(depth.shape)
     depth[np.hypot(columns - u, rows - v) < 3] = 0.0
+    depth[:, :20] = 0.0
     capture = Capture(depth=depth, intrinsics=CAMERA, T_base_camera=SE3.identity())
     path = tmp_path / "pick.html"
-    view = PickView(capture=capture, observation={"name": "</script>", "joints": {}})
-    pick_html(path, [view], header={"schema": "s"})
+    views = [
+        PickView(capture=capture, observation={"name": name, "joints": {}})
+        for name in ("</script>", "second")
+    ]
+    pick_html(path, views, header={"schema": "s"})
     return path
 
 
@@ -116,8 +120,13 @@ global.document = {
 global.window = {}; global.ResizeObserver = class { observe() {} };
 global.requestAnimationFrame = () => 1;
 (0, eval)(parts.join("\\n") + `
+  pickInPicture(5, 60);
+  const empty = [find("picked").textContent, current];
   pickInPicture(PIXEL);
-  process.stdout.write(fileText());`);
+  const after = [find("picked").textContent, current];
+  pickInPicture(PIXEL);
+  const said = { empty, after, last: current, file: fileText() };
+  process.stdout.write(JSON.stringify(said));`);
 """
 
 
@@ -130,8 +139,12 @@ def test_a_click_in_the_picture_gives_the_place(page, tmp_path):
         ["node", str(driver), str(page)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    content = json.loads(done.stdout)
+    said = json.loads(done.stdout)
+    assert said["empty"] == ["no depth here: hardly any within 6 pixels", 0]
+    assert said["after"][0].startswith("</script>:   x 0.1")
+    assert said["after"][1] == said["last"] == 1  # on to the next look, there it ends
+    content = json.loads(said["file"])
     assert content["schema"] == "s"
-    (observation,) = content["observations"]
-    assert observation["name"] == "</script>"
-    assert observation["point"] == pytest.approx(TARGET, abs=2e-3)
+    assert [o["name"] for o in content["observations"]] == ["</script>", "second"]
+    for observation in content["observations"]:
+        assert observation["point"] == pytest.approx(TARGET, abs=2e-3)

@@ -67,6 +67,17 @@ def test_the_table_holds_the_plan(report: Report, tmp_path: Path) -> None:
     assert [label for label, _ in data["order"]] == [2, 1]
 
 
+def test_a_doubt_about_the_camera_pose_is_in_the_page(
+    report: Report, tmp_path: Path
+) -> None:
+    assert page(report, tmp_path)[1]["doubt"] == ""
+    ground = replace(report.segmentation.ground, pose_doubt="gravity disagrees")
+    segmentation = replace(report.segmentation, ground=ground)
+    doubtful = replace(report, segmentation=segmentation)
+    said = page(doubtful, tmp_path)[1]["doubt"]
+    assert said == "Camera pose in doubt: gravity disagrees"
+
+
 def test_points_keep_their_place_and_kind(report: Report, tmp_path: Path) -> None:
     _, data = page(report, tmp_path)
     cloud = data["cloud"]

@@ -8,8 +8,14 @@ import pytest
 from PIL import Image
 
 from debrisgrasp.errors import InputError
-from debrisgrasp.segmentation import SupportAware, segment_cloud, support_graph
+from debrisgrasp.segmentation import (
+    Candidate,
+    SupportAware,
+    segment_cloud,
+    support_graph,
+)
 from debrisgrasp.viz import SelectionReport, selection_html, selection_png
+from debrisgrasp.viz.page import Page, write_order
 from debrisgrasp.viz.support_layer import DOUBT_COLOR, SupportLayer
 from tests.scenes import capture_of
 from tests.unit.segmentation.clouds import STACK
@@ -70,6 +76,29 @@ def test_the_page_names_every_object_and_fetches_nothing(report, tmp_path):
     assert "rests on" in page
     assert "{{" not in page
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
+
+
+def test_a_doubt_about_the_camera_pose_is_said(report, tmp_path):
+    ground = replace(report.segmentation.ground, pose_doubt="the camera < the ground")
+    segmentation = replace(report.segmentation, ground=ground)
+    doubtful = replace(report, segmentation=segmentation)
+    page, picture = tmp_path / "order.html", tmp_path / "order.png"
+    selection_html(page, doubtful)
+    assert "Camera pose in doubt: the camera &lt; the ground" in page.read_text()
+    selection_png(picture, doubtful)
+    with Image.open(picture) as image:
+        assert image.height > 960
+
+
+def test_a_long_order_ends_with_the_number_of_those_left_out():
+    page = Page(600, 400)
+    order = [Candidate(k, 1.0, f"reason {k}") for k in range(1, 41)]
+    write_order(page, 20, 50, order)
+    texts = [text.get_text() for text in page.figure.texts]
+    n_written = sum(text.startswith("reason") for text in texts)
+    assert texts[-1] == f"and {40 - n_written} more"
+    renderer = page.figure.canvas.get_renderer()
+    assert all(t.get_window_extent(renderer).y0 > 0 for t in page.figure.texts)
 
 
 def test_names_are_escaped(report, tmp_path):
