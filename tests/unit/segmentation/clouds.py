@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from debrisgrasp.geometry import SE3, Box, PointCloud, Solid, so3
-from debrisgrasp.segmentation import Segmentation, SegmentEdges, segment_cloud
+from debrisgrasp.segmentation import GroundReport, Segmentation, SegmentEdges
 from debrisgrasp.segmentation.segmentation import measured_segments
 from tests.scenes import capture_of
 
@@ -72,7 +71,6 @@ def truth_of(cloud: PointCloud, solids: tuple[Solid, ...]) -> np.ndarray:
 def labelled(cloud: PointCloud, labels: np.ndarray) -> Segmentation:
     """Return a segmentation with given labels, and no doubt about its borders."""
     labels = np.asarray(labels, dtype=np.int32)
-    whole = segment_cloud(cloud)
     edges = SegmentEdges(
         labels=np.zeros((0, 2), dtype=np.int32),
         convexity=np.zeros(0),
@@ -82,7 +80,24 @@ def labelled(cloud: PointCloud, labels: np.ndarray) -> Segmentation:
     )
     certainty = np.ones(int(labels.max(initial=0)) + 1)
     segments = measured_segments(cloud.points, labels, certainty)
-    return replace(whole, labels=labels, segments=segments, edges=edges)
+    ground = GroundReport(
+        status="skipped",
+        reason="labels are given",
+        plane=None,
+        tilt=np.nan,
+        height=np.nan,
+        inlier_share=0.0,
+        removed_share=np.nan,
+        n_removed=0,
+    )
+    return Segmentation(
+        labels=labels,
+        segments=segments,
+        edges=edges,
+        patches=labels,
+        ground=ground,
+        method="lccp",
+    )
 
 
 def same_partition(a: np.ndarray, b: np.ndarray) -> bool:
