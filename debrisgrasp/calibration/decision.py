@@ -15,6 +15,14 @@ from .uncertainty import WORKSPACE, WorkspaceError
 
 __all__ = ["CalibrationConfig", "Decision", "Evidence", "Finding", "decide"]
 
+_FLAT = 0.01
+"""Places nearer to one plane than this [m] don't tell a fit from its mirror image."""
+_FEWEST_TO_BE_FLAT = 3
+"""So many places or fewer lie in one plane always."""
+_OUT_OF_PLANE = (
+    "Add looks at least 0.1 m out of that plane, and check the sign of each coordinate"
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationConfig:
@@ -119,6 +127,7 @@ def decide(evidence: Evidence, config: CalibrationConfig) -> Decision:
         *_too_few(evidence, config),
         *_too_uncertain(evidence, config),
         *_unexplained(evidence, config),
+        *_below_ground(evidence),
         *_far_off(evidence, config),
     )
     return Decision(not findings, findings, tuple(_notes(evidence, config)))
@@ -181,6 +190,49 @@ def _unexplained(evidence: Evidence, config: CalibrationConfig) -> Iterator[Find
         )
 
 
+def _below_ground(evidence: Evidence) -> Iterator[Finding]:
+    height = float(evidence.T_base_camera.p[2])
+    # An upright camera's y axis points down, that of one that looks down is level.
+    is_flipped = (
+        evidence.nominal is None  # else the distance from it tells
+        and _is_flat(evidence)
+        and float(evidence.T_base_camera.R[2, 1]) > 0.2
+    )
+    if height >= 0.0 and not is_flipped:
+        return
+    problem = (
+        f"the camera comes out {-height:.2f} m below the ground"
+        if height < 0.0
+        else "the camera comes out upside down"
+    )
+    if _is_flat(evidence):
+        yield Finding(
+            f"{problem}, and the places lie in one plane within "
+            f"{1e3 * _off_plane(evidence):.1f} mm: one coordinate may be mirrored, "
+            "which fits a plane as well",
+            _OUT_OF_PLANE,
+        )
+    else:
+        yield Finding(
+            problem,
+            "Check the axes of both frames (base: z up, 0 at the ground; optical: x "
+            "right, y down, z forward)",
+        )
+
+
+def _is_flat(evidence: Evidence) -> bool:
+    is_enough = int(evidence.is_used.sum()) > _FEWEST_TO_BE_FLAT
+    return is_enough and _off_plane(evidence) < max(_FLAT, 3.0 * evidence.rmse)
+
+
+def _off_plane(evidence: Evidence) -> float:
+    """Root mean square distance of the used places from their best plane [m]."""
+    used = evidence.places[evidence.is_used]
+    offsets = used - used.mean(axis=0)
+    least = np.linalg.eigvalsh(offsets.T @ offsets)[0]
+    return float(np.sqrt(max(least, 0.0) / len(used)))
+
+
 def _far_off(evidence: Evidence, config: CalibrationConfig) -> Iterator[Finding]:
     if evidence.nominal is None:
         return
@@ -189,7 +241,8 @@ def _far_off(evidence: Evidence, config: CalibrationConfig) -> Iterator[Finding]
         yield Finding(
             f"the camera comes out {1e3 * shift:.0f} mm and {np.rad2deg(turn):.0f} deg "
             "from where the model has it",
-            "Check the frame of the measured points (optical: x right, y down, z "
+            (f"{_OUT_OF_PLANE}. " if _is_flat(evidence) else "")
+            + "Check the frame of the measured points (optical: x right, y down, z "
             "forward), the link that carries the fiducial, and the joints' order",
         )
 
@@ -203,6 +256,11 @@ def _notes(evidence: Evidence, config: CalibrationConfig) -> Iterator[str]:
         yield (
             f"residuals are only {evidence.noise_ratio:.2f} times what the stated "
             "noise leaves: sigma is stated too large, or the looks are not independent"
+        )
+    if _is_flat(evidence):
+        yield (
+            "the places lie in one plane: a mirrored coordinate would not show; a look "
+            "out of that plane would show it"
         )
     if evidence.nominal is not None:
         shift, turn = _from_nominal(evidence.T_base_camera, evidence.nominal)

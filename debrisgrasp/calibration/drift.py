@@ -19,6 +19,9 @@ from .observations import Observations
 
 __all__ = ["DriftConfig", "DriftMonitor", "DriftReport", "DriftStatus", "Trend"]
 
+_SURER = 0.01
+"""How much rarer than an alarm a look must be by noise to be called a wrong pick."""
+
 
 class DriftStatus(Enum):
     """What to do after a look."""
@@ -87,6 +90,8 @@ class DriftReport:
     cause stands out."""
     trend: Trend | None
     """None before the fifth look."""
+    wrong_picks: tuple[str, ...] = ()
+    """Earlier looks that this one shows to be wrong picks; they count no more."""
 
     @property
     def blocks_grasps(self) -> bool:
@@ -137,10 +142,41 @@ class DriftMonitor:
             One observation or more: where the arm and where the camera has the
             fiducial, or any point of the hand.
         """
-        single = [look.selected([i]) for i in range(len(look))]
-        looks = (*self.looks, *single)[-self.config.memory :]
-        monitor = replace(self, looks=looks)
-        return monitor, monitor.report()
+        looks = self.looks
+        wrong: list[str] = []
+        for i in range(len(look)):
+            looks = (*looks, look.selected([i]))
+            for k in range(max(len(looks) - 3, 0), len(looks) - 1):
+                if self._is_wrong_pick(looks, k):
+                    wrong += looks[k].names
+                    looks = looks[:k] + looks[k + 1 :]
+                    break
+        monitor = replace(self, looks=looks[-self.config.memory :])
+        return monitor, replace(monitor.report(), wrong_picks=tuple(wrong))
+
+    def _is_wrong_pick(self, looks: tuple[Observations, ...], k: int) -> bool:
+        """Whether look k contradicts what those before and after it agree on.
+
+        Whatever drift the others may share, slips of the head included, they must be
+        explained by it and look k must not. The first look has the calibration before
+        it.
+        """
+        around = (*looks[max(k - 2, 0) : k], *looks[k + 1 : k + 3])
+        others, everything = (
+            _Stack(self.calibration, around),
+            _Stack(self.calibration, (*around, looks[k])),
+        )
+        contradictions = []
+        for cause in ("none", "shifts", "slips") if k else ("none",):
+            columns = others.columns(cause)
+            left = others.remainder(columns)
+            freedom = others.gaps.size - columns.shape[1]
+            if chdtrc(freedom, left) < self.config.warnings:
+                continue
+            added = everything.remainder(everything.columns(cause)) - left
+            contradictions.append(added)
+        least = min(contradictions, default=0.0)
+        return bool(chdtrc(3, max(least, 0.0)) < _SURER * self.config.false_alarms)
 
     def report(self) -> DriftReport:
         """Judge the looks so far.
@@ -176,12 +212,21 @@ class DriftMonitor:
             shift=shift,
             shift_sigma=float(np.sqrt(np.trace(covariance) / 3.0)),
             p_value=p_value,
-            suspect="" if is_calm else self._suspect(recent),
+            suspect="" if is_calm else self._suspect(),
             trend=self._trend(shift),
         )
 
-    def _suspect(self, recent: _Stack) -> str:
-        """Name the cause that explains most, if it leaves no more than noise."""
+    def _suspect(self) -> str:
+        """Name the cause that the newest looks, two or more, agree on."""
+        for n in range(min(self.config.window, len(self.looks)), 1, -1):
+            recent = _Stack(self.calibration, self.looks[-n:])
+            words, p_value = self._cause(recent)
+            if p_value >= self.config.false_alarms:
+                return words
+        return ""
+
+    def _cause(self, recent: _Stack) -> tuple[str, float]:
+        """Name the cause that explains most, and how often noise leaves as much."""
         causes = {"the mount of the camera, or the fiducial, moved": recent.shifts}
         for j, joint in enumerate(self.calibration.head.joint_names):
             causes[joint] = recent.slips[:, j : j + 1]
@@ -196,16 +241,18 @@ class DriftMonitor:
             if (len(costs) > 1)
             else np.inf
         )
+        freedom = recent.gaps.size - causes[best].shape[1]
+        p_value = float(chdtrc(freedom, max(recent.remainder(causes[best]), 0.0)))
         if runner_up - costs[best] < 2.0:
-            return ""
+            return "", p_value
         if best not in self.calibration.head.joint_names:
-            return best
+            return best, p_value
         slip, variance = recent.solved(causes[best])
         sigma = float(np.sqrt(variance[0, 0]))
         return (
             f"{best} slipped by {np.rad2deg(slip[0]):.2f} deg "
             f"(+-{np.rad2deg(sigma):.2f})"
-        )
+        ), p_value
 
     def _trend(self, shift: FloatArray) -> Trend | None:
         n = len(self.looks)
@@ -261,6 +308,12 @@ class _Stack:
         covariance = np.diag(noise) + stacked @ known @ stacked.T
         return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
+    def columns(self, cause: str) -> FloatArray:
+        """Return the columns of one cause, "none", "shifts" or "slips", (3 m, c)."""
+        if cause == "none":
+            return np.zeros((self.gaps.size, 0))
+        return self.shifts if cause == "shifts" else self.slips
+
     def solved(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Weighted least squares of the gaps on columns, and its covariance."""
         A, y = self._whiten @ columns, self._whiten @ self.gaps
@@ -270,6 +323,8 @@ class _Stack:
     def remainder(self, columns: FloatArray) -> float:
         """Squared gaps, in units of their variance, that the columns don't explain."""
         A, y = self._whiten @ columns, self._whiten @ self.gaps
+        if not columns.shape[1]:
+            return float(y @ y)
         return float(y @ y - y @ A @ np.linalg.pinv(A.T @ A) @ A.T @ y)
 
     def test(self, columns: FloatArray) -> float:

@@ -230,6 +230,9 @@ def _smallest_that_fits(
             return fit_terms(some, begin, terms, prior)
 
         fit, is_used = settled(observations, agrees, fit_to, config.significance)
+        # As many unknowns as coordinates left fit anything: no evidence.
+        if fit.degrees_of_freedom < 1:
+            continue
         p_value = float(chdtrc(fit.degrees_of_freedom, fit.chi_square))
         attempt = Attempt(
             model=model,

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
 from debrisgrasp.errors import InputError, ShapeError
 
+from .plausibility import extent, likely_unit
+
 __all__ = ["KINEMATIC_SIGMA", "MEASUREMENT_SIGMA", "Observations"]
 
 MEASUREMENT_SIGMA = 0.0025
@@ -71,7 +73,7 @@ class Observations:
         object.__setattr__(self, "points_camera", camera)
         object.__setattr__(self, "head", head)
         object.__setattr__(self, "names", tuple(names))
-        object.__setattr__(self, "sigmas", _checked_sigmas(self.sigmas, n))
+        object.__setattr__(self, "sigmas", _checked_sigmas(self.sigmas, names))
         _require_usable(self)
 
     def __len__(self) -> int:
@@ -101,7 +103,8 @@ class Observations:
         )
 
 
-def _checked_sigmas(sigmas: ArrayLike, n: int) -> FloatArray:
+def _checked_sigmas(sigmas: ArrayLike, names: Sequence[str]) -> FloatArray:
+    n = len(names)
     values = np.asarray(sigmas, dtype=np.float64)
     if values.shape == (n,):
         values = values[:, None]
@@ -111,10 +114,14 @@ def _checked_sigmas(sigmas: ArrayLike, n: int) -> FloatArray:
         raise ShapeError(
             "sigmas", got=values.shape, expected=f"(), ({n},) or ({n}, 3)"
         ) from error
-    if not (np.isfinite(spread).all() and (spread > 0).all() and (spread < 1).all()):
+    bad = np.flatnonzero(~((spread > 0) & (spread < 1)).all(axis=1))
+    if len(bad):
+        row = spread[bad[0]]
+        numbers = ", ".join(f"{x:g}" for x in (row[:1] if np.ptp(row) == 0 else row))
+        more = f" and in {len(bad) - 1} more" if len(bad) > 1 else ""
         raise InputError(
             "sigma",
-            got=spread.tolist(),
+            got=f"{numbers} in observation {names[bad[0]]}{more}",
             expected="standard deviations above 0 and below 1 m",
             mend="A depth camera at 1.2 m has about 0.0025.",
         )
@@ -138,17 +145,18 @@ def _require_usable(given: Observations) -> None:
                 mend="Leave these observations out; depth at the fiducial is often "
                 "missing, the median of a ring around it is not.",
             )
-    for what, points in (
-        ("fiducial positions in base", given.points_base),
-        ("measured points", given.points_camera),
+    for what, points, others in (
+        ("fiducial positions in base", given.points_base, given.points_camera),
+        ("measured points", given.points_camera, given.points_base),
     ):
         far = float(np.median(np.linalg.norm(points, axis=1)))
         if far > _FARTHEST:
+            unit, name = likely_unit(_times_metres(points, others))
             raise InputError(
                 f"median distance of {what}",
                 got=f"{far:.4g} m",
                 expected=f"at most {_FARTHEST:g} m",
-                mend="These look like millimetres: divide by 1000.",
+                mend=f"These look like {name}: divide by {unit:g}.",
             )
     behind = np.flatnonzero(given.points_camera[:, 2] <= 0.0)
     if len(behind):
@@ -160,6 +168,15 @@ def _require_usable(given: Observations) -> None:
             "the frames been swapped, or is x forward as in a link of a robot?",
         )
     _require_distinct(given)
+
+
+def _times_metres(points: FloatArray, others: FloatArray) -> float:
+    """How many times too large points are, by the others if those are metres."""
+    far, near = (float(np.median(np.linalg.norm(p, axis=1))) for p in (points, others))
+    if near <= _FARTHEST and extent(points) > 0.0 and extent(others) > 0.0:
+        return extent(points) / extent(others)
+    # An arm works about a metre away.
+    return far
 
 
 def _require_distinct(given: Observations) -> None:

@@ -11,7 +11,7 @@ from debrisgrasp.geometry import SE3
 from .rigid import consensus
 from .uncertainty import lever_arm
 
-__all__ = ["Pairs", "agreeing", "require_right_way_round"]
+__all__ = ["Pairs", "agreeing", "extent", "likely_unit", "require_right_way_round"]
 
 _UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches"))
 _FARTHEST_SCALE = 3.0
@@ -38,7 +38,7 @@ def agreeing(pairs: Pairs) -> BoolArray:
     by_arm, by_camera, variances = pairs
     _require_one_unit(by_arm, by_camera)
     noise = float(np.sqrt(np.median(variances)))
-    spread, lever = _extent(by_arm), min(lever_arm(by_arm), lever_arm(by_camera))
+    spread, lever = extent(by_arm), min(lever_arm(by_arm), lever_arm(by_camera))
     if lever < _SHORTEST_LEVER * noise:
         is_line = spread > 2.0 * _SHORTEST_LEVER * noise
         raise InputError(
@@ -83,7 +83,7 @@ def require_right_way_round(T_base_camera: SE3, nominal: SE3 | None) -> None:
 
 
 def _require_one_unit(by_arm: FloatArray, by_camera: FloatArray) -> None:
-    sizes = [_extent(by_arm), _extent(by_camera)]
+    sizes = [extent(by_arm), extent(by_camera)]
     if min(sizes) == 0.0:
         return
     ratio = sizes[1] / sizes[0]
@@ -91,7 +91,7 @@ def _require_one_unit(by_arm: FloatArray, by_camera: FloatArray) -> None:
     if factor < _FARTHEST_SCALE:
         return
     larger = "measured points" if ratio > 1.0 else "fiducial positions"
-    unit, name = min(_UNITS, key=lambda item: abs(np.log(factor / item[0])))
+    unit, name = likely_unit(factor)
     is_unit = abs(np.log(factor / unit)) < 0.3
     raise InputError(
         f"scale of the {larger}",
@@ -103,7 +103,12 @@ def _require_one_unit(by_arm: FloatArray, by_camera: FloatArray) -> None:
     )
 
 
-def _extent(points: FloatArray) -> float:
+def likely_unit(factor: float) -> tuple[float, str]:
+    """Size and name of the unit whose numbers are most nearly so many times metres."""
+    return min(_UNITS, key=lambda item: abs(np.log(factor / item[0])))
+
+
+def extent(points: FloatArray) -> float:
     """Median distance from the middle [m]; wrong picks hardly change it."""
     middle = np.median(points, axis=0)
     return float(np.median(np.linalg.norm(points - middle, axis=1)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
@@ -23,6 +24,7 @@ from debrisgrasp.calibration import (
     Calibration,
     CalibrationConfig,
     DriftMonitor,
+    DriftReport,
     DriftStatus,
     Known,
     calibrate,
@@ -177,15 +179,15 @@ def _add_choose(actions: Any) -> None:
 
 def run_choose(arguments: argparse.Namespace) -> int:
     """Choose postures."""
+    if not 1 <= arguments.count <= 100:
+        raise ConfigError("-n", got=arguments.count, expected="1 to 100")
+    if arguments.seed < 0:
+        raise ConfigError("--seed", got=arguments.seed, expected="0 or more")
     robot = arguments.robot or "roman"
     given = ObservationFile(rows=())
     rig = rig_of(given, Path(), robot, arguments.fiducial)
-    if rig is None or not 1 <= arguments.count <= 100 or arguments.seed < 0:
-        raise ConfigError(
-            "-n, --seed",
-            got=(arguments.count, arguments.seed),
-            expected="1 to 100, and 0 or more",
-        )
+    if rig is None:
+        raise AssertionError("a robot is named above")
     stored = load_calibration(arguments.known) if arguments.known else None
     plan = choose_postures(
         rig,
@@ -242,6 +244,7 @@ def run_watch(arguments: argparse.Namespace) -> int:
     for i in range(len(looks)):
         monitor, report = monitor.seen(looks.selected([i]))
         reports.append(report)
+    wrong = {name for report in reports for name in report.wrong_picks}
     if arguments.json:
         facts = [
             {
@@ -251,31 +254,45 @@ def run_watch(arguments: argparse.Namespace) -> int:
                 "shift": r.shift.round(6).tolist(),
                 "p_value": r.p_value,
                 "suspect": r.suspect,
+                "wrong_pick": name in wrong,
             }
             for name, r in zip(looks.names, reports, strict=True)
         ]
         print(json.dumps(facts, indent=1))
     else:
-        rows = [
-            [
-                name,
-                r.status.value,
-                f"{1e3 * r.gap:.1f}",
-                f"{1e3 * np.linalg.norm(r.shift):.1f}",
-                f"{r.p_value:.1g}",
-                r.suspect or "-",
-            ]
-            for name, r in zip(looks.names, reports, strict=True)
-        ]
-        header = ["look", "status", "gap [mm]", "shift [mm]", "p", "suspect"]
-        print(columns(header, rows))
-        trend = reports[-1].trend
-        if trend is not None and trend.looks_left is not None:
-            print(
-                f"\ngrowing by {1e3 * trend.per_look:.2f} mm a look: "
-                f"{trend.looks_left} looks until grasps begin to miss"
-            )
+        _print_watched(looks.names, reports, wrong)
     return 1 if reports[-1].status is DriftStatus.ALARM else 0
+
+
+def _print_watched(
+    names: tuple[str, ...], reports: Sequence[DriftReport], wrong: set[str]
+) -> None:
+    rows = [
+        [
+            name,
+            r.status.value,
+            f"{1e3 * r.gap:.1f}",
+            f"{1e3 * np.linalg.norm(r.shift):.1f}",
+            f"{r.p_value:.1g}",
+            "wrong pick" if name in wrong else r.suspect or "-",
+        ]
+        for name, r in zip(names, reports, strict=True)
+    ]
+    header = ["look", "status", "gap [mm]", "shift [mm]", "p", "suspect"]
+    print(columns(header, rows))
+    if wrong:
+        listed = ", ".join(name for name in names if name in wrong)
+        print(
+            "\nleft out as a wrong pick, the looks before and after it agree: " + listed
+        )
+    elif reports[-1].status is DriftStatus.ALARM and not reports[-1].suspect:
+        print("\nno cause is clear yet: look again before you calibrate")
+    trend = reports[-1].trend
+    if trend is not None and trend.looks_left is not None:
+        print(
+            f"\ngrowing by {1e3 * trend.per_look:.2f} mm a look: "
+            f"{trend.looks_left} looks until grasps begin to miss"
+        )
 
 
 def _add_robot(parser: argparse.ArgumentParser, words: str) -> None:

@@ -9,12 +9,19 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from debrisgrasp.calibration import MarkerConfig, MarkerMissing, find_marker
 from debrisgrasp.errors import CaptureError, ConfigError, OutputError
 from debrisgrasp.io import Capture
 from debrisgrasp.io.observations_file import SCHEMA, load_observations
 
 __all__ = ["add_find", "add_pick", "require_free_places"]
+
+_SAME_POSE = 0.005
+"""How far the camera may have moved between two pictures of one view [m, rad]."""
+_SAME_DEPTH = 0.03
+"""Share of a depth that noise may change."""
 
 
 def add_find(actions: Any) -> None:
@@ -56,6 +63,8 @@ def run_find(arguments: argparse.Namespace) -> int:
             )
     if on.rgb is None or on.depth is None or on.intrinsics is None:
         raise AssertionError("checked above")
+    if off is not None:
+        _require_same_view(on, off)
     color = arguments.color
     config = MarkerConfig() if color is None else MarkerConfig(color=tuple(color))
     found = find_marker(
@@ -87,6 +96,38 @@ def run_find(arguments: argparse.Namespace) -> int:
             f"depth from {found.n_depths} around it"
         )
     return 0 if facts["found"] else 1
+
+
+def _require_same_view(on: Capture, off: Capture) -> None:
+    """Raise `CaptureError` if the two were not taken from one place of one scene."""
+    a, b = on.depth, off.depth
+    if a is None or b is None:
+        raise AssertionError("checked by the caller")
+    got = ""
+    if a.shape != b.shape:
+        sizes = [f"{d.shape[1]} x {d.shape[0]}" for d in (b, a)]
+        got = f"an image of {sizes[0]} pixels, not {sizes[1]}"
+    elif on.intrinsics != off.intrinsics:
+        got = "other intrinsics"
+    elif on.T_base_camera is not None and off.T_base_camera is not None:
+        change = on.T_base_camera.inverse() @ off.T_base_camera
+        if np.abs(change.log()).max() > _SAME_POSE:
+            got = f"another camera pose, {1e3 * np.linalg.norm(change.p):.0f} mm away"
+    if not got:
+        # NaN, where nothing was measured, compares as False.
+        with np.errstate(invalid="ignore"):
+            both = (a > 0) & (b > 0)
+            differs = both & (np.abs(a - b) > _SAME_DEPTH * np.fmax(a, b))
+        if both.any() and differs.sum() > 0.5 * both.sum():
+            share = 100.0 * differs.sum() / both.sum()
+            got = f"other depth at {share:.0f} % of the pixels"
+    if got:
+        raise CaptureError(
+            f"capture {off.name} with the LED off",
+            got=got,
+            expected=f"the view of {on.name}, the LED apart",
+            mend="Take both with camera and arm at rest, or leave --off out.",
+        )
 
 
 def add_pick(actions: Any) -> None:
@@ -135,6 +176,9 @@ def run_pick(arguments: argparse.Namespace) -> int:
         for capture, row in zip(captures, rows, strict=False)
     ]
     pick.pick_html(arguments.report, views, header=header)
+    without = [str(row["name"]) for row in rows[len(captures) :]]
+    if without:
+        print(f"no capture for {', '.join(without)}: not on the page")
     print(f"wrote {arguments.report}: open it, click the fiducial, save the file")
     return 0
 

@@ -219,6 +219,13 @@ def _from_csv(path: Path) -> ObservationFile:
 def _named_apart(
     rows: Sequence[ObservationRow], path: Path
 ) -> tuple[ObservationRow, ...]:
+    if not rows:
+        raise ConfigError(
+            f"observations in {path}",
+            got="none",
+            expected="at least 3 to calibrate, better 8; 1 to watch for drift",
+            mend="`debrisgrasp calibrate choose --out FILE` names places to measure.",
+        )
     names = [row.name for row in rows]
     for name in names:
         if names.count(name) > 1:

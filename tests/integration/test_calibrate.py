@@ -10,7 +10,7 @@ import pytest
 import debrisgrasp
 from debrisgrasp._calibrating import CalibrationRig, View, choose_postures, rig_of
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
-from debrisgrasp.geometry import Intrinsics, so3
+from debrisgrasp.geometry import SE3, Intrinsics, so3
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.io.observations_file import ObservationFile, load_observations
 from debrisgrasp.kinematics import RobotModel
@@ -87,6 +87,59 @@ def test_a_slip_is_seen_and_mended_with_few_looks(run, calibration_file):
     again = run("calibrate", "watch", calibration_file, LATER, "--json")
     assert again.status == 0
     assert {look["status"] for look in again.json} == {"steady"}
+
+
+def test_a_wrong_pick_is_no_drift(run, calibration_file):
+    watched = run("calibrate", "watch", calibration_file, LOOKS)
+    assert watched.status == 0
+    assert "slipped" not in watched.out
+    assert watched.out.rstrip().endswith("agree: look_5")
+    facts = run("calibrate", "watch", calibration_file, LOOKS, "--json").json
+    assert [f["look"] for f in facts if f["wrong_pick"]] == ["look_5"]
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ("size", "40 x 30 pixels"),
+        ("camera", "intrinsics"),
+        ("pose", "camera pose, 20 mm"),
+        ("depth", "depth at 100 %"),
+    ],
+)
+def test_an_off_picture_of_another_view_is_refused(refused, tmp_path, change, word):
+    k = Intrinsics(fx=60.0, fy=60.0, cx=31.5, cy=23.5, width=64, height=48)
+    pose = SE3.from_parts(p=[0.0, 0.0, 1.0])
+    views = {"on": [np.full((48, 64), 1.0), k, pose]}
+    views["off"] = list(views["on"])
+    if change in ("size", "camera"):
+        small = Intrinsics(fx=60.0, fy=60.0, cx=19.5, cy=14.5, width=40, height=30)
+        other = Intrinsics(fx=61.0, fy=61.0, cx=31.5, cy=23.5, width=64, height=48)
+        views["off"][1] = small if change == "size" else other
+        if change == "size":
+            views["off"][0] = np.full((30, 40), 1.0)
+    if change == "pose":
+        views["off"][2] = SE3.from_parts(p=[0.0, 0.02, 1.0])
+    if change == "depth":
+        views["off"][0] = np.full((48, 64), 1.2)
+    for name, (depth, intrinsics, T) in views.items():
+        rgb = np.zeros((*depth.shape, 3), dtype=np.uint8)
+        Capture(depth=depth, intrinsics=intrinsics, rgb=rgb, T_base_camera=T).save(
+            tmp_path / f"{name}.npz"
+        )
+    assert word in refused(
+        "calibrate", "find", tmp_path / "on.npz", "--off", tmp_path / "off.npz",
+        "--expected", 0, 0, 1,
+    )  # fmt: skip
+
+
+def test_the_option_that_is_wrong_is_named(refused):
+    said = refused("calibrate", "choose", "--fiducial", LED, "-n", 0)
+    assert "-n: got 0" in said
+    assert "seed" not in said
+    assert "--seed: got -1" in refused(
+        "calibrate", "choose", "--fiducial", LED, "--seed", -1
+    )
 
 
 def test_a_capture_is_read_with_a_calibration(run, calibration_file, refused):
@@ -242,3 +295,6 @@ def test_a_page_to_pick_in_is_written(run, tmp_path, pipe_file):
     assert content["header"]["fiducial"] == LED
     assert [v["observation"]["name"] for v in content["views"]] == ["look_1", "look_2"]
     assert content["views"][0]["camera"][:2] == [240.0, 240.0]
+    assert "no capture for" not in ended.out
+    ended = run("calibrate", "pick", pipe_file, "--into", todo, "--report", page)
+    assert "no capture for look_2" in ended.out

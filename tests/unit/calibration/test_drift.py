@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,6 +93,35 @@ def test_an_alarm_passes_once_the_camera_is_back(calibrated, rng):
     reports = watched(calibrated, [shifted(0.03)] * 3 + [head()] * 12, rng)
     assert reports[2].blocks_grasps
     assert not reports[-1].blocks_grasps
+
+
+@pytest.mark.parametrize("k", [0, 1, 4])
+def test_a_wrong_pick_is_named_and_forgotten(calibrated, rng, k):
+    monitor, reports = DriftMonitor(calibration=calibrated), []
+    for i in range(8):
+        place = PLACES[rng.integers(len(PLACES))][None]
+        look = head_looks(head(), place, REST, noise=NOISE, rng=rng)
+        seen = look.points_camera + (0.05 if i == k else 0.0)
+        look = replace(look, points_camera=seen, names=(f"look_{i}",))
+        monitor, report = monitor.seen(look)
+        reports.append(report)
+    assert [r.blocks_grasps for r in reports] == [i == k for i in range(8)]
+    assert not any("slipped" in r.suspect for r in reports)
+    assert [name for r in reports for name in r.wrong_picks] == [f"look_{k}"]
+    assert len(monitor.looks) == 7
+    trend = reports[-1].trend
+    assert trend is not None
+    assert trend.looks_left is None
+
+
+def test_a_drift_is_no_wrong_pick(calibrated, rng):
+    for slip in ([2.0, 0.0], [0.0, 1.5]):
+        slipped = head().slipped(np.deg2rad(slip))
+        reports = watched(calibrated, [head()] * 4 + [slipped] * 6, rng)
+        assert not any(r.wrong_picks for r in reports)
+        assert all(r.blocks_grasps for r in reports[4:])
+        assert reports[4].suspect == ""  # one look alone names no cause
+        assert "slipped by" in reports[-1].suspect
 
 
 def test_a_monitor_is_not_changed_by_a_look(calibrated):

@@ -340,8 +340,50 @@ class TestRefusals:
     @pytest.mark.parametrize("side", ["points_base", "points_camera"])
     def test_wrong_unit(self, factor, unit, side):
         points = getattr(looks(), side) * factor
-        message = self.refused(**{side: points})
-        assert unit in message or "millimetres" in message
+        self.refused(unit, f"divide by {factor:g}", **{side: points})
+
+    @pytest.mark.parametrize(
+        ("factor", "unit"),
+        [(1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches")],
+    )
+    def test_wrong_unit_in_both(self, factor, unit):
+        given = looks()
+        self.refused(
+            unit,
+            points_base=given.points_base * factor,
+            points_camera=given.points_camera * factor,
+        )
+
+    @pytest.mark.parametrize(("height", "word"), [(0.3, "below"), (0.7, "upside down")])
+    def test_a_plane_with_a_mirrored_axis(self, rng, height, word):
+        plane = PLACES * [1, 1, 0] + [0, 0, height]
+        seen = looks(plane, noise=0.002, rng=rng).points_camera
+        right = calibrate(Observations(plane, seen))
+        assert right.decision.accepted
+        assert any("one plane" in note for note in right.decision.notes)
+        wrong = calibrate(Observations(plane * [1, -1, 1], seen))
+        (finding,) = wrong.decision.findings
+        assert word in finding.problem
+        assert "mirrored" in finding.problem
+        assert "out of that plane" in finding.remedy
+
+    def test_a_camera_below_the_ground(self):
+        down = SE3.from_parts(p=[0.0, 0.0, -1.5])
+        given = looks()
+        found = calibrate(
+            Observations(down.apply(given.points_base), given.points_camera)
+        )
+        assert "0.57 m below the ground" in str(found.decision)
+        assert "mirrored" not in str(found.decision)
+
+    def test_unrelated_points(self, rng):
+        for n in (4, 6, 8, 12):
+            R = sampling.random_rotations(n, rng=rng)
+            seen = rng.uniform([-0.5, -0.5, 0.7], [0.5, 0.5, 1.7], (n, 3))
+            places = rng.uniform([0.6, -0.5, 0.1], [1.2, 0.5, 0.7], (n, 3))
+            found = calibrate(Observations(places, seen, R_base_wrist=R))
+            assert not found.decision.accepted
+            assert all(a.degrees_of_freedom > 0 for a in found.attempts)
 
     def test_mirrored_axis(self):
         seen = looks().points_camera * [-1.0, 1.0, 1.0]
@@ -362,7 +404,11 @@ class TestRefusals:
 
     @pytest.mark.parametrize("sigma", [0.0, -1.0, np.nan, 2.0])
     def test_sigma_out_of_range(self, sigma):
-        self.refused("sigma", sigmas=sigma)
+        sigmas = np.full(8, 0.002)
+        sigmas[2] = sigma
+        message = self.refused("sigma", "observation 3,", sigmas=sigmas)
+        assert "[" not in message
+        self.refused("observation 1 and in 7 more", sigmas=sigma)
 
     def test_far_from_where_the_model_has_it(self):
         elsewhere = SE3.exp([0.5, 0, 0, 0, 0, 0]) @ CAMERA

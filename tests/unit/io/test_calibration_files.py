@@ -70,6 +70,7 @@ def test_a_table_says_the_same(tmp_path):
         ("observations: [{point: [0, yes, 1], position: [0, 0, 1]}]", "finite"),
         ("observations: [{pont: [0, 0, 1]}]", "unknown field"),
         ("observations: [{joints: [1], point: [0, 0, 1]}]", "joint names"),
+        ("observations: []", "got none, expected at least 3"),
         ("observations: []\nrobot: 3", "a name"),
         ("observations: []\nschema: other", "debrisgrasp/observations/1"),
         (
