@@ -21,7 +21,13 @@ from debrisgrasp.geometry import (
 from debrisgrasp.io import Capture, measured, point_colors
 from debrisgrasp.motion import MotionSpace, UnknownSpace
 from debrisgrasp.planning import GraspScene, ObstacleMap, SceneConfig
-from debrisgrasp.segmentation import Segmentation, SegmentationConfig, segment_cloud
+from debrisgrasp.segmentation import (
+    Candidate,
+    Segmentation,
+    SegmentationConfig,
+    SelectionPolicy,
+    segment_cloud,
+)
 
 __all__ = ["Perception", "motion_space"]
 
@@ -46,6 +52,7 @@ class Perception:
     is_marked: BoolArray | None
     """Which points a mask of the capture marks, shape (n,); None without a mask."""
     scene_config: SceneConfig
+    _order: tuple[SelectionPolicy, tuple[Candidate, ...]] | None = None
     _scenes: dict[tuple[object, ...], GraspScene] = field(default_factory=dict)
 
     @classmethod
@@ -98,6 +105,12 @@ class Perception:
         """Plane of the ground (4,), where there was evidence for one."""
         ground = self.segmentation.ground
         return ground.plane if ground.status == "removed" else None
+
+    def order(self, policy: SelectionPolicy) -> tuple[Candidate, ...]:
+        """Order the objects, anew only for another policy."""
+        if self._order is None or self._order[0] is not policy:
+            self._order = policy, policy.order(self.segmentation, self.cloud)
+        return self._order[1]
 
     def scene(self, target: Target) -> GraspScene:
         """Scene of a target, built when it is first asked for."""

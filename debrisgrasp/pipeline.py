@@ -213,7 +213,7 @@ class Pipeline:
             seen = self._perceive(seen, watch)
         cloud, segmentation = seen.cloud, seen.segmentation
         with watch.stage("selection"):
-            order = self.policy.order(segmentation, cloud)
+            order = seen.order(self.policy)
             targets = choose_targets(
                 cloud,
                 segmentation,

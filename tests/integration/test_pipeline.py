@@ -285,3 +285,14 @@ def test_a_noisy_pile_offers_ten_grasps_that_the_robot_can_take(shared_data):
     plan = Pipeline().plan(capture).plan
     assert len(plan.grasps) >= 10
     assert all(grasp.R == 1.0 and grasp.joints for grasp in plan.grasps)
+
+
+def test_plans_on_one_perception_equal_plans_on_the_capture(pipeline):
+    capture = capture_of([lying_pipe()])
+    seen = pipeline.perceive(capture)
+    for seed in (0, 1):
+        alone = pipeline.plan(capture, seed=seed).plan
+        shared = pipeline.plan(seen, seed=seed).plan
+        assert [g.score for g in shared.grasps] == [g.score for g in alone.grasps]
+        assert len(shared.grasps) > 0
+    assert seen.order(pipeline.policy) is seen.order(pipeline.policy)
