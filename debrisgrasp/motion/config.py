@@ -33,7 +33,7 @@ class MotionConfig:
     """The same for the final check by the links' solids."""
     start_room: float = 0.05
     """Unknown space nearer than this to where the robot stands counts as free [m]."""
-    n_goals: int = 12
+    n_goals: int = 24
     """Postures sought at the goal; any of them may end the motion."""
     max_rounds: int = 300
     """Of the search by trees, all attempts together."""

@@ -66,18 +66,6 @@ class Inspection:
     is_in_ground: BoolArray
     """Whether a part of the hand would be below the ground, shape (k,)."""
 
-    def excess(self, config: InspectionConfig) -> IntArray:
-        """How many points too many, or too few, stand against each pose, shape (k,)."""
-        hits = self.palm_hits + self.finger_hits + self.approach_hits + self.swept_hits
-        crowd = self.foreign - config.max_foreign_share * (self.held + self.foreign)
-        found: IntArray = (
-            np.maximum(hits - config.max_hits, 0)
-            + np.maximum(np.ceil(crowd), 0).astype(np.int64)
-            + np.maximum(config.min_held_points - self.held, 0)
-            + 10 * self.is_in_ground
-        )
-        return found
-
     def reasons(self, config: InspectionConfig) -> dict[str, BoolArray]:
         """Which poses each reason rules out; only the first that applies counts."""
         crowded = self.foreign > config.max_foreign_share * (self.held + self.foreign)
