@@ -5,6 +5,10 @@ from __future__ import annotations
 import json
 import os
 import secrets
+import struct
+import tokenize
+import zipfile
+import zlib
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
@@ -14,7 +18,31 @@ import yaml
 
 from debrisgrasp.errors import ConfigError, OutputError
 
-__all__ = ["data_path", "read_json", "read_text", "read_yaml", "write_atomic"]
+__all__ = [
+    "UNREADABLE_ARRAY",
+    "data_path",
+    "read_json",
+    "read_text",
+    "read_yaml",
+    "write_atomic",
+]
+
+UNREADABLE_ARRAY = (
+    EOFError,
+    KeyError,
+    MemoryError,  # a damaged header may claim any size
+    NotImplementedError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,  # also raised for pickled objects, which are never loaded
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What NumPy raises for damaged, encrypted or pickled files."""
 
 PathLike = str | os.PathLike[str]
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import UNREADABLE_ARRAY
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import read_json
-from debrisgrasp.io.arrays_npz import UNREADABLE_ARRAY
 from debrisgrasp.io.camera_pose import require_radians
 from debrisgrasp.io.plan_json import SCHEMA, load_plan
 from debrisgrasp.kinematics import (

@@ -2,39 +2,19 @@
 
 from __future__ import annotations
 
-import struct
-import tokenize
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from debrisgrasp._files import UNREADABLE_ARRAY
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Intrinsics
 
 from ._fields import CaptureFields, numeric
 
-__all__ = ["UNREADABLE_ARRAY", "read_npz"]
-
-UNREADABLE_ARRAY = (
-    EOFError,
-    KeyError,
-    MemoryError,  # a damaged header may claim any size
-    NotImplementedError,
-    OSError,
-    RuntimeError,
-    SyntaxError,
-    TypeError,
-    ValueError,  # also raised for pickled objects, which are never loaded
-    struct.error,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What NumPy raises for damaged, encrypted or pickled files."""
+__all__ = ["read_npz"]
 
 _KNOWN = (
     "depth",

@@ -8,11 +8,9 @@ from typing import Any, Literal
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import read_json, read_yaml
+from debrisgrasp._files import UNREADABLE_ARRAY, read_json, read_yaml
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
-
-from .arrays_npz import UNREADABLE_ARRAY
 
 __all__ = ["CameraPose", "parse_camera_pose", "pose_from_rows", "require_radians"]
 

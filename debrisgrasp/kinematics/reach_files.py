@@ -10,12 +10,8 @@ import hashlib
 import io
 import json
 import os
-import struct
 import sys
-import tokenize
 import warnings
-import zipfile
-import zlib
 from dataclasses import asdict, fields
 from functools import cache
 from pathlib import Path
@@ -24,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from debrisgrasp._files import PathLike, write_atomic
+from debrisgrasp._files import UNREADABLE_ARRAY, PathLike, write_atomic
 from debrisgrasp.errors import ConfigError, OutputError
 
 from . import descent, formulas, reach_map, serial
@@ -35,23 +31,6 @@ __all__ = ["cache_folder", "cached_reach_map", "load_reach_map", "save_reach_map
 
 _SCHEMA = "debrisgrasp/reach-map/1"
 _VARIABLE = "DEBRISGRASP_CACHE"
-_UNREADABLE = (
-    AttributeError,
-    EOFError,
-    KeyError,
-    MemoryError,  # a damaged header may claim any size
-    NotImplementedError,
-    OSError,
-    RuntimeError,
-    SyntaxError,
-    TypeError,
-    ValueError,  # also raised for pickled objects, which are never loaded
-    struct.error,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What NumPy raises for damaged or foreign files."""
 
 
 def cache_folder() -> Path | None:
@@ -148,7 +127,7 @@ def load_reach_map(path: PathLike, chain: KinematicChain) -> ReachMap:
             facts = json.loads(str(content["facts"]))
             arrays = {k: content[k] for k in content.files if k != "facts"}
         schema = facts.pop("schema")
-    except _UNREADABLE as error:
+    except (AttributeError, *UNREADABLE_ARRAY) as error:
         why = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
         raise _unusable(path, f"no map, or a part of one ({why})") from error
     _require(schema, _SCHEMA, "schema", path)
