@@ -14,6 +14,7 @@ __all__ = [
     "CaptureError",
     "ConfigError",
     "DebrisGraspError",
+    "DriverError",
     "FrameMismatchError",
     "InputError",
     "MissingExtraError",
@@ -67,6 +68,15 @@ class CaptureError(InputError):
 
 class ConfigError(InputError):
     """A setting, or a file of settings, is malformed or out of range."""
+
+
+class DriverError(DebrisGraspError, RuntimeError):
+    """A device of the robot does not answer, or refuses."""
+
+    def __init__(self, device: str, reason: str, mend: str = "") -> None:
+        self.device, self.reason, self.mend = device, reason, mend
+        message = f"{device}: {reason}."
+        super().__init__(f"{message} {mend}" if mend else message)
 
 
 class OutputError(DebrisGraspError, OSError):

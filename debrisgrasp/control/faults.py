@@ -9,12 +9,17 @@ __all__ = ["Fault", "FaultClass", "Stop"]
 
 
 class FaultClass(Enum):
-    """Where to look for the cause."""
+    """Where to look for the cause: the paper's seven classes, and two more."""
 
-    DRIVER = "driver"
-    SAFETY = "safety"
-    MECHANICAL = "mechanical"
     BAD_GRASP = "bad_grasp"
+    OPERATOR_PARAMETERS = "operator_parameters"
+    OPERATOR_GRIPPER_INIT = "operator_gripper_init"
+    MECHANICAL = "mechanical"
+    PLANNING = "planning"
+    CALIBRATION = "calibration"
+    DRIVER = "driver"
+    PERCEPTION = "perception"
+    SAFETY = "safety"
 
 
 class Fault(Enum):

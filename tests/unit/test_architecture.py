@@ -26,6 +26,7 @@ LAYERS = {
     "planning": 4,
     "control": 4,
     "motion": 4,
+    "robot": 5,
     "sim": 5,
     "io": 5,
     "viz": 5,
@@ -35,8 +36,10 @@ LAYERS = {
     "perception": 7,
     "pipeline": 8,
     "executable": 8,
-    "api": 9,
-    "cli": 10,
+    "executive": 9,
+    "campaign": 10,
+    "api": 11,
+    "cli": 12,
 }
 
 MODULES = sorted(

@@ -1,0 +1,112 @@
+"""What became of a run: attempts, faults with their evidence, and one class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from debrisgrasp.control import FaultClass
+
+from .faults import Action, fault_named
+from .states import STAGES, State
+
+__all__ = ["Attempt", "FaultEvent", "RunEnd", "RunResult"]
+
+
+class RunEnd(Enum):
+    """How a run ended."""
+
+    CLEARED = "cleared"
+    """Nothing that can be removed is left."""
+    FINISHED = "finished"
+    """As many objects were removed as was asked for."""
+    ABORTED = "aborted"
+    """Ended in order; the fault says why."""
+    STOPPED = "stopped"
+    """A stop is latched."""
+    INTERRUPTED = "interrupted"
+    """A person ended it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FaultEvent:
+    """One fault, when it was noticed, and what was done."""
+
+    time: float
+    """By the robot's clock [s]."""
+    state: State
+    fault: str
+    """Name of its `FaultSpec`."""
+    message: str
+    """What was measured, and which limit it met."""
+    action: Action
+    """What was done about it."""
+    arm: str | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+    """Evidence in SI units, by name."""
+
+    @property
+    def fault_class(self) -> FaultClass:
+        """Class of the fault."""
+        return fault_named(self.fault).fault_class
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Attempt:
+    """One try at one object."""
+
+    number: int
+    """From 1."""
+    reached: tuple[State, ...]
+    """Stages that were begun, in order."""
+    is_removed: bool
+    """Whether the object was put down at the drop-off, verified."""
+    faults: tuple[FaultEvent, ...] = ()
+    object_label: int | None = None
+    centroid: tuple[float, float, float] | None = None
+    """Of the object's visible points, base frame [m]."""
+    arm: str | None = None
+    prototype: str | None = None
+    score: float | None = None
+    peak_force: float = 0.0
+    """Largest force on the hand, absolute [N]."""
+    peak_torque: float = 0.0
+    """[N m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RunResult:
+    """A whole run."""
+
+    end: RunEnd
+    attempts: tuple[Attempt, ...]
+    faults: tuple[FaultEvent, ...]
+    """All of them, in the order of time, those between attempts included."""
+    left: Mapping[str, str] = field(default_factory=dict)
+    """Objects that stay, in words, and why."""
+    duration: float = 0.0
+    """By the robot's clock [s]."""
+
+    @property
+    def n_removed(self) -> int:
+        """Objects put down at the drop-off."""
+        return sum(attempt.is_removed for attempt in self.attempts)
+
+    @property
+    def first_fault(self) -> FaultEvent | None:
+        """First fault of the first attempt in which there is any, in stage order."""
+        return min(self.faults, key=_stage_of, default=None)
+
+    @property
+    def fault_class(self) -> FaultClass | None:
+        """The one class that the run counts in; None: success."""
+        if self.end in (RunEnd.CLEARED, RunEnd.FINISHED):
+            return None
+        ending = self.faults[-1] if self.faults else None
+        return FaultClass.SAFETY if ending is None else ending.fault_class
+
+
+def _stage_of(event: FaultEvent) -> tuple[int, float]:
+    is_stage = event.state in STAGES
+    return STAGES.index(event.state) if is_stage else len(STAGES), event.time
