@@ -5,8 +5,8 @@ An integrator writes one class for each device, puts them into a `Robot`, and ru
 whoever holds the `Clock` decides how time passes, so that the same code drives hardware
 and a simulation that runs faster than real time.
 
-A device that does not answer raises `DriverError`. A reading may be wrong, or NaN: those
-who use it watch for that.
+A device that does not answer raises `DriverError`. A reading may be wrong, or NaN:
+those who use it watch for that.
 """
 
 from __future__ import annotations
