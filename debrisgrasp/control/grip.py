@@ -12,7 +12,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from debrisgrasp._arrays import require_range
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 
 __all__ = [
     "FingerReading",
@@ -79,6 +79,7 @@ class GripConfig:
     def __post_init__(self) -> None:
         for name in self.__slots__:
             most = _WIDEST if name in _LENGTHS else 1e4
+            most = 1.0 if name == "slip_load" else most
             require_range(f"GripConfig.{name}", getattr(self, name), 0.0, most)
         if not self.resistance <= self.squeeze <= self.max_force:
             raise ConfigError(
@@ -139,8 +140,18 @@ class GripController:
         self.config = config
 
     def preshape(self, reading: FingerReading) -> GripState:
-        """Begin to take the preshape."""
+        """Begin to take the preshape.
+
+        Raises
+        ------
+        InputError
+            If the hand reports no finger.
+        """
         n = len(reading.openings)
+        if n == 0:
+            raise InputError(
+                "fingers of a hand", got="none", expected="at least one opening"
+            )
         return GripState(GripPhase.PRESHAPING, (self.config.opening,) * n, (False,) * n)
 
     def close(self, state: GripState) -> GripState:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp._files import write_atomic
+from debrisgrasp.errors import ConfigError
 
 from .capture import Capture
 
@@ -42,7 +44,16 @@ def save_labels(
 
     The array has the shape of the depth image, or one entry per point of the file;
     what was not measured gets 0.
+
+    Raises
+    ------
+    ConfigError
+        If the file's name does not end in .npz.
     """
+    if Path(path).suffix.lower() != ".npz":
+        raise ConfigError(
+            "file of labels", got=str(path), expected="a name that ends in .npz"
+        )
     is_measured = measured(capture)
     full = np.zeros(is_measured.shape, dtype=np.int32)
     full[is_measured] = labels

@@ -20,24 +20,27 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, roll: float = 0.0) -> SE3:
     eye, target
         Positions in the base frame [m], shape (3,).
     roll
-        Turn about the optical axis [rad]; at 0 the image's rows are level.
+        Turn about the optical axis [rad]; at 0 the image's rows are level, and if it
+        looks straight up or down, they run along -y, as for a robot that looks ahead.
 
     Raises
     ------
     InputError
-        If the target lies at, or straight above or below, the eye.
+        If the target lies at the eye.
     """
     eye = np.asarray(eye, dtype=np.float64)
     require_finite(eye, "eye of a camera")
     require_finite(np.asarray(target, dtype=np.float64), "target of a camera")
     z = np.asarray(target, dtype=np.float64) - eye
-    x = np.cross(z, (0.0, 0.0, 1.0))
-    if not np.linalg.norm(x) > 1e-9 * max(1.0, float(np.linalg.norm(z))):
+    if not np.linalg.norm(z) > 1e-9:
         raise InputError(
             "target of a camera",
-            got=f"{np.asarray(target).tolist()} seen from {eye.tolist()}",
-            expected="a place that is not straight above or below the camera",
+            got=f"{np.asarray(target).tolist()}, where the camera is",
+            expected="another place",
         )
+    x = np.cross(z, (0.0, 0.0, 1.0))
+    if not np.linalg.norm(x) > 1e-9 * max(1.0, float(np.linalg.norm(z))):
+        x = np.array([0.0, -1.0, 0.0])
     x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
     R = np.stack([x, np.cross(z, x), z], axis=-1)
     return SE3.from_parts(R @ so3.exp(np.array([0.0, 0.0, roll])), eye)

@@ -11,7 +11,7 @@ from debrisgrasp.control import (
     GripController,
     GripPhase,
 )
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 
 CONFIG = GripConfig(opening=0.12, width=0.08)
 
@@ -190,3 +190,13 @@ def test_no_pad_is_sent_beyond_zero_or_the_preshape():
             forces = rng.choice([0.0, 30.0], 2).tolist()
             state, command = grip.step(state, FingerReading(openings, forces))
             assert 0.0 <= min(command.openings) <= max(command.openings) <= 0.05
+
+
+def test_a_share_of_the_load_above_one_would_never_be_lost_and_is_refused():
+    with pytest.raises(ConfigError, match="slip_load"):
+        GripConfig(opening=0.12, width=0.08, slip_load=1.5)
+
+
+def test_a_hand_without_fingers_is_refused():
+    with pytest.raises(InputError, match="fingers"):
+        GripController(CONFIG).preshape(FingerReading((), ()))

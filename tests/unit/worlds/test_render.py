@@ -196,9 +196,15 @@ def test_cameras_where_none_can_be_are_refused():
         render(world, CAMERA, SE3(np.full((4, 4), np.nan)))
 
 
-def test_looking_straight_down_has_no_level_rows():
-    with pytest.raises(InputError, match="straight above"):
-        look_at((0, 0, 1), (0, 0, 0))
+def test_looking_straight_down_is_the_end_of_looking_ahead_and_down():
+    down = look_at((0, 0, 1), (0, 0, 0))
+    nearly = look_at((0, 0, 1), (1e-6, 0, 0))
+    assert np.allclose(down.matrix, nearly.matrix, atol=1e-5)
+
+
+def test_a_camera_cannot_look_at_where_it_is():
+    with pytest.raises(InputError, match="where the camera is"):
+        look_at((0, 0, 1), (0, 0, 1))
 
 
 def test_drawn_views_look_at_their_target_from_the_side_of_the_robot(rng):
