@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import lsq_linear, nnls
 
-from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._arrays import FloatArray, frozen, require_range
 from debrisgrasp.geometry import SE3, Box, so3
 
 from .body import Body, Part, volume_and_centroid
@@ -293,8 +294,14 @@ def _least(rows: FloatArray, needed: FloatArray) -> FloatArray | None:
 
 def edge_points(body: Body, pitch: float) -> FloatArray:
     """Points on the edges of a body's parts, at most ``pitch`` apart; (n, 3) [m]."""
+    return _edge_points(body.parts, pitch)
+
+
+@lru_cache(maxsize=256)
+def _edge_points(parts: tuple[Part, ...], pitch: float) -> FloatArray:
+    """Remembered for the parts themselves: a body that moves keeps them."""
     found = []
-    for part in body.parts:
+    for part in parts:
         vertices, faces = part.mesh()
         pairs = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)), axis=0)
         start, end = vertices[pairs[:, 0]], vertices[pairs[:, 1]]
@@ -305,7 +312,8 @@ def edge_points(body: Body, pitch: float) -> FloatArray:
         found.append(vertices)
         found.append((1 - share) * start[which] + share * end[which])
     points = np.concatenate(found)
-    return points[np.unique(points.round(5), axis=0, return_index=True)[1]]
+    points = points[np.unique(points.round(5), axis=0, return_index=True)[1]]
+    return frozen(points, "points on edges", (3,))
 
 
 def _near(

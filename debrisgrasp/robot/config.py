@@ -1,0 +1,105 @@
+"""How the robot in memory behaves, and how wrong its devices are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from debrisgrasp._arrays import require_range
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3, Intrinsics
+from debrisgrasp.worlds import RestConfig, StereoNoise
+
+__all__ = ["FakeConfig"]
+
+_D435 = Intrinsics(fx=168.6, fy=168.6, cx=159.5, cy=89.5, width=320, height=180)
+"""The depth imager of a D435 (87 by 56 degrees) at a quarter of its resolution."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FakeConfig:
+    """Settings of a `FakeRobot`; the defaults are those of a robot in good order."""
+
+    period: float = 0.004
+    """In which the world advances [s]."""
+    watchdog: float = 0.1
+    """Without a command for so long an arm holds by itself [s]."""
+    engage_time: float = 0.02
+    """From asking the drives to follow until they do [s]."""
+    start: Mapping[str, str | Mapping[str, float]] = field(default_factory=dict)
+    """Where arms begin: a posture by its name, or joint values by theirs [rad or m].
+    Arms not named are ``idle``."""
+
+    intrinsics: Intrinsics = _D435
+    noise: StereoNoise | None = StereoNoise()
+    """Errors of the depth; None: exact."""
+    sees_itself: bool = True
+    """Whether arms and hands are in the picture."""
+    calibration_error: SE3 = field(default_factory=SE3.identity)
+    """``T_nominal_camera``: where the camera is, seen from where it should be."""
+    max_depth: float = 6.0
+    """[m]."""
+
+    bias: tuple[float, ...] = (4.0, -2.0, 7.0, 0.1, -0.05, 0.05)
+    """Reading of a wrist sensor without any force [N, N m]; the `LoadModel` knows."""
+    drift: tuple[float, float] = (1.0, 0.05)
+    """How fast the bias drifts from there, in a direction drawn once [N/h, N m/h]."""
+    sensor_noise: tuple[float, float] = (0.3, 0.01)
+    """Standard deviations [N, N m]."""
+    sensor_lag: float = 0.005
+    """Time constant of the wrist sensor and what carries it [s]."""
+    wrench_sign: float = 1.0
+    """-1: the driver reports what the hand exerts."""
+    sensor_range: tuple[float, float] = (660.0, 60.0)
+    """Each axis ends there [N, N m]."""
+
+    stiffness: float = 3e4
+    """Of every other contact [N/m]."""
+    finger_stiffness: float = 1e5
+    """Of the contacts of fingers along the axis in which they close [N/m]."""
+    friction: float = 0.6
+    """Between bodies, ground and fingers."""
+    finger_speed: float = 0.1
+    """At which a pad moves [m/s]."""
+    is_initialised: bool = False
+    """Whether the hands begin with their zero found."""
+    initialise_time: float = 0.5
+    """[s]."""
+
+    head_speed: float = 1.0
+    """Of pan and tilt, if the model gives no less [rad/s]."""
+    base_speed: tuple[float, float] = (0.5, 0.6)
+    """Largest speed and rate of the base [m/s, rad/s]."""
+    base_acceleration: tuple[float, float] = (0.5, 1.0)
+    """[m/s^2, rad/s^2]."""
+
+    rest: RestConfig = RestConfig(pitch=0.04, step=0.01, max_steps=200)
+    """How bodies come to rest that lost their support."""
+    removed_beyond: float = 0.3
+    """A body put down at least so far from where it began counts as removed [m]."""
+
+    def __post_init__(self) -> None:
+        require_range("FakeConfig.period", self.period, 1e-4, 0.1)
+        for name in ("watchdog", "engage_time", "initialise_time", "sensor_lag"):
+            require_range(f"FakeConfig.{name}", getattr(self, name), 0.0, 60.0)
+        for name in ("max_depth", "finger_speed", "head_speed"):
+            require_range(f"FakeConfig.{name}", getattr(self, name), 1e-6, 1e9)
+        for name in ("stiffness", "finger_stiffness"):
+            require_range(f"FakeConfig.{name}", getattr(self, name), 1.0, 1e7)
+        require_range("FakeConfig.friction", self.friction, 0.0, 10.0)
+        require_range("FakeConfig.removed_beyond", self.removed_beyond, 0.0, 1e3)
+        if self.wrench_sign not in (1.0, -1.0):
+            raise ConfigError(
+                "FakeConfig.wrench_sign", got=self.wrench_sign, expected="1 or -1"
+            )
+        pairs = ("drift", "sensor_noise", "sensor_range", "base_speed")
+        for name in (*pairs, "base_acceleration", "bias"):
+            values = getattr(self, name)
+            n = 6 if name == "bias" else 2
+            if len(values) != n:
+                raise ConfigError(
+                    f"FakeConfig.{name}", got=values, expected=f"{n} numbers"
+                )
+            for value in values:
+                least = -1e4 if name == "bias" else 0.0
+                require_range(f"FakeConfig.{name}", value, least, 1e4)

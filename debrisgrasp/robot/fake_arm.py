@@ -1,0 +1,239 @@
+"""An arm in memory, and the sensor in its wrist."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import exp, isfinite
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp.control import LoadModel, PostureKinematics
+from debrisgrasp.control._rigid import Rotation, Vector
+from debrisgrasp.kinematics import KinematicChain, LimitSet
+
+from .config import FakeConfig
+from .drives import Drives, Timeline, Violation
+from .interface import JointReading, WrenchReading
+
+__all__ = ["FakeArm", "FakeForceSensor"]
+
+_SLACK = 1.02
+"""Commands may exceed speed and acceleration by rounding and uneven ticks."""
+
+
+class FakeArm:
+    """Joints of one arm; fulfils `debrisgrasp.robot.Arm`."""
+
+    def __init__(
+        self,
+        name: str,
+        chain: KinematicChain,
+        limits: LimitSet,
+        q_start: Sequence[float],
+        drives: Drives,
+        timeline: Timeline,
+        config: FakeConfig,
+        violations: list[Violation],
+    ) -> None:
+        self.name, self.chain = name, chain
+        self._limits, self._config = limits, config
+        self._drives, self._timeline, self._violations = drives, timeline, violations
+        self._joints = drives.add(limits, q_start)
+        self._kinematics = PostureKinematics(chain)
+        self._lower, self._upper = limits.lower.tolist(), limits.upper.tolist()
+        self._speed = limits.velocity.tolist()
+        self._acceleration = limits.acceleration.tolist()
+        self._engages_at: float | None = None
+        self._is_engaged = self._is_stopped = self._is_following = False
+        self._commanded: tuple[int, tuple[float, ...], tuple[float, ...]] | None = None
+        self._pose: tuple[tuple[float, ...], Rotation, Vector] | None = None
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints, in the order of all readings and commands."""
+        return self._limits.joint_names
+
+    @property
+    def limits(self) -> LimitSet:
+        """What the drives keep."""
+        return self._limits
+
+    @property
+    def is_engaged(self) -> bool:
+        """Whether commands are followed."""
+        return self._is_engaged
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether a stop is latched."""
+        return self._is_stopped
+
+    @property
+    def q(self) -> tuple[float, ...]:
+        """True posture [rad or m]."""
+        q = self._drives.q
+        return tuple([q[i] for i in self._joints])
+
+    @property
+    def joints(self) -> Sequence[int]:
+        """Numbers of the joints among all drives."""
+        return self._joints
+
+    def read(self) -> JointReading:
+        """Read the true posture; the encoders are exact."""
+        return JointReading(self._timeline.now, self.q)
+
+    def pose(self) -> tuple[Rotation, Vector]:
+        """Rotation and position of the hand in base, as plain numbers."""
+        q = self.q
+        if self._pose is None or self._pose[0] != q:
+            self._pose = (q, *self._kinematics.pose(q))
+        return self._pose[1], self._pose[2]
+
+    def engage(self) -> None:
+        """Begin to follow commands after a moment; not while a stop is latched."""
+        is_asked = self._is_engaged or self._engages_at is not None
+        if not self._is_stopped and not is_asked:
+            self._engages_at = self._timeline.now + self._config.engage_time
+
+    def disengage(self) -> None:
+        """Hold."""
+        self._engages_at, self._is_engaged = None, False
+        self._hold()
+
+    def stop(self) -> None:
+        """Brake as hard as the limits allow, and follow nothing until `reset`."""
+        self._is_stopped = True
+        self.disengage()
+
+    def reset(self) -> None:
+        """End the latched stop; the drives stay disengaged."""
+        self._is_stopped = False
+
+    def command(self, q: Sequence[float]) -> None:
+        """Go there by the next tick, or towards it as fast as the limits allow.
+
+        What is no posture within the limits is refused: the arm holds.
+        """
+        if not self._is_engaged:
+            return
+        refusal, values = self._checked(q)
+        if refusal:
+            self._violations.append(
+                Violation(self._timeline.now, f"arm {self.name}", refusal)
+            )
+            self._hold()
+            return
+        tick, before = self._timeline.tick, self._commanded
+        if before is None:
+            n, speed = 1, (0.0,) * len(values)
+            last = self.q
+        else:
+            n, last, speed = tick - before[0], before[1], before[2]
+        if n > 0:
+            dt = n * self._timeline.period
+            rate = tuple([(a - b) / dt for a, b in zip(values, last, strict=True)])
+            self._check_rates(rate, speed, dt)
+            speed = rate
+        else:
+            tick = before[0] if before else tick
+        self._commanded = (tick, values, speed)
+        self._is_following = True
+        self._drives.aim(self._joints, values, max(n, 1))
+
+    def advance(self) -> None:
+        """Let a period pass: engage, or hold when no command came."""
+        if self._engages_at is not None and self._timeline.now >= self._engages_at:
+            self._engages_at, self._is_engaged = None, True
+        if self._is_following and self._commanded is not None:
+            age = self._timeline.tick - self._commanded[0]
+            if age * self._timeline.period > self._config.watchdog:
+                self._hold()
+
+    def _hold(self) -> None:
+        if self._is_following or self._commanded is not None:
+            self._drives.hold(self._joints)
+        self._is_following, self._commanded = False, None
+
+    def _checked(self, q: Sequence[float]) -> tuple[str, tuple[float, ...]]:
+        """Why a command is refused, if it is; and its numbers."""
+        try:
+            values = tuple([float(value) for value in q])
+        except (TypeError, ValueError):
+            return f"commanded {q!r}, which are no numbers", ()
+        if len(values) != len(self._joints):
+            n = len(self._joints)
+            return f"commanded {len(values)} values for {n} joints", ()
+        for joint, value, low, high, now in zip(
+            self.joint_names, values, self._lower, self._upper, self.q, strict=True
+        ):
+            if not isfinite(value):
+                return f"commanded {joint} to {value}", ()
+            # From outside, where something else pushed it, a joint may come back.
+            if not min(low, now) - 1e-9 <= value <= max(high, now) + 1e-9:
+                return f"commanded {joint} to {value:.6g}, beyond its limits", ()
+        return "", values
+
+    def _check_rates(
+        self, rate: Sequence[float], before: Sequence[float], dt: float
+    ) -> None:
+        for joint, new, old, most, gain in zip(
+            self.joint_names, rate, before, self._speed, self._acceleration, strict=True
+        ):
+            if abs(new) > _SLACK * most + 1e-6:
+                what = f"speed {new:.4g}, more than {most:g}"
+            elif abs(new - old) > _SLACK * gain * dt + 1e-6:
+                what = f"acceleration {(new - old) / dt:.4g}, more than {gain:g}"
+            else:
+                continue
+            self._violations.append(
+                Violation(
+                    self._timeline.now,
+                    f"arm {self.name}",
+                    f"commanded {joint} with {what}",
+                )
+            )
+            return
+
+
+class FakeForceSensor:
+    """Six axes in the wrist; fulfils `debrisgrasp.robot.ForceSensor`."""
+
+    def __init__(
+        self,
+        arm: FakeArm,
+        loads: LoadModel,
+        timeline: Timeline,
+        config: FakeConfig,
+        rng: Rng,
+    ) -> None:
+        self.load_ee: tuple[float, ...] = (0.0,) * 6
+        """True load at the hand, in its axes [N, N m]."""
+        self._arm, self._loads = arm, loads
+        self._timeline, self._rng = timeline, rng
+        way = rng.standard_normal((2, 3))
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        drift = np.array(config.drift)[:, None] / 3600.0
+        self._drift = (drift * way).ravel()
+        self._sigma = np.repeat(config.sensor_noise, 3)
+        self._range = np.repeat(config.sensor_range, 3)
+        self._lag = config.sensor_lag
+        self._felt: FloatArray | None = None
+        self._last: WrenchReading | None = None
+
+    def read(self) -> WrenchReading:
+        """Measure; the same until time goes on."""
+        now = self._timeline.now
+        if self._last is None or self._last.time != now:
+            self._last = WrenchReading(now, self._reading(now))
+        return self._last
+
+    def _reading(self, now: float) -> FloatArray:
+        load, last = np.array(self.load_ee), self._last
+        if self._felt is not None and last is not None and self._lag > 0.0:
+            load += exp((last.time - now) / self._lag) * (self._felt - load)
+        self._felt = load
+        raw = self._loads.reading(load, self._arm.pose()[0])
+        raw = raw + self._drift * now + self._sigma * self._rng.standard_normal(6)
+        return np.asarray(np.minimum(np.maximum(raw, -self._range), self._range))

@@ -1,0 +1,123 @@
+"""When fingers hold a body, and how much of its weight they carry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import atan, cos
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.prototypes import GripperModel
+
+from .shapes import BodyShape
+from .touch import PALM, Spring
+
+__all__ = ["Hold", "Seat", "hook_of", "is_enclosed", "sides_of", "squeeze_of"]
+
+_LEAST = 2.0
+"""Force of a side below which it does not hold [N]."""
+
+
+@dataclass(slots=True)
+class Seat:
+    """What a body rested on when it was gripped; carries it until it is lifted."""
+
+    com: FloatArray
+    """Where its centre of mass was [m], odom."""
+    stiffness: float
+    friction: float
+    on_ground: bool
+
+    def force(self, body: BodyShape, weight: float) -> FloatArray:
+        """Force on the body [N], shape (3,); it follows a body that slides."""
+        gap = body.com - self.com
+        up = min(max(weight - self.stiffness * gap[2], 0.0), weight)
+        pull = -self.stiffness * gap[:2]
+        size, most = float(np.hypot(*pull)), self.friction * up
+        if size > most:
+            pull *= most / size
+            self.com[:2] = body.com[:2] + pull / self.stiffness
+        return np.array([*pull, up])
+
+
+@dataclass(slots=True)
+class Hold:
+    """A body that moves with a hand."""
+
+    index: int
+    """Number of the body."""
+    R: FloatArray
+    """Pose of the body in the hand, shape (3, 3) ..."""
+    p: FloatArray
+    """... and (3,) [m]."""
+    seat: Seat | None
+    start: FloatArray
+    """Where its centre of mass was when it was gripped [m], odom."""
+    settled_at: FloatArray
+    """Where it was when its neighbours last sank to rest."""
+    neighbours: set[int]
+    """Bodies that touched it then."""
+    n_settled: int = 0
+    riders: dict[int, float] = field(default_factory=dict)
+    """Bodies that lie on it, and the share of their weight that it carries."""
+    is_slipping: bool = False
+    slipped: float = 0.0
+    """How far it has slipped since the grip was last looked at [m]."""
+
+
+def sides_of(
+    springs: Sequence[Spring], body: int, hand: GripperModel
+) -> tuple[list[Spring], list[Spring]]:
+    """Contacts of a body with the fingers of the thumb's side and of the pair's."""
+    sides: tuple[list[Spring], list[Spring]] = ([], [])
+    for spring in springs:
+        if spring.body == body and spring.owner > PALM:
+            sides[hand.fingers[spring.owner - 1].side > 0].append(spring)
+    return sides
+
+
+def is_enclosed(
+    thumb: Sequence[Spring], pair: Sequence[Spring], friction: float
+) -> bool:
+    """Whether the contacts of two sides oppose each other within their friction."""
+    if not thumb or not pair:
+        return False
+    (c_thumb, f_thumb), (c_pair, f_pair) = _mean(thumb), _mean(pair)
+    if min(np.linalg.norm(f_thumb), np.linalg.norm(f_pair)) < _LEAST:
+        return False
+    way = c_pair - c_thumb
+    length = float(np.linalg.norm(way))
+    if length < 1e-4:
+        return False
+    least = cos(atan(friction))
+    # On the body the forces are the other way round than on the hand.
+    first = float(-f_thumb @ way) / (length * float(np.linalg.norm(f_thumb)))
+    second = float(f_pair @ way) / (length * float(np.linalg.norm(f_pair)))
+    return first >= least and second >= least
+
+
+def _mean(side: Sequence[Spring]) -> tuple[FloatArray, FloatArray]:
+    """Centre of the contacts of a side, and the sum of their forces on the hand."""
+    weights = np.array([float(np.linalg.norm(spring.force)) for spring in side])
+    points = np.array([spring.point for spring in side])
+    force = np.sum([spring.force for spring in side], axis=0)
+    return weights @ points / weights.sum(), np.asarray(force)
+
+
+def squeeze_of(side: Sequence[Spring]) -> float:
+    """Sum of the forces of one side [N]."""
+    return sum(float(np.linalg.norm(spring.force)) for spring in side)
+
+
+def hook_of(springs: Sequence[Spring]) -> float:
+    """How much contacts of fingers, in the frame of the hand, face the palm, summed.
+
+    Fingers curled around a body keep it in the hand without friction.
+    """
+    total = 0.0
+    for spring in springs:
+        facing = float(spring.force[2]) / float(np.linalg.norm(spring.force))
+        total += max(facing, 0.0)
+    return total

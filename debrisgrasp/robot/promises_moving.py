@@ -1,0 +1,216 @@
+"""What a robot promises in motion: each function yields what is wrong, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import GripCommand
+from debrisgrasp.prototypes import load_grippers
+
+from .interface import Arm, Gripper, Robot
+
+__all__ = [
+    "arm_follows",
+    "disengaged_arm_stands",
+    "hand_moves",
+    "head_moves",
+    "nonsense_is_refused",
+    "stopped_arm_stands",
+]
+
+_SWING = np.deg2rad(2.0)
+"""By which joints are moved [rad]; prismatic joints by a tenth of it [m]."""
+_STOOD = np.deg2rad(0.1)
+"""A joint that moved less than this stood [rad]."""
+_PERIOD = 0.004
+
+
+def disengaged_arm_stands(robot: Robot) -> Iterator[str]:
+    """Check that a disengaged arm follows nothing."""
+    for name, limb in robot.limbs.items():
+        limb.arm.disengage()
+        _wait(robot, 0.2)
+        if limb.arm.is_engaged:
+            yield f"arm {name}: engaged after it was disengaged"
+        yield from _stands(robot, name, limb.arm, "disengaged")
+
+
+def stopped_arm_stands(robot: Robot) -> Iterator[str]:
+    """Check that a stopped arm follows nothing."""
+    for name, limb in robot.limbs.items():
+        if not _engaged(robot, limb.arm):
+            yield f"arm {name}: not engaged within 0.5 s"
+            continue
+        limb.arm.stop()
+        yield from _stands(robot, name, limb.arm, "stopped")
+        limb.arm.reset()
+        limb.arm.disengage()
+
+
+def arm_follows(robot: Robot) -> Iterator[str]:
+    """Check that an engaged arm goes where it is sent."""
+    for name, limb in robot.limbs.items():
+        arm = limb.arm
+        if not _engaged(robot, arm):
+            yield f"arm {name}: not engaged within 0.5 s"
+            continue
+        start = _q(arm)
+        goal = start + _swing(arm, start)
+        _send(robot, arm, start, goal)
+        missed = np.abs(_q(arm) - goal)
+        for joint, gap, way in zip(arm.joint_names, missed, goal - start, strict=True):
+            if gap > 0.25 * abs(way):
+                yield (
+                    f"arm {name}: {joint} was sent {way:+.4f} and misses it by "
+                    f"{gap:.4f} rad or m"
+                )
+        _send(robot, arm, goal, start)
+        arm.disengage()
+        _wait(robot, 0.2)
+        if np.abs(_q(arm) - start).max() > 0.25 * _SWING:
+            yield f"arm {name}: did not come back to where it was"
+
+
+def nonsense_is_refused(robot: Robot) -> Iterator[str]:
+    """Check that an arm follows no NaN."""
+    for name, limb in robot.limbs.items():
+        arm = limb.arm
+        if not _engaged(robot, arm):
+            yield f"arm {name}: not engaged within 0.5 s"
+            continue
+        before = _q(arm)
+        for _ in range(10):
+            with suppress(Exception):  # to refuse by raising is fine
+                arm.command([float("nan")] * len(before))
+            _wait(robot, _PERIOD)
+        after = _q(arm)
+        if not np.isfinite(after).all() or np.abs(after - before).max() > _STOOD:
+            yield f"arm {name}: went to {after.tolist()} when sent NaN"
+        if arm.is_stopped:
+            arm.reset()
+        arm.disengage()
+
+
+def hand_moves(robot: Robot) -> Iterator[str]:
+    """Check that fingers initialise, open and close."""
+    for name, limb in robot.limbs.items():
+        yield from _closes(robot, name, limb.gripper)
+
+
+def _closes(robot: Robot, name: str, hand: Gripper) -> Iterator[str]:
+    hand.initialise()
+    if not _becomes(robot, lambda: hand.is_initialised, 15.0):
+        yield f"gripper {name}: not initialised within 15 s"
+        return
+    models = load_grippers()
+    if hand.name not in models:
+        return
+    model = models[hand.name]
+    shape, wide = next(iter(model.preshapes)), 0.9 * model.opening_range[1]
+    hand.preshape(shape, wide)
+
+    def gap(goal: float) -> float:
+        return max(abs(opening - goal) for opening in hand.read().openings)
+
+    if not _becomes(robot, lambda: gap(wide) < 0.005, 5.0):
+        yield (
+            f"gripper {name}: preshape {shape!r} at {wide:.3f} m missed by "
+            f"{gap(wide):.3f} m after 5 s"
+        )
+        return
+    narrow = wide - 0.02
+    command = GripCommand((narrow,) * len(model.fingers), 0.3 * model.max_force)
+    for _ in range(750):
+        hand.command(command)
+        _wait(robot, _PERIOD)
+    if gap(narrow) > 0.005:
+        missed = gap(narrow)
+        yield f"gripper {name}: sent to {narrow:.3f} m, misses it by {missed:.3f} m"
+    if len(hand.read().openings) != len(model.fingers):
+        yield (
+            f"gripper {name}: {len(hand.read().openings)} openings; the model has "
+            f"{len(model.fingers)} fingers"
+        )
+
+
+def head_moves(robot: Robot) -> Iterator[str]:
+    """Check that the head turns and tells when it has arrived."""
+    head = robot.head
+    if head is None:
+        return
+    start = np.asarray(head.read().q, dtype=np.float64)
+    joints = [robot.model.tree.joints[name] for name in head.joint_names]
+    middle = np.array([0.5 * (joint.lower + joint.upper) for joint in joints])
+    goal = start + np.where(start < middle, _SWING, -_SWING)
+    for target in (goal, start):
+        head.move_to(target.tolist())
+        if head.is_still:
+            yield "says at once that it has arrived"
+        if not _becomes(robot, lambda: head.is_still, 5.0):
+            yield "does not arrive within 5 s"
+        gap = np.abs(np.asarray(head.read().q, dtype=np.float64) - target).max()
+        if gap > 0.25 * _SWING:
+            yield f"says that it has arrived, {np.rad2deg(gap):.2f} degrees off"
+
+
+def _stands(robot: Robot, name: str, arm: Arm, state: str) -> Iterator[str]:
+    """Send an arm away that must not go."""
+    before = _q(arm)
+    _send(robot, arm, before, before + _swing(arm, before))
+    moved = float(np.abs(_q(arm) - before).max())
+    if moved > _STOOD:
+        yield f"arm {name}: followed by {moved:.4f} rad or m though it was {state}"
+
+
+def _swing(arm: Arm, q: FloatArray) -> FloatArray:
+    """Small motion away from the nearer limit, shape (d,)."""
+    limits = arm.limits
+    room = limits.upper - q > q - limits.lower
+    sizes = np.minimum(_SWING, 0.1 * (limits.upper - limits.lower))
+    return np.where(room, sizes, -sizes)
+
+
+def _send(robot: Robot, arm: Arm, q_from: FloatArray, q_to: FloatArray) -> None:
+    """Stream a smooth motion well within speeds and accelerations, then wait."""
+    limits, way = arm.limits, np.abs(q_to - q_from)
+    # Speed and acceleration of 3 u^2 - 2 u^3 are at most 1.5 and 6.
+    duration = max(
+        float((1.5 * way / (0.2 * limits.velocity)).max()),
+        float(np.sqrt(6.0 * way / (0.2 * limits.acceleration)).max()),
+    )
+    n = max(int(np.ceil(duration / _PERIOD)), 1)
+    for k in range(1, n + 26):
+        u = min(k / n, 1.0)
+        goal: Sequence[float] = (
+            q_from + (3.0 - 2.0 * u) * u * u * (q_to - q_from)
+        ).tolist()
+        arm.command(goal)
+        _wait(robot, _PERIOD)
+
+
+def _engaged(robot: Robot, arm: Arm) -> bool:
+    if arm.is_stopped:
+        arm.reset()
+    arm.engage()
+    return _becomes(robot, lambda: arm.is_engaged, 0.5)
+
+
+def _becomes(robot: Robot, condition: Callable[[], bool], limit: float) -> bool:
+    until = robot.clock.now() + limit
+    while not condition():
+        if robot.clock.now() >= until:
+            return False
+        _wait(robot, 0.02)
+    return True
+
+
+def _q(arm: Arm) -> FloatArray:
+    return np.asarray(arm.read().q, dtype=np.float64)
+
+
+def _wait(robot: Robot, seconds: float) -> None:
+    robot.clock.wait_until(robot.clock.now() + seconds)

@@ -1,0 +1,230 @@
+"""Bodies where they are: they can be moved, and sink to rest when asked."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.geometry import SE3
+from debrisgrasp.worlds import World, come_to_rest
+
+from .config import FakeConfig
+from .shapes import BodyShape
+
+__all__ = ["Rubble"]
+
+_TOUCH = 0.003
+"""Gap below which bodies count as touching [m]."""
+_BESIDE = 0.01
+"""Boxes around bodies that are nearer than this make them neighbours [m]."""
+_COLUMN = 0.2
+"""How far beside a falling body others may still be met [m]."""
+_ROUNDS = 4
+_OVERLAP = 2e-4
+"""Bodies may be so deep in each other and still fall freely [m]."""
+_PUSHES_OUT = 8
+
+
+class Rubble:
+    """The bodies of a world, by number."""
+
+    def __init__(self, world: World, config: FakeConfig) -> None:
+        self._world, self._config = world, config
+        self.names = world.names
+        self.shapes = [BodyShape(body) for body in world.bodies]
+        self.version = 0
+        """Changes whenever bodies moved by themselves."""
+        self._is_current = True
+
+    @property
+    def world(self) -> World:
+        """Bodies where they are now."""
+        if not self._is_current:
+            poses = [SE3.from_parts(shape.R, shape.p) for shape in self.shapes]
+            bodies = [
+                body
+                if np.array_equal(body.T_base_body.matrix, T.matrix)
+                else body.at(T)
+                for body, T in zip(self._world.bodies, poses, strict=True)
+            ]
+            self._world = World(tuple(bodies), self._world.ground, self._world.name)
+            self._is_current = True
+        return self._world
+
+    def place(self, body: int, R: FloatArray, p: FloatArray) -> None:
+        """Put a body somewhere."""
+        self.shapes[body].place(R, p)
+        self._is_current = False
+
+    def shift(self, body: int, way: FloatArray) -> None:
+        """Move a body without turning it."""
+        self.shapes[body].shift(way)
+        self._is_current = False
+
+    def box(self, body: int) -> tuple[FloatArray, FloatArray]:
+        """Corners of the box around a body [m]."""
+        points = self.shapes[body].points
+        return points.min(axis=0), points.max(axis=0)
+
+    def neighbours(
+        self, body: int, box: tuple[FloatArray, FloatArray] | None = None
+    ) -> set[int]:
+        """Bodies that may touch a body, or what is in a box."""
+        low, high = box or self.box(body)
+        found = set()
+        for other in range(len(self.shapes)):
+            if other != body:
+                lower, upper = self.box(other)
+                if (lower < high + _BESIDE).all() and (upper > low - _BESIDE).all():
+                    found.add(other)
+        return found
+
+    def touching(self, body: int) -> set[int]:
+        """Bodies that touch a body."""
+        shape, found = self.shapes[body], set()
+        for other in self.neighbours(body):
+            against = self.shapes[other]
+            gaps = against.deepest(shape.points)[0], shape.deepest(against.points)[0]
+            if max(gaps) > -_TOUCH:
+                found.add(other)
+        return found
+
+    def is_on(self, upper: int, lower: int) -> bool:
+        """Whether one body bears the other from below."""
+        above, below = self.shapes[upper], self.shapes[lower]
+        return _bears(below, above.points, 1.0) or _bears(above, below.points, -1.0)
+
+    def is_on_ground(self, body: int) -> bool:
+        """Whether a body touches the ground."""
+        points = self.shapes[body].points
+        heights = self._world.ground.height(points[:, :2])
+        return bool((points[:, 2] - heights).min() < _TOUCH)
+
+    def riders(self, body: int) -> dict[int, float]:
+        """Bodies that lie on a body, and the share of their weight that it bears."""
+        found = {}
+        for other in self.neighbours(body):
+            if self.is_on(other, body):
+                beside = self.neighbours(other) - {body}
+                is_shared = self.is_on_ground(other) or any(
+                    self.is_on(other, third) for third in beside
+                )
+                found[other] = 0.5 if is_shared else 1.0
+        return found
+
+    def load_on(self, body: int) -> float:
+        """Mass of all that lies on a body [kg]."""
+        return sum(
+            share * self.shapes[other].mass
+            for other, share in self.riders(body).items()
+        )
+
+    def overlap(self, body: int) -> float:
+        """How deep a body is in its neighbours or in the ground [m]."""
+        shape = self.shapes[body]
+        heights = self._world.ground.height(shape.points[:, :2])
+        deepest = float((heights - shape.points[:, 2]).max())
+        for other in self.neighbours(body):
+            against = self.shapes[other]
+            into, from_there = (
+                against.deepest(shape.points),
+                shape.deepest(against.points),
+            )
+            deepest = max(deepest, into[0], from_there[0])
+        return deepest
+
+    def settle(self, loose: Iterable[int], held: Iterable[int]) -> set[int]:
+        """Let bodies sink to rest, and those that stood on what moved.
+
+        Parameters
+        ----------
+        loose
+            Bodies that may have lost their support.
+        held
+            Bodies that do not move.
+
+        Returns
+        -------
+        set
+            Bodies that moved.
+        """
+        fixed, waiting, moved = set(held), set(loose) - set(held), set[int]()
+        for _ in range(_ROUNDS):
+            if not waiting:
+                break
+            borne = {body: self.touching(body) for body in waiting}
+            fallen = self._sunk(waiting)
+            moved |= fallen
+            beside = set[int]().union(*(borne[body] for body in fallen))
+            waiting = beside - fixed - waiting
+        if moved:
+            self.version += 1
+        return moved
+
+    def _sunk(self, loose: set[int]) -> set[int]:
+        """Let some bodies sink, the lowest first, onto those that already lie."""
+        waiting = sorted(loose, key=lambda body: self.box(body)[0][2])
+        fallen = set()
+        while waiting:
+            # What lies on a body does not keep it from falling: it follows.
+            body = waiting.pop(0)
+            if self._sink(body, waiting):
+                fallen.add(body)
+        return fallen
+
+    def _sink(self, body: int, without: Collection[int]) -> bool:
+        """Let one body sink; return whether it moved."""
+        start = self.shapes[body].com
+        self._free(body, without)
+        low, high = self.box(body)
+        near = [
+            i
+            for i in range(len(self.shapes))
+            if i not in without
+            and (self.box(i)[0][:2] < high[:2] + _COLUMN).all()
+            and (self.box(i)[1][:2] > low[:2] - _COLUMN).all()
+        ]
+        world = self.world
+        scene = World(tuple(world.bodies[i] for i in near), world.ground)
+        fixed = [self.names[i] for i in near if i != body]
+        rested = come_to_rest(scene, self._config.rest, fixed=fixed)
+        if rested.moved:
+            pose = rested.world.bodies[near.index(body)].T_base_body
+            self.place(body, pose.R, pose.p)
+        return float(np.linalg.norm(self.shapes[body].com - start)) > _TOUCH
+
+    def _free(self, body: int, without: Collection[int]) -> None:
+        """Move a body out of others that it was pressed into by a hand.
+
+        What overlaps from two sides could not fall.
+        """
+        shape = self.shapes[body]
+        for _ in range(_PUSHES_OUT):
+            deepest, way = _OVERLAP, None
+            for other in self.neighbours(body) - set(without):
+                against = self.shapes[other]
+                for solid, points, sign in (
+                    (against, shape.points, 1.0),
+                    (shape, against.points, -1.0),
+                ):
+                    depth, normal = solid.deepest(points)
+                    if depth > deepest:
+                        deepest, way = depth, sign * normal
+            if way is None:
+                return
+            self.shift(body, deepest * way)
+
+
+def _bears(shape: BodyShape, points: FloatArray, sign: float) -> bool:
+    """Whether points (n, 3) touch sides of a body that face up (1) or down (-1)."""
+    low, high = shape.points.min(axis=0) - _TOUCH, shape.points.max(axis=0) + _TOUCH
+    points = points[((points > low) & (points < high)).all(axis=1)]
+    for part in shape.parts:
+        normals = shape.normals[part]
+        beyond = points @ normals.T - shape.offsets[part]
+        near = np.flatnonzero(beyond.max(axis=1, initial=-np.inf) < _TOUCH)
+        if len(near) and (sign * normals[beyond[near].argmax(axis=1), 2] > 0.3).any():
+            return True
+    return False

@@ -1,0 +1,358 @@
+"""The truth about bodies and hands: who touches, holds, pushes and carries whom."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.geometry import SE3
+from debrisgrasp.worlds import World
+
+from .config import FakeConfig
+from .fake_arm import FakeArm, FakeForceSensor
+from .fake_hand import FakeGripper
+from .holding import Hold, Seat, hook_of, is_enclosed, sides_of, squeeze_of
+from .links import LinkSpheres
+from .pushing import GRAVITY, Push
+from .rubble import Rubble
+from .touch import GROUND, HELD, PALM, Spring, Touch
+
+__all__ = ["Stage"]
+
+_SLIP_SPEED = 0.05
+"""At which a body slips out of fingers that hold it too weakly [m/s]."""
+_SLIP_CHECK = 0.004
+"""After every so much of slip the grip is looked at again [m]."""
+_LIFTED = 0.005
+"""Moved by so much, a held body no longer bears what lay on it as before [m]."""
+_RIDE = 0.015
+"""After every so much of a way what lies on a held body sinks to rest again [m]."""
+_LOOSE = 0.5
+"""Squeezed with less, a body is let go [N]."""
+_OFF_SEAT = 0.02
+"""Moved by so much, a body no longer rests where it lay [m]."""
+_SETTLE_WAYS = (0.005, 0.05, 0.25)
+"""Ways of a held body after which what it bore sinks to rest [m]."""
+
+
+@dataclass(slots=True)
+class _HandState:
+    """One hand and what it does; lives inside `Stage` only."""
+
+    arm: FakeArm
+    gripper: FakeGripper
+    sensor: FakeForceSensor
+    touch: Touch
+    hold: Hold | None = None
+    seen: tuple[object, ...] | None = None
+    springs: Sequence[Spring] = ()
+
+
+class Stage:
+    """Bodies where they are, and what they do to the hands."""
+
+    def __init__(
+        self,
+        world: World,
+        arms: Mapping[str, FakeArm],
+        hands: Mapping[str, FakeGripper],
+        sensors: Mapping[str, FakeForceSensor],
+        config: FakeConfig,
+    ) -> None:
+        self._config = config
+        self.friction = config.friction
+        """Between bodies, ground and fingers."""
+        self.sticky_ticks = 0
+        """For so many periods hands let go of nothing."""
+        self._rubble = Rubble(world, config)
+        self._hands = {
+            name: _HandState(
+                arms[name],
+                hands[name],
+                sensors[name],
+                Touch(hands[name], world.ground, config),
+            )
+            for name in arms
+        }
+        self._started = [shape.com.copy() for shape in self._rubble.shapes]
+        self._pushes: dict[int, Push] = {}
+        self._is_far: dict[int, bool] = {}
+        self.peak_force = dict.fromkeys(arms, 0.0)
+        self.peak_torque = dict.fromkeys(arms, 0.0)
+        self.scrapes: dict[tuple[str, str], float] = {}
+
+    @property
+    def world(self) -> World:
+        """Bodies where they are now, frame odom."""
+        return self._rubble.world
+
+    @property
+    def held(self) -> dict[str, str]:
+        """Bodies in hands, by arm."""
+        names = self._rubble.names
+        return {
+            arm: names[hand.hold.index]
+            for arm, hand in self._hands.items()
+            if hand.hold is not None
+        }
+
+    @property
+    def removed(self) -> tuple[str, ...]:
+        """Bodies that a hand put down far from where they were."""
+        return tuple(
+            self._rubble.names[i] for i, is_far in self._is_far.items() if is_far
+        )
+
+    def remember(self, before: Stage) -> None:
+        """Go on with the account of a stage that this one replaces."""
+        self.friction, self.sticky_ticks = before.friction, before.sticky_ticks
+        self.peak_force, self.peak_torque = before.peak_force, before.peak_torque
+        names = self._rubble.names
+        for i, is_far in before._is_far.items():
+            name = before._rubble.names[i]
+            if name in names:
+                self._is_far[names.index(name)] = is_far
+
+    def advance(self, T_odom_base: SE3) -> None:
+        """Let a period pass for fingers and bodies."""
+        touched: dict[int, FloatArray] = {}
+        self.sticky_ticks = max(self.sticky_ticks - 1, 0)
+        for name, hand in self._hands.items():
+            self._advance_hand(name, hand, T_odom_base)
+            for spring in hand.springs:
+                if spring.body != GROUND and not self._is_held(spring.body):
+                    push = touched.setdefault(spring.body, np.zeros(3))
+                    push -= spring.force
+        if touched or self._pushes:
+            self._push(touched)
+
+    def scrape(self, arm: str, links: LinkSpheres, T_odom_base: SE3) -> None:
+        """Take note of the bodies that an arm's links go through."""
+        held = self._held_bodies()
+        q = self._hands[arm].arm.q
+        for body, depth in links.overlaps(q, T_odom_base, self._rubble.shapes):
+            if body not in held:
+                key = arm, self._rubble.names[body]
+                self.scrapes[key] = max(depth, self.scrapes.get(key, 0.0))
+
+    def _is_held(self, body: int) -> bool:
+        return any(
+            hand.hold is not None
+            and (hand.hold.index == body or body in hand.hold.riders)
+            for hand in self._hands.values()
+        )
+
+    def _held_bodies(self) -> set[int]:
+        return {h.hold.index for h in self._hands.values() if h.hold is not None}
+
+    def _advance_hand(self, name: str, hand: _HandState, T_odom_base: SE3) -> None:
+        fingers_moved = hand.gripper.advance()
+        pose = hand.arm.pose()
+        is_slipping = hand.hold is not None and hand.hold.is_slipping
+        key = (pose, T_odom_base, self._rubble.version, hand.gripper.force)
+        if hand.seen == key and not fingers_moved and not is_slipping:
+            return
+        if hand.seen is None or hand.seen[2] != key[2]:
+            hand.touch.forget()
+        hand.seen, is_same_base = key, hand.seen is not None and hand.seen[1] is key[1]
+        is_free = hand.hold is None and is_same_base and not fingers_moved
+        if is_free and hand.touch.is_clear(*pose):
+            return
+        R = T_odom_base.R @ np.reshape(pose[0], (3, 3))
+        p = T_odom_base.R @ np.asarray(pose[1]) + T_odom_base.p
+        if hand.hold is not None:
+            self._carry(hand.hold, R, p)
+        left_out = self._left_out(hand)
+        hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
+        self._feel(hand, R)
+        if hand.hold is None:
+            self._try_hold(hand, R, p)
+        on_body, load = self._load(hand, R, p)
+        hand.sensor.load_ee = tuple(load.tolist())
+        force, torque = float(np.linalg.norm(load[:3])), float(np.linalg.norm(load[3:]))
+        self.peak_force[name] = max(self.peak_force[name], force)
+        self.peak_torque[name] = max(self.peak_torque[name], torque)
+        if hand.hold is not None:
+            self._check_hold(hand, hand.hold, R.T @ on_body)
+
+    def _left_out(self, hand: _HandState) -> set[int]:
+        """Bodies that a hand passes through: in the other hand, or on what it holds."""
+        left_out = set() if hand.hold is None else set(hand.hold.riders)
+        for other in self._hands.values():
+            if other is not hand and other.hold is not None:
+                left_out |= {other.hold.index, *other.hold.riders}
+        return left_out
+
+    def _feel(self, hand: _HandState, R: FloatArray) -> None:
+        """Tell each finger what it feels."""
+        forces = [0.0] * len(hand.gripper.forces)
+        pushes = [(s.owner, float(R[:, 0] @ s.force)) for s in hand.springs]
+        pushes += [(s.owner, float(s.force[0])) for s in hand.touch.grip]
+        for owner, push in pushes:
+            if owner > PALM:
+                side = hand.gripper.model.fingers[owner - 1].side
+                forces[owner - 1] += side * push
+        hand.gripper.forces = forces
+
+    def _try_hold(self, hand: _HandState, R: FloatArray, p: FloatArray) -> None:
+        """Hold what the fingers enclose."""
+        for body in {spring.body for spring in hand.springs} - {GROUND}:
+            if self._is_held(body):
+                continue
+            sides = sides_of(hand.springs, body, hand.gripper.model)
+            if not is_enclosed(*sides, self.friction):
+                continue
+            rubble, shape = self._rubble, self._rubble.shapes[body]
+            self._pushes.pop(body, None)
+            com = shape.com.copy()
+            hand.hold = Hold(
+                index=body,
+                R=R.T @ shape.R,
+                p=R.T @ (shape.p - p),
+                seat=Seat(
+                    com.copy(),
+                    self._config.stiffness,
+                    self.friction,
+                    rubble.is_on_ground(body),
+                ),
+                start=com,
+                settled_at=com,
+                neighbours=rubble.touching(body),
+            )
+            hand.touch.hold(body, shape, hand.hold.R, hand.hold.p)
+            hand.springs = [s for s in hand.springs if s.body != body]
+            return
+
+    def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> None:
+        """Move what is held, and what lies on it, with the hand."""
+        shape = self._rubble.shapes[hold.index]
+        R_new, p_new = R @ hold.R, R @ hold.p + p
+        turn = R_new @ shape.R.T
+        way = p_new - turn @ shape.p
+        self._rubble.place(hold.index, R_new, p_new)
+        for rider in hold.riders:
+            other = self._rubble.shapes[rider]
+            self._rubble.place(rider, turn @ other.R, turn @ other.p + way)
+        gone = float(np.linalg.norm(shape.com - hold.start))
+        if hold.seat is not None and gone > _OFF_SEAT and not hold.seat.on_ground:
+            hold.seat = None
+        n = hold.n_settled
+        is_due = n < len(_SETTLE_WAYS) and gone > _SETTLE_WAYS[n]
+        since = float(np.linalg.norm(shape.com - hold.settled_at))
+        if is_due or (hold.riders and since > _RIDE):
+            loose = set(hold.riders)
+            if is_due:
+                hold.n_settled += 1
+                loose |= hold.neighbours
+            hold.settled_at = shape.com.copy()
+            hold.riders = self._rubble.riders(hold.index)
+            self._rubble.settle(loose, self._held_bodies())
+            hold.riders = self._rubble.riders(hold.index)
+
+    def _load(
+        self, hand: _HandState, R: FloatArray, p: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Force on what is held but for the fingers, and the load on the hand.
+
+        The first is in the axes of odom (3,), the second in those of the hand (6,).
+        """
+        force, moment, on_body = np.zeros(3), np.zeros(3), np.zeros(3)
+        hold = hand.hold
+        for spring in hand.springs:
+            force += spring.force
+            moment += np.cross(spring.point - p, spring.force)
+            if spring.owner == HELD:
+                on_body += spring.force
+        if hold is not None:
+            shapes = self._rubble.shapes
+            body = shapes[hold.index]
+            weight = GRAVITY * body.mass
+            carried = np.array([0.0, 0.0, -weight])
+            if hold.seat is not None:
+                carried += hold.seat.force(body, weight)
+                if carried[2] <= -weight:
+                    hold.seat = None
+            loads = [(body.com, carried)]
+            loads += [
+                (
+                    shapes[i].com,
+                    np.array([0.0, 0.0, -share * GRAVITY * shapes[i].mass]),
+                )
+                for i, share in hold.riders.items()
+            ]
+            for point, push in loads:
+                force += push
+                on_body += push
+                moment += np.cross(point - p, push)
+        return on_body, np.concatenate([R.T @ force, R.T @ moment])
+
+    def _check_hold(
+        self,
+        hand: _HandState,
+        hold: Hold,
+        on_body: FloatArray,
+    ) -> None:
+        """Let a body slip that the fingers can't keep, and go that they don't enclose.
+
+        ``on_body`` is the force on it in the axes of the hand.
+        """
+        sides = sides_of(hand.touch.grip, hold.index, hand.gripper.model)
+        squeeze = min(squeeze_of(side) for side in sides)
+        if self.sticky_ticks:
+            return
+        if squeeze < _LOOSE:
+            self._let_go(hand, hold)
+            return
+        kept = 2.0 * self.friction * squeeze
+        along = on_body.copy()
+        along[0] = 0.0
+        if along[2] > 0.0:
+            hooked = hook_of((*sides[0], *sides[1]))
+            along[2] = max(along[2] - hooked * hand.gripper.model.max_force, 0.0)
+        size = float(np.linalg.norm(along))
+        hold.is_slipping = size > kept
+        if not hold.is_slipping:
+            return
+        step = _SLIP_SPEED * self._config.period
+        hold.p = hold.p + (step / size) * along
+        hold.slipped += step
+        hand.touch.hold(hold.index, self._rubble.shapes[hold.index], hold.R, hold.p)
+        if hold.slipped > _SLIP_CHECK:
+            hold.slipped = 0.0
+            if not is_enclosed(*sides, self.friction):
+                self._let_go(hand, hold)
+
+    def _let_go(self, hand: _HandState, hold: Hold) -> None:
+        """Let a body sink to rest that no hand holds any more."""
+        hand.hold = None
+        hand.touch.hold(None, None, np.eye(3), np.zeros(3))
+        hand.gripper.forces = [0.0] * len(hand.gripper.forces)
+        self._rubble.settle({hold.index, *hold.riders}, self._held_bodies())
+        self._rubble.version += 1
+        way = self._rubble.shapes[hold.index].com - self._started[hold.index]
+        self._is_far[hold.index] = bool(
+            np.linalg.norm(way) > self._config.removed_beyond
+        )
+
+    def _push(self, touched: Mapping[int, FloatArray]) -> None:
+        """Move what is pushed with more than friction, and settle what no longer is."""
+        for body in [body for body in self._pushes if body not in touched]:
+            ended = self._pushes.pop(body)
+            if ended.way > _LIFTED and not self._is_held(body):
+                beside = self._rubble.touching(body)
+                self._rubble.settle({body, *beside}, self._held_bodies())
+        for body, force in touched.items():
+            if body not in self._pushes:
+                self._pushes[body] = Push.begun(body, self._rubble)
+            push = self._pushes[body]
+            way = push.wanted(force, self._config)
+            if way is None:
+                continue
+            push.move(way, self._rubble)
+            for hand in self._hands.values():
+                hand.touch.shifted(float(np.linalg.norm(way)))
+                if hand.seen is not None:
+                    hand.seen = (None, *hand.seen[1:])

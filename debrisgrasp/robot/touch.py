@@ -1,0 +1,326 @@
+"""Springs between one hand, what it holds, and everything else.
+
+What is near is looked up once and then watched until the hand has gone as far as the
+watch reaches, so that a tick in free space costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from math import hypot, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp.worlds import Ground
+
+from .config import FakeConfig
+from .fake_hand import FakeGripper
+from .shapes import BodyShape, HandShape
+
+__all__ = ["GROUND", "HELD", "PALM", "Spring", "Touch"]
+
+GROUND = -1
+"""Stands for a body where the ground is touched."""
+PALM = 0
+"""Owner of the points of the palm; fingers follow from 1."""
+HELD = -1
+"""Owner of the points of what the hand holds."""
+_MARGIN = 0.03
+"""What is nearer than this is watched [m]."""
+_UP = np.array([[0.0, 0.0, 1.0]])
+_CLOSING = np.array([1.0, 0.0, 0.0])
+
+Rotation = tuple[float, ...]
+"""Nine numbers: a matrix row by row."""
+Vector = tuple[float, ...]
+
+
+class Spring(NamedTuple):
+    """A contact that pushes."""
+
+    owner: int
+    """`PALM`, `HELD`, or the number of a finger from 1."""
+    body: int
+    """Number of the body, or `GROUND`."""
+    point: FloatArray
+    """Where, frame odom [m], shape (3,)."""
+    force: FloatArray
+    """On the hand, axes of odom [N], shape (3,)."""
+    depth: float
+    """[m]."""
+
+
+@dataclass(slots=True, eq=False)
+class _Watch:
+    """Points of the hand that are near one part of a body, or near the ground."""
+
+    body: int
+    part: slice | None
+    rows: IntArray
+    """Which points of the hand, shape (m,)."""
+    owners: IntArray
+    """Whose each of them is, shape (m,)."""
+    points: FloatArray
+    """Frame of the hand [m], shape (m, 3)."""
+
+
+@dataclass(slots=True, eq=False)
+class _Guard:
+    """Points of a body that are near a solid of the palm or of what is held."""
+
+    owner: int
+    body: int
+    rows: IntArray
+    normals: FloatArray
+    offsets: FloatArray
+
+
+class Touch:
+    """What one hand touches."""
+
+    def __init__(
+        self, gripper: FakeGripper, ground: Ground, config: FakeConfig
+    ) -> None:
+        self.gripper, self.ground = gripper, ground
+        self.stiffness = config.stiffness
+        self.finger_stiffness = config.finger_stiffness
+        self.shape = HandShape(gripper.model)
+        self.held: BodyShape | None = None
+        """What it holds."""
+        self._held_index: int | None = None
+        self.grip: list[Spring] = []
+        """Contacts of the hand with what it holds, in the frame of the hand."""
+        counts = [rows.stop - rows.start for rows in self.shape.owned]
+        self._owner_of = np.repeat(np.arange(len(counts)), counts)
+        self._held_points = np.zeros((0, 3))
+        self._held_planes: tuple[FloatArray, FloatArray] = (np.zeros((0, 3)),) * 2
+        self._watches: list[_Watch] = []
+        self._guards: list[_Guard] = []
+        self._since: tuple[FloatArray, FloatArray, tuple[float, ...]] | None = None
+        self._clear: tuple[Rotation, Vector, float, float] | None = None
+        self._room = self._reach = 0.0
+        self._key: tuple[str, tuple[float, ...]] | None = None
+        self._points = self.shape.palm
+
+    def hold(
+        self, index: int | None, body: BodyShape | None, R: FloatArray, p: FloatArray
+    ) -> None:
+        """Take a body whose pose in the frame of the hand is (R, p); None: let go."""
+        self.held, self._held_index = body, index
+        if body is not None:
+            normals, offsets, self._held_points = body.seen(R, p)
+            self._held_planes = normals, offsets
+        self._look_at_held()
+        self.forget()
+
+    def forget(self) -> None:
+        """Look again for what is near: a body has moved."""
+        self._since = self._clear = None
+
+    def shifted(self, distance: float) -> None:
+        """Take note that a body has moved a little [m]."""
+        self._room -= distance
+        self._clear = None
+
+    def is_clear(self, R: Rotation, p: Vector) -> bool:
+        """Whether a hand at this pose, in plain numbers, can't touch anything yet.
+
+        Quick, and only ever true for a hand whose fingers have not moved.
+        """
+        if self._clear is None:
+            return False
+        R0, p0, room, reach = self._clear
+        turn = 0.0
+        for a, b in zip(R, R0, strict=True):
+            turn += (a - b) * (a - b)
+        gap = hypot(p[0] - p0[0], p[1] - p0[1], p[2] - p0[2])
+        return gap + reach * sqrt(turn) < room
+
+    def springs(
+        self,
+        R: FloatArray,
+        p: FloatArray,
+        bodies: Sequence[BodyShape],
+        left_out: Collection[int],
+    ) -> list[Spring]:
+        """All contacts of the hand at pose (R, p) in odom, but for bodies left out."""
+        self._refresh()
+        if self._has_left(R, p):
+            self._look(R, p, bodies, left_out)
+        found: dict[tuple[int, int], Spring] = {}
+        for watch in self._watches:
+            where = watch.points @ R.T + p
+            if watch.part is None:
+                heights = self.ground.height(where[:, :2])
+                beyond, normals = where[:, 2:] - heights[:, None], _UP
+            else:
+                shape = bodies[watch.body]
+                normals = shape.normals[watch.part]
+                beyond = where @ normals.T - shape.offsets[watch.part]
+            self._add_all(found, watch, where, beyond, normals, R[:, 0])
+        for guard in self._guards:
+            where = bodies[guard.body].points[guard.rows]
+            beyond = (where - p) @ R @ guard.normals.T - guard.offsets
+            if beyond.max(axis=1).min() < 0.0:
+                normals = guard.normals @ R.T
+                key = guard.owner, guard.body
+                self._add(found, key, where, beyond, normals, R[:, 0], -1.0)
+        return list(found.values())
+
+    def _add_all(
+        self,
+        found: dict[tuple[int, int], Spring],
+        watch: _Watch,
+        where: FloatArray,
+        beyond: FloatArray,
+        normals: FloatArray,
+        closing: FloatArray,
+    ) -> None:
+        """Add the contacts of each owner of watched points."""
+        gaps = beyond.max(axis=1)
+        if gaps.min() >= 0.0:
+            return
+        for owner in np.unique(watch.owners[gaps < 0.0]).tolist():
+            mine = watch.owners == owner
+            key = owner, watch.body
+            self._add(found, key, where[mine], beyond[mine], normals, closing, 1.0)
+
+    def _add(
+        self,
+        found: dict[tuple[int, int], Spring],
+        key: tuple[int, int],
+        where: FloatArray,
+        beyond: FloatArray,
+        normals: FloatArray,
+        closing: FloatArray,
+        sign: float,
+    ) -> None:
+        """Keep the deepest contact of each owner with each body."""
+        gaps = beyond.max(axis=1)
+        deepest = int(gaps.argmin())
+        depth = -float(gaps[deepest])
+        if key in found and found[key].depth >= depth:
+            return
+        weights = np.maximum(-gaps, 0.0)
+        point = weights @ where / weights.sum()
+        normal = normals[int(beyond[deepest].argmax())]
+        owner, body = key
+        stiffness = self.stiffness
+        if owner > PALM:
+            # Stiff where fingers press against each other, not where they bend aside.
+            along = float(normal @ closing)
+            stiffness += along * along * (self.finger_stiffness - stiffness)
+        force = (sign * stiffness * depth) * normal
+        found[key] = Spring(owner, body, point, force, depth)
+
+    def _refresh(self) -> None:
+        """Take over where the fingers are now."""
+        key = (self.gripper.shape, tuple(self.gripper.openings))
+        if key == self._key:
+            return
+        if self._key is None or self._key[0] != key[0]:
+            self.forget()
+        self._key = key
+        self._points = self.shape.points(*key)
+        self._clear = None
+        for watch in self._watches:
+            own = watch.owners != HELD
+            watch.points[own] = self._points[watch.rows[own]]
+        if self.held is not None:
+            self._look_at_held()
+
+    def _look_at_held(self) -> None:
+        """Find the contacts of the hand with what it holds."""
+        found: dict[tuple[int, int], Spring] = {}
+        if self.held is not None and self._held_index is not None:
+            all_normals, all_offsets = self._held_planes
+            for part in self.held.parts:
+                normals, offsets = all_normals[part], all_offsets[part]
+                beyond = self._points @ normals.T - offsets
+                rows = np.flatnonzero(beyond.max(axis=1) < 0.0)
+                if len(rows):
+                    where, owners = self._points[rows], self._owner_of[rows]
+                    watch = _Watch(self._held_index, part, rows, owners, where)
+                    self._add_all(found, watch, where, beyond[rows], normals, _CLOSING)
+        self.grip = list(found.values())
+
+    def _has_left(self, R: FloatArray, p: FloatArray) -> bool:
+        """Whether the hand has moved farther than what is watched reaches."""
+        if self._since is None:
+            return True
+        R0, p0, openings0 = self._since
+        gap, turn = p - p0, (R - R0).ravel()
+        openings = self.gripper.openings
+        moved = float(gap @ gap) ** 0.5 + self._reach * float(turn @ turn) ** 0.5
+        moved += self.shape.gain * max(
+            [abs(a - b) for a, b in zip(openings, openings0, strict=True)]
+        )
+        return bool(moved > self._room)
+
+    def _look(
+        self,
+        R: FloatArray,
+        p: FloatArray,
+        bodies: Sequence[BodyShape],
+        left_out: Collection[int],
+    ) -> None:
+        """Find what is near."""
+        groups, owners = [self._points], [self._owner_of]
+        if self.held is not None:
+            groups.append(self._held_points)
+            owners.append(np.full(len(self._held_points), HELD))
+        own, owner_of = np.concatenate(groups), np.concatenate(owners)
+        self._reach = float(np.linalg.norm(own, axis=1).max())
+        where = own @ R.T + p
+        self._watches, self._guards = [], []
+        heights = where[:, 2] - self.ground.height(where[:, :2])
+        clear = self._watch(GROUND, None, heights, own, owner_of)
+        for i, body in enumerate(bodies):
+            gap = float(np.linalg.norm(body.middle - p)) - body.radius - self._reach
+            if gap >= _MARGIN or i in left_out or i == self._held_index:
+                clear = min(clear, max(gap, _MARGIN))
+                continue
+            depths = body.depths(where)
+            for k, part in enumerate(body.parts):
+                nearest = self._watch(i, part, depths[:, k], own, owner_of)
+                clear = min(clear, nearest)
+            self._guard(i, (body.points - p) @ R)
+        self._since = R.copy(), p.copy(), tuple(self.gripper.openings)
+        self._room = max(clear, _MARGIN) - 1e-3
+        self._clear = None
+        if not self._watches and not self._guards:
+            flat = tuple(R.ravel().tolist()), tuple(p.tolist())
+            self._clear = (*flat, self._room, self._reach)
+
+    def _watch(
+        self,
+        body: int,
+        part: slice | None,
+        gaps: FloatArray,
+        own: FloatArray,
+        owner_of: IntArray,
+    ) -> float:
+        """Watch the points that are near something; return the smallest gap [m]."""
+        near = np.flatnonzero(gaps < _MARGIN)
+        if len(near):
+            watch = _Watch(body, part, near, owner_of[near], own[near])
+            self._watches.append(watch)
+        return float(gaps.min())
+
+    def _guard(self, i: int, points: FloatArray) -> None:
+        """Watch points (n, 3) of a body, frame of the hand, that are near its solids.
+
+        A thin edge fits between the points of a palm; the other way round it is seen.
+        """
+        solids = [(PALM, *planes) for planes in self.shape.palm_planes]
+        if self.held is not None:
+            normals, offsets = self._held_planes
+            solids += [(HELD, normals[s], offsets[s]) for s in self.held.parts]
+        for owner, normals, offsets in solids:
+            gaps = (points @ normals.T - offsets).max(axis=1)
+            near = np.flatnonzero(gaps < _MARGIN)
+            if len(near):
+                self._guards.append(_Guard(owner, i, near, normals, offsets))

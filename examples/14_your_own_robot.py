@@ -1,0 +1,93 @@
+"""Connect a robot of your own: one small class for each device, and checks for them.
+
+The devices only pretend: put the calls of your drivers in their place.
+Run: python examples/14_your_own_robot.py
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from debrisgrasp import SE3, Intrinsics, robot
+from debrisgrasp.control import LoadModel
+from debrisgrasp.kinematics import RobotModel
+
+clock = SimpleNamespace(time=0.0, now=lambda: clock.time)
+clock.wait_until = lambda until: setattr(clock, "time", max(clock.time, until))
+
+
+class Arm:
+    """Joints that are at once where they are sent."""
+
+    is_engaged = is_stopped = False
+
+    def __init__(self, limits, q) -> None:
+        self.limits, self.joint_names, self.q = limits, limits.joint_names, tuple(q)
+
+    def read(self) -> robot.JointReading:
+        return robot.JointReading(clock.now(), self.q)
+
+    def engage(self) -> None:
+        self.is_engaged = not self.is_stopped
+
+    def disengage(self) -> None:
+        self.is_engaged = False
+
+    def command(self, q) -> None:
+        if self.is_engaged and not self.limits.violation(q):
+            self.q = tuple(q)
+
+    def stop(self) -> None:
+        self.is_stopped, self.is_engaged = True, False
+
+    def reset(self) -> None:
+        self.is_stopped = False
+
+
+class Gripper:
+    """Fingers that are at once where they are sent; one force too many is a mistake."""
+
+    is_initialised = False
+
+    def __init__(self, name, n_fingers) -> None:
+        self.name, self.openings = name, (0.1,) * n_fingers
+
+    def initialise(self) -> None:
+        self.is_initialised = True
+
+    def preshape(self, _name, opening) -> None:
+        self.openings = (opening,) * len(self.openings)
+
+    def command(self, command) -> None:
+        self.openings = command.openings
+
+    def read(self) -> robot.HandReading:
+        return robot.HandReading(clock.now(), self.openings, (0.0,) * 4)
+
+
+def main() -> None:
+    mine, rng = RobotModel.load("roman"), np.random.default_rng(0)
+    K = Intrinsics(fx=160, fy=160, cx=79.5, cy=59.5, width=160, height=120)
+    depth = np.full((120, 160), 1500.0)  # another mistake
+    image = {"depth": depth, "intrinsics": K, "frame": mine.camera}
+    camera = SimpleNamespace(
+        capture=lambda: robot.DepthFrame(time=clock.now(), **image)
+    )
+    wrench = SimpleNamespace(
+        read=lambda: robot.WrenchReading(clock.now(), rng.normal(0, 0.1, 6))
+    )
+    limbs = {}
+    for name, n_fingers in (("right", 3), ("left", 4)):
+        start = mine.chain(name).vector(mine.posture(name, "ready"))
+        limbs[name] = robot.Limb(
+            arm=Arm(mine.limits(name).hardware, start.tolist()),
+            sensor=wrench,
+            gripper=Gripper(mine.arm(name).gripper, n_fingers),
+            loads=LoadModel(T_ee_ft=SE3.identity()),
+        )
+    devices = robot.Robot(model=mine, clock=clock, limbs=limbs, camera=camera)
+    print(robot.check_robot(devices, motion=True))
+
+
+if __name__ == "__main__":
+    main()

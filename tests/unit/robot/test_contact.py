@@ -1,0 +1,199 @@
+"""Springs against statics worked out by hand: signs, frames, magnitudes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from debrisgrasp.control import GripCommand
+from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder
+from debrisgrasp.robot import FakeConfig
+from debrisgrasp.robot.drives import Timeline
+from debrisgrasp.robot.fake_hand import FakeGripper
+from debrisgrasp.robot.shapes import BodyShape, HandShape, planes_of
+from debrisgrasp.robot.touch import GROUND, Touch
+from debrisgrasp.worlds import Body, Ground
+from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam, downwards, turned
+
+K = FakeConfig().stiffness
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        Box(np.array([0.1, 0.2, 0.05]), downwards(0.1, 0.2, 0.3, 0.4)),
+        Cylinder(0.05, 0.3, downwards(0.0, -0.2, 0.1, 1.0)),
+        Capsule(0.02, 0.3, downwards(0.0, -0.2, 0.1, 1.0)),
+    ],
+    ids=["box", "cylinder", "capsule"],
+)
+def test_planes_bound_the_solid(solid, rng):
+    normals, offsets = planes_of(solid)
+    points = rng.uniform(solid.bounds.lower, solid.bounds.upper, (2000, 3))
+    by_planes = (points @ normals.T - offsets).max(axis=1)
+    exact = solid.signed_distance(points)
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
+    # Flat sides touch or cut a round solid by less than 1 % of its radius.
+    inside = exact < 0.0
+    assert np.allclose(by_planes[inside], exact[inside], atol=6e-4)
+
+
+@pytest.mark.parametrize("name", sorted(GRIPPERS))
+@pytest.mark.parametrize("opening", [0.0603, 0.1, 0.1497])
+def test_points_lie_on_the_solids_of_the_hand(name, opening):
+    hand = GRIPPERS[name]
+    for preshape in hand.preshapes:
+        shape = HandShape(hand)
+        points = shape.points(preshape, [opening] * len(hand.fingers))
+        solids = hand.solids(preshape, opening)
+        nearest = np.min([np.abs(s.signed_distance(points)) for s in solids], axis=0)
+        assert nearest.max() < 5e-4
+        for k, finger in enumerate(hand.fingers, start=1):
+            rows = points[shape.owned[k]]
+            values = hand.preshape(preshape).values(
+                hand.opening_to_command(preshape, opening)
+            )
+            own = np.concatenate([s.mesh()[0] for s in finger.solids(values)])
+            assert np.allclose(rows.min(axis=0), own.min(axis=0), atol=2e-3)
+            assert np.allclose(rows.max(axis=0), own.max(axis=0), atol=2e-3)
+
+
+def fingertips(rig: Rig) -> list[float]:
+    """Lowest point of each finger [m], from the model's own solids."""
+    hand, T = rig.hand.model, rig.chain.fk(rig.arm.read().q)
+    values = hand.preshape(rig.hand.shape).values(
+        hand.opening_to_command(rig.hand.shape, rig.hand.read().openings[0])
+    )
+    return [
+        min(s.moved(T).bounds.lower[2] for s in finger.solids(values))
+        for finger in hand.fingers
+    ]
+
+
+def test_fingers_that_press_on_the_ground_are_pushed_up():
+    rig = Rig([FAR])
+    rig.move(0.0, 0.0, -0.1, speed=0.02, until=lambda: min(fingertips(rig)) < -4e-4)
+    rig.wait(0.1)
+    tips = np.array(fingertips(rig))
+    force = K * np.maximum(-tips, 0.0).sum()
+    assert force > 10.0
+    # The palm looks down: up is -z of the hand.
+    true = rig.fake.sensors["right"].load_ee
+    assert true[2] == pytest.approx(-force, rel=1e-3)
+    assert np.abs(true[:2]).max() < 0.02 * force
+    assert rig.load[2] == pytest.approx(-force, abs=1.5)
+    assert rig.fake.truth().peak_force["right"] >= force * 0.999
+
+
+@given(
+    st.floats(-0.01, 0.01), st.floats(-0.01, 0.01), st.floats(1e-4, 3e-3),
+    st.floats(-3.1, 3.1),
+)  # fmt: skip
+@settings(max_examples=15)
+def test_a_post_under_the_palm_pushes_and_turns_it(x, y, depth, yaw):
+    top = 0.3
+    post = Body(
+        "post", "post", (Box(np.array([0.01, 0.01, top / 2])),), 50.0,
+        SE3.from_parts(p=[0.8 + x, 0.1 + y, top / 2]),
+    )  # fmt: skip
+    touch = _touch(FakeConfig())
+    T = downwards(0.8, 0.1, top - depth, yaw)
+    springs = touch.springs(T.R, T.p, _shapes(post), ())
+    assert {spring.body for spring in springs} == {0}
+    force = np.sum([spring.force for spring in springs], axis=0)
+    moment = np.sum([np.cross(s.point - T.p, s.force) for s in springs], axis=0)
+    assert np.allclose(force, [0.0, 0.0, K * depth], atol=1e-6)
+    lever = np.array([x, y, 0.0])
+    # The pressed area is that of the post: its centre is met to some millimetres.
+    assert np.allclose(moment, np.cross(lever, force), atol=0.008 * K * depth)
+
+
+def test_moving_everything_together_changes_nothing(rng):
+    config, bar = FakeConfig(), beam("bar", 3.0, (0.8, 0.1, 0.0445), yaw=0.3)
+    T = downwards(0.81, 0.12, 0.05, 1.0)
+    touch = _touch(config, Ground(np.full((2, 2), -5.0)))
+    springs = touch.springs(T.R, T.p, _shapes(bar), ())
+    assert springs
+    move = SE3.from_parts(turned(0.7), rng.uniform(-1, 1, 3) * [1, 1, 0.1])
+    again = _touch(config, Ground(np.full((2, 2), -5.0)))
+    moved = move @ T
+    shapes = _shapes(bar.at(move @ bar.T_base_body))
+    others = again.springs(moved.R, moved.p, shapes, ())
+    assert {(s.owner, s.body) for s in springs} == {(s.owner, s.body) for s in others}
+    for a, b in zip(
+        sorted(springs, key=lambda s: s.owner),
+        sorted(others, key=lambda s: s.owner),
+        strict=True,
+    ):
+        assert np.allclose(move.rotate(a.force), b.force, atol=1e-6)
+        assert np.allclose(move.apply(a.point), b.point, atol=1e-9)
+
+
+def test_a_watch_never_overlooks_a_contact(rng):
+    bar, config = beam("bar", 3.0, (0.8, 0.1, 0.0445), yaw=0.3), FakeConfig()
+    shapes, touch = _shapes(bar), _touch(config)
+    T = downwards(0.8, 0.1, 0.35, 1.0)
+    n_touching = 0
+    for _ in range(80):
+        twist = rng.normal(0, 1, 6) * [0.006, 0.006, 0.006, 0.02, 0.02, 0.02]
+        T = T @ SE3.exp(twist)
+        pull = 0.03 * (np.array([0.8, 0.1, 0.16]) - T.p)
+        T = SE3.from_parts(T.R, T.p + pull)
+        watched = touch.springs(T.R, T.p, shapes, ())
+        anew = _touch(config).springs(T.R, T.p, shapes, ())
+        assert [s[:2] for s in watched] == [s[:2] for s in anew]
+        assert np.allclose(
+            [s.force for s in watched], [s.force for s in anew], atol=1e-6
+        )
+        n_touching += bool(anew)
+        flat = tuple(T.R.ravel()), tuple(T.p)
+        assert not (touch.is_clear(*flat) and anew)
+    assert n_touching > 10
+
+
+def test_uneven_ground_is_met_where_it_is(rng):
+    ground = Ground.uneven(rng, peak_to_peak=0.05, center=(0.8, 0.1))
+    touch = _touch(FakeConfig(), ground)
+    points = touch.shape.points("basic", [0.155] * 3)
+    T = downwards(0.8, 0.1, 0.12, 0.4)
+    where = T.apply(points)
+    deepest = (ground.height(where[:, :2]) - where[:, 2]).max()
+    T = SE3.from_parts(T.R, T.p - [0.0, 0.0, 1e-3 - deepest])
+    springs = touch.springs(T.R, T.p, [], ())
+    depth = max(spring.depth for spring in springs)
+    assert all(spring.body == GROUND for spring in springs)
+    assert 0.0 < depth < 3e-3
+
+
+def test_a_finger_stops_at_a_surface_while_the_others_close():
+    stump = Body(
+        "stump", "stump", (Box(np.array([0.03, 0.01, 0.06])),), 200.0,
+        SE3.from_parts(p=[0.8, -0.33, 0.06]),
+    )  # fmt: skip
+    rig = Rig([stump], place=(0.8, -0.3, 0.16))
+    rig.hand.command(GripCommand((0.05,) * 3, 30.0))
+    rig.wait(2.5)
+    thumb, *pair = rig.hand.read().openings
+    assert thumb > 0.07
+    assert max(pair) == pytest.approx(0.05, abs=1e-6)
+    assert rig.hand.read().forces[0] == pytest.approx(30.0, abs=0.5)
+    assert rig.hand.read().forces[1:] == (0.0, 0.0)
+
+
+def test_a_commanded_force_limits_what_a_finger_exerts():
+    rig = Rig([beam("bar", 200.0, (0.8, -0.3, 0.0445))])
+    for force in (10.0, 25.0, 50.0):
+        rig.hand.command(GripCommand((0.0,) * 3, force))
+        rig.wait(1.5)
+        assert np.allclose(rig.hand.read().forces, force, atol=0.5)
+
+
+def _touch(config: FakeConfig, ground: Ground | None = None) -> Touch:
+    hand = FakeGripper(GRIPPERS["robotiq_3f"], Timeline(0.004), config, [])
+    return Touch(hand, ground or Ground.level(), config)
+
+
+def _shapes(*bodies: Body):
+    return [BodyShape(body) for body in bodies]

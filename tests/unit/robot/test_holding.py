@@ -1,0 +1,207 @@
+"""Bodies that are gripped, lifted, pushed, dropped, and lain upon."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import GripCommand
+from debrisgrasp.geometry import SE3
+from debrisgrasp.robot import FakeConfig
+from debrisgrasp.robot.holding import is_enclosed
+from debrisgrasp.robot.touch import Spring
+from debrisgrasp.worlds import make_body
+from tests.unit.robot.rigs import FAR, Rig, beam
+
+BAR = (0.8, -0.3, 0.0445)
+G = 9.81
+
+
+def test_a_bar_is_gripped_lifted_carried_and_put_down():
+    rig = Rig([beam("bar", 2.5, BAR)], removed_beyond=0.1)
+    assert rig.grip() == "HOLDING"
+    assert rig.fake.truth().held == {"right": "bar"}
+    assert np.abs(rig.load[:3]).max() < 2.0  # the ground still carries it
+    assert rig.move(0.0, 0.0, 0.1)
+    assert rig.body("bar").p[2] == pytest.approx(0.1445, abs=1e-3)
+    # Gravity points out of a palm that looks down: +z of the hand.
+    assert np.allclose(rig.load[:3], [0.0, 0.0, 2.5 * G], atol=1.5)
+    assert rig.move(0.0, 0.12, 0.0)
+    assert rig.move(0.0, 0.0, -0.099)
+    rig.open()
+    truth = rig.fake.truth()
+    assert truth.held == {}
+    assert truth.removed == ("bar",)
+    assert truth.violations == ()
+    assert np.allclose(rig.body("bar").p, [0.8, -0.18, 0.0445], atol=3e-3)
+    assert np.abs(rig.fake.sensors["right"].load_ee).max() < 1e-9
+
+
+def test_a_bar_held_beside_its_middle_turns_the_wrist():
+    rig = Rig([beam("bar", 2.0, (0.9, -0.3, 0.0445))])
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    assert rig.move(0.0, 0.0, 0.03)
+    hand, bar = rig.chain.fk(rig.arm.read().q), rig.body("bar")
+    weight = np.array([0.0, 0.0, -2.0 * G])
+    moment = np.cross(bar.p - hand.p, weight)
+    expected = np.concatenate([hand.R.T @ weight, hand.R.T @ moment])
+    assert np.allclose(rig.fake.sensors["right"].load_ee, expected, atol=0.02)
+    assert np.linalg.norm(expected[3:]) == pytest.approx(2.0 * G * 0.1, rel=0.02)
+
+
+def test_what_is_too_heavy_for_the_squeeze_slips_out():
+    rig = Rig([beam("bar", 5.0, BAR)])
+    assert rig.grip(squeeze=20.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.08)
+    rig.wait(1.0)
+    assert rig.fake.truth().held == {}
+    assert rig.body("bar").p[2] == pytest.approx(0.0445, abs=2e-3)
+    # 2 x 0.6 x 20 N is what friction keeps; the wrist never felt the whole weight.
+    assert rig.fake.truth().peak_force["right"] < 0.75 * 5.0 * G
+    # The fingers go on to where they were sent.
+    assert max(rig.hand.read().forces) == 0.0
+
+
+def test_a_stronger_squeeze_carries_the_same_bar():
+    rig = Rig([beam("bar", 5.0, BAR)])
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.08)
+    assert rig.fake.truth().held == {"right": "bar"}
+    assert rig.body("bar").p[2] == pytest.approx(0.1245, abs=2e-3)
+
+
+def test_a_dropped_bar_falls_to_what_is_beneath():
+    rig = Rig([beam("bar", 2.0, BAR), beam("other", 4.0, (0.8, -0.12, 0.0445))])
+    assert rig.grip() == "HOLDING"
+    rig.move(0.0, 0.0, 0.2)
+    rig.move(0.0, 0.18, 0.0)
+    rig.open()
+    assert rig.body("bar").p[2] == pytest.approx(0.1335, abs=4e-3)
+    assert np.allclose(rig.body("other").p, [0.8, -0.12, 0.0445], atol=2e-3)
+
+
+def test_bodies_that_lose_their_support_sink():
+    on_top = beam("top", 1.0, (0.95, -0.3, 0.1335), yaw=np.pi / 2)
+    rig = Rig([beam("bar", 2.0, (0.95, -0.3, 0.0445)), on_top], place=(0.8, -0.3, 0.13))
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.06)
+    # It rides on the bar, and the wrist feels both.
+    assert rig.body("top").p[2] == pytest.approx(0.1935, abs=3e-3)
+    assert rig.load[2] == pytest.approx(3.0 * G, abs=2.0)
+    rig.open()
+    assert rig.fake.truth().held == {}
+    assert rig.body("bar").p[2] == pytest.approx(0.0445, abs=2e-3)
+    assert rig.body("top").p[2] == pytest.approx(0.1335, abs=4e-3)
+
+
+def test_what_lies_under_too_much_overloads_the_wrist():
+    on_top = beam("top", 30.0, (1.0, -0.3, 0.1335), yaw=np.pi / 2)
+    bar = beam("bar", 2.0, (0.95, -0.3, 0.0445))
+    rig = Rig([bar, on_top], place=(0.8, -0.3, 0.13), friction=3.0)
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.02)
+    assert rig.fake.truth().peak_force["right"] > 150.0
+    assert rig.fake.truth().overloads == ("right",)
+
+
+def pushed(mass: float) -> tuple[Rig, np.ndarray]:
+    """Push a bar by 0.12 m, unless the wrist feels too much; how far it went."""
+    bar = beam("bar", mass, (0.8, -0.19, 0.0445))
+    rig = Rig([bar], place=(0.8, -0.3, 0.16, 0.0))
+    rig.move(0.0, 0.12, 0.0, speed=0.05, until=lambda: abs(rig.load[1]) > 120.0)
+    return rig, rig.body("bar").p - bar.T_base_body.p
+
+
+def test_a_pushed_bar_slides_with_the_force_of_its_friction():
+    rig, way = pushed(1.0)
+    assert way[1] > 0.02
+    assert np.abs(way[[0, 2]]).max() < 2e-3
+    # In one period the hand gets up to 0.2 mm deeper than friction alone explains.
+    excess = 0.2e-3 * FakeConfig().finger_stiffness
+    assert rig.fake.truth().peak_force["right"] < 0.6 * 1.0 * G + 1.5 * excess
+
+
+def test_a_heavy_bar_cannot_be_pushed():
+    rig, way = pushed(200.0)
+    assert np.abs(way).max() < 1e-9
+    assert rig.fake.truth().peak_force["right"] > 100.0
+
+
+def test_a_pushed_bar_stops_at_what_is_in_its_way():
+    wall = beam("wall", 80.0, (0.8, -0.08, 0.0445))
+    rig = Rig(
+        [beam("bar", 1.0, (0.8, -0.19, 0.0445)), wall], place=(0.8, -0.3, 0.16, 0.0)
+    )
+    went = rig.move(
+        0.0, 0.15, 0.0, speed=0.05, until=lambda: np.abs(rig.load[:3]).max() > 100
+    )
+    assert not went
+    gap = rig.body("wall").p[1] - rig.body("bar").p[1]
+    assert 0.089 - 6e-3 < gap < 0.089 + 6e-3
+    assert np.abs(rig.body("wall").p - [0.8, -0.08, 0.0445]).max() < 1e-3
+
+
+def test_a_held_bar_that_is_set_on_another_is_felt():
+    rig = Rig([beam("bar", 2.0, BAR), beam("table", 50.0, (0.8, -0.12, 0.0445))])
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.15)
+    rig.move(0.0, 0.18, 0.0)
+    before = rig.load[2]
+    went = rig.move(0.0, 0.0, -0.15, speed=0.03, until=lambda: rig.load[2] < -20.0)
+    assert before == pytest.approx(2.0 * G, abs=2.0)
+    assert not went
+    assert rig.body("bar").p[2] == pytest.approx(0.1335, abs=4e-3)
+
+
+def test_a_bar_too_heavy_to_lift_is_dragged_by_the_base():
+    rig = Rig([beam("bar", 5.0, BAR)])
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    rig.robot.base.drive(-0.1, 0.0)
+    rig.wait(2.0)
+    # Friction of 0.6 x 5 kg on the ground pulls the hand forwards.
+    pull = rig.chain.fk(rig.arm.read().q).R @ rig.load[:3]
+    assert pull[0] == pytest.approx(0.6 * 5.0 * G, abs=3.0)
+    rig.robot.base.stop()
+    rig.wait(1.0)
+    way = rig.robot.base.read().p[0]
+    assert way < -0.15
+    assert rig.body("bar").p[0] - 0.8 == pytest.approx(way, abs=3e-3)
+
+
+def test_nothing_is_held_that_only_one_side_touches():
+    rig = Rig([beam("bar", 60.0, (0.8, -0.3, 0.0445))], place=(0.8, -0.275, 0.16))
+    rig.hand.command(GripCommand((0.0, 0.15, 0.15), 30.0))
+    rig.wait(2.0)
+    assert rig.hand.read().forces[0] == pytest.approx(30.0, abs=0.5)
+    assert rig.fake.truth().held == {}
+
+
+def _spring(owner, point, force):
+    return Spring(owner, 0, np.array(point), np.array(force, dtype=float), 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("angle", "holds"), [(0.0, True), (0.5, True), (0.6, False), (1.2, False)]
+)
+def test_contacts_hold_within_their_friction_cones(angle, holds):
+    # Friction 0.6 carries up to atan(0.6) = 0.54 rad.
+    push = 10.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
+    thumb = [_spring(1, (-0.05, 0, 0), -push)]
+    pair = [_spring(2, (0.05, 0, 0), push * [1, -1, 1])]
+    assert is_enclosed(thumb, pair, FakeConfig().friction) is holds
+
+
+def test_a_pipe_in_curled_fingers_is_kept_without_friction():
+    sizes = {"radius": 0.03, "length": 0.5}
+    pipe = make_body("pipe", sizes, 2.0, name="pipe")
+    lying = SE3.from_parts(None, [0.8, -0.3, 0.1])
+    lying = lying @ SE3.exp([0, 0, 0, 0, np.pi / 2, 0]) if _is_upright(pipe) else lying
+    rig = Rig([pipe.at(lying), FAR], place=(0.8, -0.3, 0.17), friction=0.3)
+    assert rig.grip(width=0.04, squeeze=30.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.05)
+    assert rig.fake.truth().held == {"right": "pipe"}
+
+
+def _is_upright(body) -> bool:
+    box = body.mesh()[0]
+    return bool(np.ptp(box[:, 2]) > np.ptp(box[:, 0]))
