@@ -80,6 +80,7 @@ class Calibration:
     held_out: FloatArray
     """Distance of each from what the others predict [m], shape (n,)."""
     is_outlier: BoolArray
+    """Which observations were left out, shape (n,)."""
     error: WorkspaceError
     """Predicted error over the workspace."""
     lever: float

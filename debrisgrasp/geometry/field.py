@@ -56,8 +56,8 @@ class DistanceField:
     truncation: float
     """Distances saturate here [m]."""
     nearest: IntArray
-    """Index of the point nearest to each cell's centre, flat in C order; ``n`` (one
-    past the last point) where none is nearer than the truncation."""
+    """Index of the point nearest to each cell's centre, shape (cells,) in C order;
+    ``n`` (one past the last point) where none is nearer than the truncation."""
     gap: Float32Array
     """Distance from each cell's centre to its nearest point [m], flat, at most the
     truncation."""

@@ -2,13 +2,14 @@
 
 from .chain import KinematicChain
 from .collision import ArmCollision
+from .following import follow
 from .ik import solve, solve_distinct
 from .ik_types import Freedom, IkConfig, IkResult, IkStatus
 from .limits import DeflectionLimits, LimitFamily, LimitSet
 from .nearest import solve_nearest
 from .placement import BasePlacement, PlacementConfig, base_placements
 from .posture import PostureCost, dexterity
-from .reach import ArmReach, ReachConfig, ReachResult
+from .reach import ArmReach
 from .reach_files import (
     cache_folder,
     cached_reach_map,
@@ -16,6 +17,7 @@ from .reach_files import (
     save_reach_map,
 )
 from .reach_map import ReachMap, ReachMapConfig
+from .reach_types import ReachConfig, ReachResult
 from .robot import RobotModel
 from .robot_file import ArmSpec
 from .survey import (
@@ -56,6 +58,7 @@ __all__ = [
     "cache_folder",
     "cached_reach_map",
     "dexterity",
+    "follow",
     "grid_places",
     "load_reach_map",
     "palm_poses",

@@ -7,6 +7,7 @@ ones get further lanes with other seeds, so that all lanes stay busy to the end.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,13 +119,20 @@ class Descent:
     config: IkConfig
     enough: float
     """Weighted error [m] before a step from which that step is the last."""
+    is_last: Callable[[Lanes, Lanes], BoolArray] | None = None
+    """Whether it is, given joints (d, n) and the step (d, n); None: it always is."""
 
     def run(
-        self, goals: Lanes, seeds: SeedSource, attempts: int, n_left: int = 0
+        self,
+        goals: Lanes,
+        seeds: SeedSource,
+        attempts: int,
+        accepts: Callable[[IntArray, Lanes], BoolArray] | None = None,
     ) -> DescentEnd:
-        """Descend until all but ``n_left`` goals (..., targets) are in.
+        """Descend until all goals (..., targets) are in.
 
-        Or until each has used up its attempts.
+        Or until each has used up its attempts. What comes in counts only where
+        ``accepts``, given targets (n,) and their joints (d, n), agrees.
         """
         config = self.config
         n = goals.shape[1]
@@ -141,19 +149,29 @@ class Descent:
             for value in (config.rotation_weight, config.damping)
         ]
         enough = np.float32(self.enough**2)
-        while pool.n_lanes and n - np.count_nonzero(end.has_converged) > n_left:
+        while pool.n_lanes and not end.has_converged.all():
             outputs = step(*pool.q, *pool.goal, *weights)
             size = outputs[0]
             is_in = size < enough
             is_slow = pool.has_stalled(size, STALL_RATIO**2, STALL_INTERVAL)
-            is_done = is_in | is_slow | (pool.age >= config.max_iterations)
+            before = pool.q
             pool.advance(outputs[1:].copy())
+            come = is_in.nonzero()[0]
+            if self.is_last is not None and len(come):
+                now = pool.q[:, come]
+                is_in[come] = self.is_last(now, now - before[:, come])
+                come = is_in.nonzero()[0]
+            is_done = is_in | is_slow | (pool.age > config.max_iterations)
+            if accepts is not None and len(come):
+                is_in[come] = accepts(pool.target[come], pool.q[:, come])
             done = is_done.nonzero()[0]
             if len(done):
+                # What was refused must not stand in the way of what will not be.
+                error = np.where(is_in, size, np.maximum(size, enough))[done]
                 end.record(
                     pool.target[done],
                     pool.q[:, done],
-                    size[done],
+                    error,
                     is_in[done],
                     is_slow[done],
                 )

@@ -123,7 +123,8 @@ def solve_distinct(
     repeated = np.repeat(targets, n_solutions, axis=0)
     search = PoseSearch(chain, config, repeated, reach_map, rng)
     # Every copy of a target starts from another seed.
-    search.exhaust(np.tile(n_seeds_used + np.arange(n_solutions), len(targets)))
+    first = n_seeds_used + np.arange(n_solutions)
+    search.exhaust(np.tile(first, len(targets)), n_solutions)
     found = search.result()
     q = found.q.reshape(-1, n_solutions, chain.n_joints)
     status = found.status.reshape(-1, n_solutions).copy()

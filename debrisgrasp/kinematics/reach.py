@@ -9,20 +9,21 @@ from functools import cached_property
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng, require_trailing
-from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3
 
 from .chain import KinematicChain
 from .collision import ArmCollision, Distance
 from .descent import Goals
+from .following import follow
 from .ik import solve, solve_distinct
-from .ik_types import IkConfig, IkStatus
+from .ik_types import IkStatus
 from .posture import PostureCost, self_motions
 from .reach_files import cached_reach_map
 from .reach_map import ReachMap
+from .reach_types import ReachConfig, ReachResult
 from .robot import RobotModel
 
-__all__ = ["ArmReach", "ReachConfig", "ReachResult"]
+__all__ = ["ArmReach"]
 
 _OK = ""
 _WORDS = {
@@ -34,89 +35,6 @@ _WORDS = {
 }
 _HITS_SCENE = "arm hits the scene"
 _HITS_ITSELF = "arm hits itself"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReachConfig:
-    """How hard to look for a posture, and which to prefer."""
-
-    n_postures: int = 6
-    """Postures looked at for each pose; more find a collision-free one more often."""
-    rounds: int = 2
-    """How often the poses without a free posture are looked at again."""
-    margin: float = 0.01
-    """Clearance from the scene that the links keep [m]."""
-    self_margin: float = 0.005
-    """Distance that the parts of the robot keep from one another [m]."""
-    limit_weight: float = 1.0
-    """Cost of a joint at its limit, in radians of travel; see `PostureCost`."""
-    singularity_weight: float = 1.0
-    """Cost of a singular posture, in radians of travel."""
-    free_dexterity: float = 0.04
-    """Smallest singular value of the Jacobian from which on a posture counts as free of
-    singularities; see `dexterity`."""
-    scene_weight: float = 0.5
-    """Cost of a link that touches the scene, in radians of travel."""
-    slides: int = 1
-    """Steps in which a chain with more than six joints moves within its nullspace to
-    where the posture costs less; 0 takes it as it was found."""
-    ik: IkConfig = IkConfig(attempts=16)
-    """Solver settings; seeds of the map make further attempts pointless."""
-
-    def __post_init__(self) -> None:
-        for name in ("n_postures", "rounds"):
-            if getattr(self, name) < 1:
-                raise ConfigError(
-                    f"ReachConfig.{name}", got=getattr(self, name), expected="1 or more"
-                )
-        if self.slides < 0 or not self.free_dexterity > 0:
-            raise ConfigError(
-                "ReachConfig.slides, free_dexterity",
-                got=(self.slides, self.free_dexterity),
-                expected="0 or more, above zero",
-            )
-        for name in (
-            "margin",
-            "self_margin",
-            "limit_weight",
-            "singularity_weight",
-            "scene_weight",
-        ):
-            if not getattr(self, name) >= 0:
-                raise ConfigError(
-                    f"ReachConfig.{name}", got=getattr(self, name), expected="0 or more"
-                )
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ReachResult:
-    """For each of k poses: the posture that takes it, or why there is none."""
-
-    joints: FloatArray
-    """Joint values [rad or m], shape (k, d); NaN where not reached."""
-    is_reached: BoolArray
-    """Taken within limits, clear of scene and robot; shape (k,)."""
-    reasons: tuple[str, ...]
-    """Why a pose is not reached, empty where it is; k of them."""
-    clearance: FloatArray
-    """Distance between links and scene [m], shape (k,); NaN where no posture."""
-
-    def improved(self, rows: IntArray, other: ReachResult) -> ReachResult:
-        """Take over what another result for some of the poses has reached."""
-        better = np.flatnonzero(other.is_reached)
-        joints, clearance = self.joints.copy(), self.clearance.copy()
-        is_reached, reasons = self.is_reached.copy(), list(self.reasons)
-        joints[rows[better]] = other.joints[better]
-        clearance[rows[better]] = other.clearance[better]
-        is_reached[rows[better]] = True
-        for row in rows[better]:
-            reasons[row] = _OK
-        return ReachResult(
-            joints=joints,
-            is_reached=is_reached,
-            reasons=tuple(reasons),
-            clearance=clearance,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +92,31 @@ class ArmReach:
             values = self.robot.posture(self.name, spec.present)
         return self.chain.clipped(self.chain.vector(values))
 
+    @cached_property
+    def wrench_limits(self) -> tuple[float, float]:
+        """Largest force [N] and torque [N m] at the hand."""
+        limits = self.robot.limits(self.name, self.chain).planner
+        return limits.force, limits.torque
+
+    def effort(self, joints: FloatArray, wrench_hand: FloatArray) -> FloatArray:
+        """Share of a joint's torque that wrenches on the hand take, the largest, (k,).
+
+        The weight of the arm itself is not counted, nor are joints whose limit the
+        robot's file does not give.
+
+        Parameters
+        ----------
+        joints
+            Postures [rad or m], shape (k, d).
+        wrench_hand
+            Force [N] and torque about the palm [N m], palm frame, shape (k, 6).
+        """
+        tree = self.robot.tree
+        most = np.array([tree.joints[name].effort for name in self.joint_names])
+        torque = (wrench_hand[:, None] @ self.chain.jacobian(joints))[:, 0]
+        share: FloatArray = np.abs(torque / most).max(axis=1, initial=0.0)
+        return share
+
     def may_reach(self, T_base_hand: SE3) -> BoolArray:
         """Tell quickly which palm poses (k,) the map doesn't rule out, shape (k,)."""
         if self.reach_map is None:
@@ -191,6 +134,21 @@ class ArmReach:
             config=self.config.ik,
         )
         return found.is_solved
+
+    def follow(self, T_base_hand: SE3, q_before: FloatArray, *, rng: Rng) -> FloatArray:
+        """Postures for palm poses (k,), collision aside, from those (k, d) nearby.
+
+        NaN where none is found, and where none is known beforehand; see `follow`.
+        """
+        found = follow(
+            self.chain,
+            T_base_hand,
+            q_before,
+            reach_map=self.reach_map,
+            rng=rng,
+            config=self.config.ik,
+        )
+        return np.where(found.is_solved[:, None], found.q, np.nan)
 
     def reach(self, T_base_hand: SE3, distance: Distance, *, rng: Rng) -> ReachResult:
         """Find a collision-free posture for each palm pose.
@@ -238,31 +196,28 @@ class ArmReach:
         rows = np.flatnonzero(found.is_reached)
         if not len(rows):
             return found
-        chain, q = self.chain, found.joints[rows]
-        clearance = found.clearance[rows]
-        cost = self._cost(chain, q, self.q_present, clearance)
-        for direction in self_motions(chain, q, length):
-            near = solve(
-                chain,
-                T_base_hand[rows],
-                q_seed=chain.clipped(q + direction),
-                rng=rng,
-                config=replace(self.config.ik, attempts=1),
-            )
-            # Only a posture that the descent kept nearby is the same one, moved.
-            is_near = np.abs(chain.difference(near.q, q)).max(axis=-1) < 2.0 * length
-            trial = np.flatnonzero(near.is_solved & is_near)
-            q_new = near.q[trial]
-            clearance_new = self.collision.scene_clearance(q_new, distance)
-            cost_new = self._cost(chain, q_new, self.q_present, clearance_new)
-            is_better = cost_new < cost[trial] - 1e-6
-            is_better &= clearance_new >= self.config.margin
-            is_better[is_better] = ~self.collision.hits_itself(q_new[is_better])
-            kept = trial[is_better]
-            q[kept], cost[kept] = q_new[is_better], cost_new[is_better]
-            clearance[kept] = clearance_new[is_better]
+        chain, q, n = self.chain, found.joints[rows], len(rows)
+        now = self._cost(chain, q, self.q_present, found.clearance[rows])
+        start = chain.clipped(q + self_motions(chain, q, length))
+        poses = np.broadcast_to(T_base_hand.matrix[rows], (len(start), n, 4, 4))
+        near = follow(
+            chain,
+            SE3(poses.reshape(-1, 4, 4)),
+            start.reshape(-1, chain.n_joints),
+            rng=rng,
+            config=self.config.ik,
+        ).reshaped((len(start), n))
+        # Only a posture that the descent kept nearby is the same one, moved.
+        is_near = np.abs(chain.difference(near.q, q)).max(axis=-1) < 2.0 * length
+        moved, is_open = near.q.swapaxes(0, 1), (near.is_solved & is_near).T
+        clearance = np.full(is_open.shape, -np.inf)
+        clearance[is_open] = self.collision.scene_clearance(moved[is_open], distance)
+        is_open &= clearance >= self.config.margin
+        choice = self._cheapest(moved, clearance, is_open, now - 1e-6)
+        better = np.flatnonzero(choice >= 0)
         joints, all_clearance = found.joints.copy(), found.clearance.copy()
-        joints[rows], all_clearance[rows] = q, clearance
+        joints[rows[better]] = moved[better, choice[better]]
+        all_clearance[rows[better]] = clearance[better, choice[better]]
         return replace(found, joints=joints, clearance=all_clearance)
 
     def _look(
@@ -274,7 +229,7 @@ class ArmReach:
         clearance = np.full(is_solved.shape, -np.inf)
         clearance[is_solved] = self.collision.scene_clearance(q[is_solved], distance)
         is_clear = clearance >= self.config.margin
-        choice = self._choose(q, clearance, is_clear)
+        choice = self._cheapest(q, clearance, is_clear, np.full(len(q), np.inf))
         is_reached = choice >= 0
         reasons = np.array([_WORDS[IkStatus(code)] for code in status[:, 0]], object)
         reasons[is_solved.any(axis=1)] = _HITS_SCENE
@@ -329,17 +284,34 @@ class ArmReach:
             q[again, 1:], status[again, 1:] = others.q, others.status
         return q, status
 
-    def _choose(
-        self, q: FloatArray, clearance: FloatArray, is_clear: BoolArray
+    def _cheapest(
+        self,
+        q: FloatArray,
+        clearance: FloatArray,
+        is_open: BoolArray,
+        below: FloatArray,
     ) -> IntArray:
-        """Index of the cheapest posture that doesn't touch the robot, or -1; (k,)."""
-        is_free = is_clear.copy()
-        is_free[is_clear] = ~self.collision.hits_itself(q[is_clear])
-        cost = np.full(is_free.shape, np.inf)
-        cost[is_free] = self._cost(
-            self.chain, q[is_free], self.q_present, clearance[is_free]
+        """Index of the cheapest posture that doesn't touch the robot, or -1; (k,).
+
+        Of postures (k, n, d), those that are open (k, n) and cost less than ``below``
+        (k,).
+        """
+        cost = np.full(is_open.shape, np.inf)
+        cost[is_open] = self._cost(
+            self.chain, q[is_open], self.q_present, clearance[is_open]
         )
-        return np.where(is_free.any(axis=1), cost.argmin(axis=1), -1)
+        cost[cost >= below[:, None]] = np.inf
+        rows, first = np.arange(len(q)), cost.argmin(axis=1)
+        asked = np.flatnonzero(np.isfinite(cost[rows, first]))
+        hits = asked[self.collision.hits_itself(q[asked, first[asked]])]
+        # The cheapest is mostly free; only where it isn't the others are tested.
+        cost[hits, first[hits]] = np.inf
+        others = np.isfinite(cost) & np.isin(rows, hits)[:, None]
+        if others.any():
+            is_hit = self.collision.hits_itself(q[others])
+            cost[others] = np.where(is_hit, np.inf, cost[others])
+        choice = cost.argmin(axis=1)
+        return np.where(np.isfinite(cost[rows, choice]), choice, -1)
 
     @cached_property
     def _cost(self) -> PostureCost:

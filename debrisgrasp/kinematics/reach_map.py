@@ -85,7 +85,8 @@ class ReachMap:
     """Azimuths of the points met in a cell or next to it while the first joint stands
     at zero, one bit for each sixteenth of a turn. Zero: no reach. Shape (cells,)."""
     turns: NDArray[np.uint16]
-    """The same of the last frame's turns about its axis, the last joint at zero."""
+    """The same of the last frame's turns about its axis, the last joint at zero; shape
+    (cells,)."""
     outer_limits: FloatArray
     """Lower and upper limits of the first and of the last joint, shape (2, 2)."""
     fitting: NDArray[np.uint16]
@@ -238,17 +239,26 @@ class ReachMap:
         Lanes
             Shape (d - 2, targets).
         """
-        rows = self.seed_cell[self._cells(goals.rows)]
-        choice = rank % self.config.n_seeds
-        if any(_has_gap(*limits) for limits in self.outer_limits):
-            wanted = np.stack([goals.azimuth, goals.turn]).astype(np.float32)
-            excess = self._outer_excess(wanted, self.seeds[rows].astype(np.float32))
-            if excess is not None:
-                order = np.argsort(excess, axis=1, kind="stable")
-                choice = order[np.arange(len(rows)), choice]
+        return self.middles_at(
+            self.ranked_seeds(goals)[np.arange(len(rank)), rank % self.config.n_seeds]
+        )
+
+    def middles_at(self, seed: IntArray) -> Lanes:
+        """Values of the joints between first and last of seeds (n,), (d - 2, n)."""
         flat = self.seeds.reshape(-1, self.seeds.shape[-1])
-        picked = flat.take(rows * self.config.n_seeds + choice, axis=0)
-        return np.ascontiguousarray(picked[:, 1:-1].T, dtype=np.float32)
+        picked = flat.take(seed, axis=0)[:, 1:-1]
+        return np.ascontiguousarray(picked.T, dtype=np.float32)
+
+    def ranked_seeds(self, goals: AxisGoals) -> IntArray:
+        """Which of all seeds suit each target, the best first; (targets, n_seeds)."""
+        cell = self.seed_cell[self._cells(goals.rows)]
+        first = cell[:, None] * self.config.n_seeds
+        wanted = np.stack([goals.azimuth, goals.turn]).astype(np.float32)
+        ends = [self.seeds[..., k][cell].astype(np.float32) for k in (0, -1)]
+        excess = self._outer_excess(wanted, ends)
+        if excess is None:
+            return first + np.arange(self.config.n_seeds)
+        return first + np.argsort(excess, axis=1, kind="stable")
 
     def middles_of_one(
         self, rows: Sequence[float], azimuth: float, turn: float
@@ -280,22 +290,24 @@ class ReachMap:
             if not int(masks[cell]) & int(fitting[sixteenth]):
                 return []
         seeds = self.seeds[self.seed_cell[cell]].astype(np.float64)
-        excess = self._outer_excess(np.array([angles]).T, seeds[None])
+        ends = [seeds[None, :, k] for k in (0, -1)]
+        excess = self._outer_excess(np.array([angles]).T, ends)
         if excess is not None:
             seeds = seeds[np.argsort(excess[0], kind="stable")]
         middles: list[list[float]] = seeds[:, 1:-1].tolist()
         return middles
 
-    def _outer_excess(self, wanted: Lanes, seeds: Lanes) -> Lanes | None:
-        """How far seeds (n, n_seeds, d) lead the outer joints beyond their limits.
+    def _outer_excess(self, wanted: Lanes, ends: Sequence[Lanes]) -> Lanes | None:
+        """How far seeds lead the outer joints beyond their limits, (n, n_seeds).
 
-        ``wanted`` are azimuth and turn of the goals, shape (2, n). None if the limits
-        keep these joints from no direction.
+        ``wanted`` are azimuth and turn of the goals, shape (2, n), ``ends`` those of
+        the seeds, twice (n, n_seeds). None if the limits keep these joints from no
+        direction.
         """
         total: Lanes | None = None
-        for k, limits in zip((0, -1), self.outer_limits, strict=True):
+        for angle, seeds, limits in zip(wanted, ends, self.outer_limits, strict=True):
             if _has_gap(*limits):
-                excess = _excess(wanted[k][:, None] - seeds[:, :, k], *limits)
+                excess = _excess(angle[:, None] - seeds, *limits)
                 total = excess if total is None else total + excess
         return total
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from debrisgrasp._files import data_path, read_yaml
@@ -12,9 +12,10 @@ from debrisgrasp.geometry import SE3, Solid
 
 from .chain import KinematicChain
 from .limits import LimitFamily, LimitSet
-from .robot_file import ArmSpec, RobotFile
+from .packages import PACKAGE_SCHEME, package_file
+from .robot_file import ArmSpec, FrameSpec, RobotFile
 from .solids import solids_of_shape
-from .urdf import UrdfTree
+from .urdf import UrdfJoint, UrdfTree
 
 __all__ = ["RobotModel"]
 
@@ -48,9 +49,11 @@ class RobotModel:
         """
         path = _find(name_or_path)
         file = RobotFile.parse(read_yaml(path), path)
+        is_packed = file.urdf.startswith(PACKAGE_SCHEME)
+        urdf = package_file(file.urdf) if is_packed else path.parent / file.urdf
         model = cls(
             name=file.name,
-            tree=UrdfTree.load(path.parent / file.urdf),
+            tree=_with_frames(UrdfTree.load(urdf), file.frames),
             base=file.base,
             camera=file.camera,
             arms=file.arms,
@@ -191,6 +194,26 @@ class RobotModel:
                 mend="Name one under `camera:` in the robot's file.",
             )
         return self.link_poses(moved)[self.camera]
+
+
+def _with_frames(tree: UrdfTree, frames: Sequence[FrameSpec]) -> UrdfTree:
+    """Add frames as links without a body, each on a fixed joint."""
+    shapes = {**tree.shapes, **{frame.name: () for frame in frames}}
+    joints = dict(tree.joints)
+    for frame in frames:
+        if frame.parent not in shapes:
+            raise UnknownNameError(
+                f"parent of frame {frame.name!r} of {tree.name}", frame.parent, shapes
+            )
+        joint = UrdfJoint.fixed(frame.parent, frame.name, frame.T_parent_frame)
+        if frame.name in tree.shapes or joint.name in joints:
+            raise ConfigError(
+                f"frame of {tree.name}",
+                got=repr(frame.name),
+                expected="a name that no link and no joint has",
+            )
+        joints[joint.name] = joint
+    return replace(tree, shapes=shapes, joints=joints)
 
 
 def _find(name_or_path: str | Path) -> Path:

@@ -8,9 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from debrisgrasp.errors import ConfigError, UnknownNameError
+import numpy as np
 
-__all__ = ["ArmSpec", "RobotFile"]
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.geometry import SE3, so3
+
+__all__ = ["ArmSpec", "FrameSpec", "RobotFile"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FrameSpec:
+    """A frame that is fixed to a link, and that the URDF doesn't have."""
+
+    name: str
+    parent: str
+    """Link that it is fixed to."""
+    T_parent_frame: SE3
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -46,6 +59,7 @@ class RobotFile:
     base: str
     camera: str | None
     rest: Mapping[str, float]
+    frames: tuple[FrameSpec, ...]
     arms: Mapping[str, ArmSpec]
     ignored_collisions: frozenset[frozenset[str]]
 
@@ -54,9 +68,17 @@ class RobotFile:
         """Check the content of a file; errors name the field and what it needs."""
         reader = _Reader(content, str(path))
         reader.allow(
-            "name", "urdf", "base", "camera", "rest", "arms", "ignored_collisions"
+            "name",
+            "urdf",
+            "base",
+            "camera",
+            "rest",
+            "frames",
+            "arms",
+            "ignored_collisions",
         )
         arms = reader.mapping("arms")
+        frames = reader.mapping("frames") if reader.has("frames") else {}
         if not arms:
             raise ConfigError(f"arms in {path}", got="none", expected="at least one")
         return cls(
@@ -65,9 +87,31 @@ class RobotFile:
             base=reader.text("base"),
             camera=reader.text("camera") if reader.has("camera") else None,
             rest=reader.numbers("rest") if reader.has("rest") else {},
+            frames=tuple(_frame(str(name), frames[name], path) for name in frames),
             arms={name: _arm(str(name), arms[name], path) for name in arms},
             ignored_collisions=reader.pairs("ignored_collisions"),
         )
+
+
+def _frame(name: str, content: Any, path: Path) -> FrameSpec:
+    reader = _Reader(content, f"{path}, frame {name}")
+    reader.allow("parent", "position", "rpy")
+    position, rpy = (
+        reader.triple(field) if reader.has(field) else (0.0, 0.0, 0.0)
+        for field in ("position", "rpy")
+    )
+    if max(map(abs, rpy)) > 2.0 * math.pi:
+        raise ConfigError(
+            f"rpy in {reader.where}",
+            got=rpy,
+            expected="radians, at most 2 pi = 6.28",
+            mend="If these are degrees, multiply by pi / 180.",
+        )
+    return FrameSpec(
+        name=name,
+        parent=reader.text("parent"),
+        T_parent_frame=SE3.from_parts(so3.from_rpy(np.array(rpy)), position),
+    )
 
 
 def _arm(name: str, content: Any, path: Path) -> ArmSpec:
@@ -160,14 +204,23 @@ class _Reader:
     def numbers(self, field: str) -> dict[str, float]:
         values = self.mapping(field)
         for joint, value in values.items():
-            is_number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not is_number or not math.isfinite(value):
+            if not _is_number(value):
                 raise ConfigError(
                     f"{field}.{joint} in {self.where}",
                     got=repr(value),
                     expected="a finite number [rad or m]",
                 )
         return {str(joint): float(value) for joint, value in values.items()}
+
+    def triple(self, field: str) -> tuple[float, ...]:
+        values = self._get(field, list, "three numbers [m or rad]")
+        if len(values) != 3 or not all(map(_is_number, values)):
+            raise ConfigError(
+                f"{field} in {self.where}",
+                got=values,
+                expected="three numbers [m or rad]",
+            )
+        return tuple(map(float, values))
 
     def pairs(self, field: str) -> frozenset[frozenset[str]]:
         if not self.has(field):
@@ -180,3 +233,8 @@ class _Reader:
                     f"{field} in {self.where}", got=pair, expected="[link, link]"
                 )
         return frozenset(frozenset(map(str, pair)) for pair in pairs)
+
+
+def _is_number(value: object) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and math.isfinite(value)  # type: ignore[arg-type]  # a number

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cached_property
 
@@ -17,7 +18,7 @@ from .lanes import SeedSource
 from .program import LaneKernel
 from .reach_map import ReachMap
 from .serial import Lanes
-from .single import PoseByPose
+from .single import PoseByPose, Posture
 
 __all__ = ["PoseSearch"]
 
@@ -25,10 +26,14 @@ HANDFUL = 12
 """Poses that are brought in sooner one by one than side by side."""
 _MOST_AT_ONCE = 30
 """Poses left over of many that are brought in one by one."""
-_MIDDLE_ROUNDS = (1, 3)
+_MIDDLE_ROUNDS = (8, 24)
 """Seeds tried in rounds of descents with the joints between first and last."""
-_REPAIR_ITERATIONS = 6
-"""Iterations with all joints from a posture whose outer joints exceed their limits."""
+_SHORT = 4.0
+"""Length [rad or m] of a last step, in square roots of the weighted tolerance."""
+_QUICK_ITERATIONS = 6
+"""Iterations with all joints from a posture that is close by."""
+_FEW = 50
+"""Postures close by that are brought in sooner one by one than side by side."""
 _ONE_BY_ONE = 8
 """Seeds tried for the last poses, before all attempts are spent on lanes."""
 _ROUNDS = 3
@@ -63,6 +68,9 @@ class PoseSearch:
         self._reason: IntArray = np.full(n, int(IkStatus.BUDGET))
         self._is_solved = np.zeros(n, dtype=bool)
         self._tail = max(HANDFUL, min(_MOST_AT_ONCE, n // 8))
+        self._has_limited_ends = bool(
+            ((chain.upper - chain.lower)[[0, -1]] < 2.0 * np.pi - 1e-2).any()
+        )
         distance = np.sqrt((self._goals.columns[3] ** 2).sum(axis=0))
         reach = chain.reach + config.position_tolerance
         if config.freedom.n_axes:
@@ -84,76 +92,153 @@ class PoseSearch:
         todo = self._open()
         self._improve(todo, lambda index, _: starts[:, todo[index]], 1, self._config)
 
-    def exhaust(self, first_rank: IntArray) -> None:
-        """Try all attempts on what is not solved; ``first_rank`` seeds are skipped."""
+    def follow(self, postures: FloatArray, attempts: int) -> None:
+        """Go on from postures (targets, d) close by, or from few seeds of the map.
+
+        The latter only where there is no posture, but a row of NaN.
+        """
+        is_known = ~np.isnan(postures[:, 0])
+        known = np.flatnonzero(is_known & ~self.is_far)
+        self._go_on(known, postures[known].T, _FEW)
+        others = np.flatnonzero(~is_known & ~self.is_far)
+        first_rank = np.zeros(len(others), dtype=np.intp)
+        seeds = self._middle_seeds(others, first_rank, 1)
+        if len(others) <= HANDFUL:
+            self._try_one_by_one(others, seeds, attempts)
+        else:
+            self._improve_middle(others, seeds, attempts)
+            near = self._near(others)
+            self._go_on(near, self._q[:, near], _FEW)
+
+    def exhaust(self, first_rank: IntArray, step: int = 1) -> None:
+        """Try all attempts on what is not solved.
+
+        They take every ``step``th seed from ``first_rank`` (n,) on.
+        """
+        attempts = self._config.attempts
         if self._chain.has_turning_ends and not self._config.freedom.n_axes:
-            self._descend_middle(first_rank)
+            attempts -= min(self._descend_middle(first_rank, step), attempts // 2)
         todo = self._open()
         for round_ in range(_ROUNDS):
             if not len(todo):
                 break
             rank = first_rank[todo] + round_ * _SEEDS_OF_A_ROUND
-            seeds = self._seed_source(self._starts, todo, rank)
+            seeds = self._seed_source(self._starts, todo, rank, step)
             if round_ == 0:
                 seeds = self._resumed(todo, seeds)
-            has_converged = self._improve(
-                todo, seeds, self._config.attempts, self._config
-            )
+            has_converged = self._improve(todo, seeds, attempts, self._config)
             todo = todo[has_converged & ~self._is_solved[todo]]
 
-    def _descend_middle(self, first_rank: IntArray) -> None:
-        """Solve what needs only the joints between first and last to be found."""
-        config, formulas = self._config, self._formulas
-        middle = Descent(formulas.middle_step_of_lanes, config, config.last_step_error)
-        rank, n_left_to_try = first_rank, config.attempts
-        for most in _MIDDLE_ROUNDS:
-            todo, attempts = self._open(), min(most, n_left_to_try)
-            if len(todo) <= self._tail or not attempts:
+    def _descend_middle(self, first_rank: IntArray, step: int) -> int:
+        """Solve what needs only the joints between first and last to be found.
+
+        Returns how many seeds were spent on each target.
+        """
+        n_tried = 0
+        # Of seeds side by side the easiest wins, so copies of a target start alone.
+        for most in _MIDDLE_ROUNDS if step == 1 else (1, *_MIDDLE_ROUNDS):
+            todo, attempts = self._open(), min(most, self._config.attempts - n_tried)
+            if len(todo) <= HANDFUL or not attempts:
                 break
-            n_left_to_try -= attempts
-            seeds = self._seed_source(self._middles, todo, rank[todo])
-            n_left = max(self._tail // 2, len(todo) // 50)
-            end = middle.run(self._axis_goals.rows[:, todo], seeds, attempts, n_left)
-            rank = rank + attempts
-            has_come = np.flatnonzero(end.has_converged)
-            arrived = todo[has_come]
-            self._keep(arrived, self._completed(arrived, end.q[:, has_come]))
+            rank = first_rank[todo] + n_tried * step
+            seeds = self._middle_seeds(todo, rank, step)
+            self._improve_middle(todo, seeds, attempts)
             self._repair(todo)
-        self._descend_one_by_one(first_rank)
+            n_tried += attempts
+        self._descend_one_by_one(first_rank + n_tried * step, step)
+        return n_tried
+
+    def _improve_middle(self, todo: IntArray, seeds: SeedSource, attempts: int) -> None:
+        """As `_improve`, with the joints between first and last."""
+        enough = self._config.last_step_error
+        code = self._formulas.middle_step_of_lanes
+        end = Descent(code, self._config, enough, self._is_last_step).run(
+            self._axis_goals.rows[:, todo],
+            seeds,
+            attempts,
+            lambda index, q: self._ends_fit(todo[index], q),
+        )
+        has_come = np.flatnonzero(end.error <= np.float32(enough**2))
+        arrived = todo[has_come]
+        self._keep(arrived, self._completed(arrived, end.q[:, has_come]))
+
+    def _is_last_step(self, middle: Lanes, step: Lanes) -> BoolArray:
+        """Whether such a step (d - 2, n) leaves no more than the tolerance, (n,).
+
+        Long ones, and those that met a limit, leave more than their error tells.
+        """
+        chain = self._chain
+        short = _SHORT * math.sqrt(self._config.weighted_tolerance)
+        lower, upper = (
+            limits[1:-1, None].astype(np.float32)
+            for limits in (chain.lower, chain.upper)
+        )
+        meets_limit = ((middle <= lower) | (middle >= upper)).any(axis=0)
+        length = np.abs(step).max(axis=0)
+        return np.asarray(length < np.where(meets_limit, 0.1 * short, short))
+
+    def _near(self, todo: IntArray) -> IntArray:
+        """Which of the targets are not solved, but nearly so."""
+        is_near = (self._errors[:, todo] < _NEAR).all(axis=0) & ~self._is_solved[todo]
+        near: IntArray = todo[is_near]
+        return near
+
+    def _ends_fit(self, target: IntArray, middle: Lanes) -> BoolArray:
+        """Whether first and last joint, set for the target, keep their limits, (n,)."""
+        if not self._has_limited_ends:
+            return np.ones(len(target), dtype=bool)
+        ends, chain = self._completed(target, middle)[[0, -1]].T, self._chain
+        outer = [0, -1]
+        away = ends - chain.middle[outer]
+        away -= np.round(away / (2.0 * np.pi)) * (2.0 * np.pi)
+        half = 0.5 * (chain.upper - chain.lower)[outer]
+        return np.asarray((np.abs(away) <= half + _AT_LIMIT).all(axis=1))
 
     def _repair(self, todo: IntArray) -> None:
         """Go on with all joints where an outer one stood beyond its limit."""
-        is_near = (self._errors[:, todo] < _NEAR).all(axis=0) & ~self._is_solved[todo]
-        near = todo[is_near]
-        if len(near) > self._tail:
-            reached = self._q[:, near].astype(np.float32)
-            quick = replace(self._config, max_iterations=_REPAIR_ITERATIONS)
-            self._improve(near, lambda index, _: reached[:, index], 1, quick)
+        near = self._near(todo)
+        self._go_on(near, self._q[:, near], self._tail)
+
+    def _go_on(self, target: IntArray, q: FloatArray, few: int) -> None:
+        """Descend a little from postures (d, n), a few of them one by one."""
+        if len(target) > few:
+            starts = q.astype(np.float32)
+            quick = replace(self._config, max_iterations=_QUICK_ITERATIONS)
+            self._improve(target, lambda index, _: starts[:, index], 1, quick)
+        elif len(target):
+            one = PoseByPose(self._chain, self._config)
+            goals = self._goals.rows[:, target].T.tolist()
+            for i, goal, start in zip(target, goals, q.T.tolist(), strict=True):
+                self._take(i, one.from_posture(goal, start))
+
+    def _take(self, target: int, found: Posture | None) -> None:
+        """Take over a posture that solves a target."""
+        if found is not None:
+            q, *errors = found
+            self._q[:, target], self._errors[:, target] = q, errors
+            self._is_solved[target] = True
 
     def _open(self) -> IntArray:
         """Targets neither solved nor out of reach."""
         return np.flatnonzero(~self._is_solved & ~self.is_far)
 
-    def _descend_one_by_one(self, first_rank: IntArray) -> None:
+    def _descend_one_by_one(self, first_rank: IntArray, step: int) -> None:
         todo = self._open()
-        if not 0 < len(todo) <= self._tail:
+        if 0 < len(todo) <= HANDFUL:
+            seeds = self._middle_seeds(todo, first_rank[todo], step)
+            n_seeds = min(_ONE_BY_ONE, self._config.attempts)
+            self._try_one_by_one(todo, seeds, n_seeds)
+
+    def _try_one_by_one(self, todo: IntArray, seeds: SeedSource, n_seeds: int) -> None:
+        if not len(todo):
             return
         one = PoseByPose(self._chain, self._config)
-        n_seeds = min(_ONE_BY_ONE, self._config.attempts)
-        ranks = first_rank[todo, None] + np.arange(n_seeds)
-        starts = self._middles(np.repeat(todo, n_seeds), ranks.ravel())
+        attempt = np.tile(np.arange(n_seeds), len(todo))
+        starts = seeds(np.repeat(np.arange(len(todo)), n_seeds), attempt)
         starts_of = starts.T.reshape(len(todo), n_seeds, -1).tolist()
         goals = self._goals.rows[:, todo].T.tolist()
         for i, goal, starts_of_one in zip(todo, goals, starts_of, strict=True):
-            found = None
-            if (self._errors[:, i] < _NEAR).all():
-                found = one.from_posture(goal, self._q[:, i].tolist())
-            if found is None:
-                found = one.from_any(goal, starts_of_one)
-            if found is not None:
-                q, *errors = found
-                self._q[:, i], self._errors[:, i] = q, errors
-                self._is_solved[i] = True
+            self._take(i, one.from_any(goal, starts_of_one))
 
     def _completed(self, target: IntArray, middle: Lanes) -> FloatArray:
         """Postures (d, n) from values of the joints between first and last."""
@@ -178,9 +263,9 @@ class PoseSearch:
         self._is_solved[kept] = is_solved[better]
 
     def _seed_source(
-        self, make: SeedSource, todo: IntArray, first_rank: IntArray
+        self, make: SeedSource, todo: IntArray, first_rank: IntArray, step: int
     ) -> SeedSource:
-        """Seeds of the targets ``todo``, which start from their ``first_rank`` (n,)."""
+        """Seeds of the targets ``todo``, from their ``first_rank`` (n,) on."""
         # Those of the first attempt are made beforehand, in one large batch.
         first = make(todo, first_rank)
 
@@ -189,10 +274,34 @@ class PoseSearch:
             later = np.flatnonzero(attempt)
             if len(later):
                 again = index[later]
-                out[:, later] = make(todo[again], first_rank[again] + attempt[later])
+                rank = first_rank[again] + step * attempt[later]
+                out[:, later] = make(todo[again], rank)
             return out
 
         return seeds
+
+    def _middle_seeds(
+        self, todo: IntArray, first_rank: IntArray, step: int
+    ) -> SeedSource:
+        """As `_seed_source`, for the joints between first and last."""
+        reach_map = self._map
+        if reach_map is None:
+            return lambda index, _: self._random(len(index))[1:-1]
+        ranked = reach_map.ranked_seeds(self._axis_goals.picked(todo))
+
+        def seeds(index: IntArray, attempt: IntArray) -> Lanes:
+            rank = first_rank[index] + step * attempt
+            known = np.flatnonzero(rank < ranked.shape[1])
+            if len(known) == len(rank):
+                return reach_map.middles_at(ranked[index, rank])
+            out = self._random(len(index))[1:-1]
+            out[:, known] = reach_map.middles_at(ranked[index[known], rank[known]])
+            return out
+
+        return seeds
+
+    def _random(self, n: int) -> Lanes:
+        return self._chain.sampled(n, rng=self._rng).T.astype(np.float32)
 
     def _resumed(self, todo: IntArray, seeds: SeedSource) -> SeedSource:
         """Seeds that go on first from where a target nearly came in."""
@@ -209,25 +318,13 @@ class PoseSearch:
 
     def _starts(self, target: IntArray, rank: IntArray) -> Lanes:
         """Seeds of the map while it has any, then random ones; (d, n)."""
-        random = self._chain.sampled(len(target), rng=self._rng).T.astype(np.float32)
+        random = self._random(len(target))
         if self._map is None:
             return random
         known = np.flatnonzero(rank < self._map.config.n_seeds)
         if len(known):
             goals = self._goals.picked(target[known])
             random[:, known] = self._map.starts(self._chain, goals, rank[known])
-        return random
-
-    def _middles(self, target: IntArray, rank: IntArray) -> Lanes:
-        """As `_starts`, of the joints between first and last; (d - 2, n)."""
-        if self._map is not None and rank.max(initial=0) < self._map.config.n_seeds:
-            return self._map.middles(self._axis_goals.picked(target), rank)
-        random = self._chain.sampled(len(target), rng=self._rng).T.astype(np.float32)
-        random = random[1:-1]
-        if self._map is not None:
-            known = np.flatnonzero(rank < self._map.config.n_seeds)
-            goals = self._axis_goals.picked(target[known])
-            random[:, known] = self._map.middles(goals, rank[known])
         return random
 
     def _improve(

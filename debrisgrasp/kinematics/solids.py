@@ -11,6 +11,7 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
 
 from .hull import Hull
+from .packages import PACKAGE_SCHEME, package_folders
 from .urdf import UrdfShape
 
 __all__ = ["solids_of_shape"]
@@ -84,13 +85,14 @@ def _hull(points: FloatArray, T_link_mesh: SE3) -> Solid:
 
 
 def _mesh_path(file: str, folder: Path) -> Path:
-    if file.startswith("package://"):
+    if file.startswith(PACKAGE_SCHEME):
         # package://NAME/meshes/a.stl: look for NAME, then for what follows, upwards.
-        inside = file.removeprefix("package://")
+        inside = file.removeprefix(PACKAGE_SCHEME)
         below = inside.partition("/")[2]
         for parent in (folder, *folder.parents):
             for candidate in (parent / inside, parent / below):
                 if candidate.is_file():
                     return candidate
-        return folder / inside
+        elsewhere = (root / inside for root in package_folders())
+        return next(filter(Path.is_file, elsewhere), folder / inside)
     return folder / file.removeprefix("file://")

@@ -44,8 +44,27 @@ class UrdfJoint:
     upper: float
     velocity: float
     """Largest speed [rad/s or m/s]; infinity if the file gives none."""
+    effort: float
+    """Largest torque or force [N m or N]; infinity if the file gives none, or zero."""
     mimics: str | None
     """Name of the joint that drives this one, if it is a mimic joint."""
+
+    @classmethod
+    def fixed(cls, parent: str, child: str, T_parent_child: SE3) -> UrdfJoint:
+        """Joint that holds one link fast on another."""
+        return cls(
+            name=f"{child}_joint",
+            kind="fixed",
+            parent=parent,
+            child=child,
+            T_parent_joint=T_parent_child,
+            axis=np.array([1.0, 0.0, 0.0]),
+            lower=0.0,
+            upper=0.0,
+            velocity=np.inf,
+            effort=np.inf,
+            mimics=None,
+        )
 
     def T_parent_child(self, value: float) -> SE3:
         """Pose of the child link in the parent link at a joint value [rad or m]."""
@@ -315,5 +334,6 @@ def _joint(element: ElementTree.Element, path: Path) -> UrdfJoint:
         lower=lower,
         upper=upper,
         velocity=float(_numbers(limit, "velocity", (np.inf,), path)[0]),
+        effort=float(_numbers(limit, "effort", (np.inf,), path)[0]) or np.inf,
         mimics=None if mimic is None else _attribute(mimic, "joint", path),
     )

@@ -38,8 +38,9 @@ class PathQuery:
     q_goals: FloatArray
     """Shape (g, d), g at least 1."""
     lower: FloatArray
+    """Least joint values of the postures sampled, shape (d,); finite."""
     upper: FloatArray
-    """Bounds of the postures sampled, shape (d,); finite."""
+    """Greatest joint values of the postures sampled, shape (d,); finite."""
     edges: EdgeTest
     max_rounds: int
     is_late: Callable[[], bool]

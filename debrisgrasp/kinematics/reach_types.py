@@ -1,0 +1,97 @@
+"""Records of what an arm reaches: settings and answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp.errors import ConfigError
+
+from .ik_types import IkConfig
+
+__all__ = ["ReachConfig", "ReachResult"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReachConfig:
+    """How hard to look for a posture, and which to prefer."""
+
+    n_postures: int = 6
+    """Postures looked at for each pose; more find a collision-free one more often."""
+    rounds: int = 2
+    """How often the poses without a free posture are looked at again."""
+    margin: float = 0.01
+    """Clearance from the scene that the links keep [m]."""
+    self_margin: float = 0.005
+    """Distance that the parts of the robot keep from one another [m]."""
+    limit_weight: float = 1.0
+    """Cost of a joint at its limit, in radians of travel; see `PostureCost`."""
+    singularity_weight: float = 1.0
+    """Cost of a singular posture, in radians of travel."""
+    free_dexterity: float = 0.04
+    """Smallest singular value of the Jacobian from which on a posture counts as free of
+    singularities; see `dexterity`."""
+    scene_weight: float = 0.5
+    """Cost of a link that touches the scene, in radians of travel."""
+    slides: int = 1
+    """Steps in which a chain with more than six joints moves within its nullspace to
+    where the posture costs less; 0 takes it as it was found."""
+    ik: IkConfig = IkConfig(attempts=16)
+    """Solver settings; seeds of the map make further attempts pointless."""
+
+    def __post_init__(self) -> None:
+        for name in ("n_postures", "rounds"):
+            if getattr(self, name) < 1:
+                raise ConfigError(
+                    f"ReachConfig.{name}", got=getattr(self, name), expected="1 or more"
+                )
+        if self.slides < 0 or not self.free_dexterity > 0:
+            raise ConfigError(
+                "ReachConfig.slides, free_dexterity",
+                got=(self.slides, self.free_dexterity),
+                expected="0 or more, above zero",
+            )
+        for name in (
+            "margin",
+            "self_margin",
+            "limit_weight",
+            "singularity_weight",
+            "scene_weight",
+        ):
+            if not getattr(self, name) >= 0:
+                raise ConfigError(
+                    f"ReachConfig.{name}", got=getattr(self, name), expected="0 or more"
+                )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ReachResult:
+    """For each of k poses: the posture that takes it, or why there is none."""
+
+    joints: FloatArray
+    """Joint values [rad or m], shape (k, d); NaN where not reached."""
+    is_reached: BoolArray
+    """Taken within limits, clear of scene and robot; shape (k,)."""
+    reasons: tuple[str, ...]
+    """Why a pose is not reached, empty where it is; k of them."""
+    clearance: FloatArray
+    """Distance between links and scene [m], shape (k,); NaN where no posture."""
+
+    def improved(self, rows: IntArray, other: ReachResult) -> ReachResult:
+        """Take over what another result for some of the poses has reached."""
+        better = np.flatnonzero(other.is_reached)
+        joints, clearance = self.joints.copy(), self.clearance.copy()
+        is_reached, reasons = self.is_reached.copy(), list(self.reasons)
+        joints[rows[better]] = other.joints[better]
+        clearance[rows[better]] = other.clearance[better]
+        is_reached[rows[better]] = True
+        for row in rows[better]:
+            reasons[row] = ""
+        return ReachResult(
+            joints=joints,
+            is_reached=is_reached,
+            reasons=tuple(reasons),
+            clearance=clearance,
+        )

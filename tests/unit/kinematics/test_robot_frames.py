@@ -1,0 +1,152 @@
+"""Robots as files alone: frames that the URDF lacks, URDFs of packages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.kinematics import RobotModel
+
+from .robots import JointText, urdf_text
+
+POSITION, RPY = (0.1, -0.2, 0.3), (0.4, -0.5, 0.6)
+BOX = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+
+
+@pytest.fixture
+def described(tmp_path: Path):
+    """Write a row of six joints with settings beside it; returns the robot's file."""
+    (tmp_path / "row.urdf").write_text(urdf_text([JointText()] * 6, BOX))
+    joints = [f"joint{i}" for i in range(1, 7)]
+    arm = {
+        "tip": "palm",
+        "gripper": "none",
+        "hand": "link6",
+        "joints": joints,
+        "postures": {"zero": {}},
+        "present": "zero",
+        "idle": "zero",
+    }
+
+    def write(frames: object, **changes: object) -> Path:
+        content = {
+            "name": "row",
+            "urdf": "row.urdf",
+            "base": "ground",
+            "frames": frames,
+            "arms": {"arm": arm},
+        }
+        path = tmp_path / "row.yaml"
+        path.write_text(yaml.safe_dump(content | changes))
+        return path
+
+    return write
+
+
+def frames() -> dict[str, dict[str, object]]:
+    return {
+        "palm": {"parent": "link6", "position": list(POSITION), "rpy": list(RPY)},
+        "ground": {"parent": "link0", "position": [-1.0, 0.5, -0.4]},
+    }
+
+
+def test_frames_serve_as_base_and_tip(described):
+    robot = RobotModel.load(described(frames()))
+    chain = robot.chain("arm")
+    T_ground_root = SE3.from_parts(p=[1.0, -0.5, 0.4])
+    T_root_flange = SE3.from_parts(p=[0.0, 0.0, 1.2])  # six joints, 0.2 m apart
+    T_flange_palm = SE3.from_parts(so3.from_rpy(np.array(RPY)), POSITION)
+    expected = T_ground_root @ T_root_flange @ T_flange_palm
+    np.testing.assert_allclose(
+        chain.fk(np.zeros(6)).matrix, expected.matrix, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        robot.link_poses()["palm"].matrix, expected.matrix, atol=1e-12
+    )
+
+
+def test_a_frame_may_hang_on_another_frame(described):
+    more = frames()
+    more["finger"] = {"parent": "palm", "position": [0.0, 0.0, 0.1]}
+    poses = RobotModel.load(described(more)).link_poses()
+    between = poses["palm"].inverse() @ poses["finger"]
+    np.testing.assert_allclose(between.p, (0.0, 0.0, 0.1), atol=1e-12)
+
+
+def test_a_frame_has_no_body(described):
+    robot = RobotModel.load(described(frames()))
+    assert robot.tree.shapes["palm"] == ()
+    assert robot.tree.body_of("palm") == robot.tree.body_of("link6")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"parent": "link7"}, "link7.*Did you mean"),
+        ({"position": [0, 0]}, "position in .*frame palm.*three numbers"),
+        ({"position": [0, 0, "a"]}, "position in .*frame palm.*three numbers"),
+        ({"rpy": [0, 0, 90]}, "rpy in .*frame palm.*radians"),
+        ({"xyz": [0, 0, 0]}, "field 'xyz'.*frame palm"),
+    ],
+)
+def test_a_wrong_frame_is_refused(described, change, message):
+    wrong = frames()
+    wrong["palm"] = {"parent": "link6"} | change
+    with pytest.raises((ConfigError, UnknownNameError), match=message):
+        RobotModel.load(described(wrong))
+
+
+def test_a_frame_must_not_take_the_name_of_a_link(described):
+    wrong = frames() | {"link3": {"parent": "link0"}}
+    with pytest.raises(ConfigError, match="a name that no link and no joint has"):
+        RobotModel.load(described(wrong))
+
+
+@pytest.mark.parametrize("variable", ["ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"])
+def test_urdf_and_meshes_of_a_package_are_found(
+    described, monkeypatch, tmp_path, variable
+):
+    share = tmp_path / "ws" / "share"
+    (share / "row_description").mkdir(parents=True)
+    (share / "row_shapes").mkdir()
+    (share / "row_shapes" / "tet.stl").write_text(STL)
+    mesh = (
+        '<collision><geometry><mesh filename="package://row_shapes/tet.stl"/>'
+        "</geometry></collision>"
+    )
+    (share / "row_description" / "row.urdf").write_text(
+        urdf_text([JointText()] * 6, mesh)
+    )
+    is_ros1 = variable == "ROS_PACKAGE_PATH"
+    monkeypatch.setenv(variable, str(share if is_ros1 else share.parent))
+    robot = RobotModel.load(
+        described(frames(), urdf="package://row_description/row.urdf")
+    )
+    assert len(robot.links_solids()) == 7
+
+
+def test_a_package_that_is_not_there_is_named_with_the_folders(described, monkeypatch):
+    monkeypatch.setenv("ROS_PACKAGE_PATH", "/nowhere/at/all")
+    path = described(frames(), urdf="package://row_description/row.urdf")
+    with pytest.raises(ConfigError, match="/nowhere/at/all"):
+        RobotModel.load(path)
+
+
+def _facet(*corners: tuple[int, int, int]) -> str:
+    lines = "".join("vertex {} {} {}\n".format(*corner) for corner in corners)
+    return f"facet normal 0 0 0\nouter loop\n{lines}endloop\nendfacet\n"
+
+
+STL = (
+    "solid tet\n"
+    + _facet((0, 0, 0), (0, 1, 0), (1, 0, 0))
+    + _facet((0, 0, 0), (1, 0, 0), (0, 0, 1))
+    + _facet((0, 0, 0), (0, 0, 1), (0, 1, 0))
+    + _facet((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    + "endsolid tet\n"
+)
