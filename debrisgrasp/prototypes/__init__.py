@@ -1,24 +1,48 @@
 """Layer 2: what a graspable shape is, and the hands that grip it."""
 
 from .check import Finding, check
+from .coverage import CoverageMap, coverage
+from .from_mesh import surface_from_mesh
 from .gripper import GripperModel, known_grippers, load_grippers
+from .hand_poses import HandPose, around_grip, propose_hand_poses, settled
 from .library import PrototypeLibrary
+from .likeness import Likeness, duplicates, half_turns, shape_distance
+from .parametric import Grip, prototype_of_shape
 from .prototype import GraspPrototype, PackedPrototypes, PrototypeDefinition
+from .prototype_file import definition_from, require_name, write_new_prototype
+from .surface_shape import SurfaceShape
 from .symmetry import SpinAxis, Symmetry
 from .visibility import VisibilityTable, nearest_view
 
 __all__ = [
+    "CoverageMap",
     "Finding",
     "GraspPrototype",
+    "Grip",
     "GripperModel",
+    "HandPose",
+    "Likeness",
     "PackedPrototypes",
     "PrototypeDefinition",
     "PrototypeLibrary",
     "SpinAxis",
+    "SurfaceShape",
     "Symmetry",
     "VisibilityTable",
+    "around_grip",
     "check",
+    "coverage",
+    "definition_from",
+    "duplicates",
+    "half_turns",
     "known_grippers",
     "load_grippers",
     "nearest_view",
+    "propose_hand_poses",
+    "prototype_of_shape",
+    "require_name",
+    "settled",
+    "shape_distance",
+    "surface_from_mesh",
+    "write_new_prototype",
 ]

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.solids import Solid
 
 from .gripper import GripperModel
 from .prototype import GraspPrototype
+from .surface_shape import SurfaceShape
 from .surfaces import sample
 
-__all__ = ["Finding", "check", "contact_opening"]
+__all__ = ["Finding", "check", "contact_opening", "seen_sides"]
 
 PENETRATION_TOLERANCE = 0.002
 """How deep the open hand may reach into the shape [m]."""
@@ -31,6 +33,10 @@ _DENSE = 6e4
 _COARSE_STEP = 0.01
 """How far the pads close between two tests of contact [m]; less than a finger is thick,
 so that none jumps across the shape."""
+_APPROACH, _APPROACH_STEP = 0.1, 0.01
+"""How far out the straight approach is looked at, and in what steps [m]."""
+FACING, LEAST_SHARE = 0.5, 0.04
+"""A side was seen if this share of the points faces its fingers [cosine, share]."""
 _CONTACT_ACCURACY = 5e-4
 """To what accuracy the contact is then narrowed down [m]."""
 
@@ -50,9 +56,10 @@ class Finding:
 def check(prototype: GraspPrototype, gripper: GripperModel) -> tuple[Finding, ...]:
     """List what is wrong with a prototype; an empty list is a sound one.
 
-    The open hand must not reach into the shape, the hand must be open wider than it
-    closes, and on closing the fingers of both sides must come to rest on the shape at
-    about its ``width``.
+    The open hand must not reach into the shape, neither where it closes nor on the
+    straight way there; it must be open wider than it closes, and no wider than it can;
+    and on closing the fingers of both sides must come to rest on the shape at about its
+    ``width``. Of a surface that one camera saw, one side is enough.
     """
     problems = []
     depth, where = _penetration(prototype, gripper)
@@ -61,7 +68,16 @@ def check(prototype: GraspPrototype, gripper: GripperModel) -> tuple[Finding, ..
             f"the open hand reaches {1e3 * depth:.0f} mm into the shape at "
             f"{np.round(where, 3).tolist()}; move the shape or open wider"
         )
-    widths = gripper.preshape(prototype.preshape).widths
+    else:
+        problems += _approach_problems(prototype, gripper)
+    preshape = gripper.preshape(prototype.preshape)
+    widths = preshape.widths
+    if prototype.opening > float(preshape.openings[0]) + 5e-7:
+        problems.append(
+            f"the opening of {prototype.opening:g} m is more than the "
+            f"{float(preshape.openings[0]):.4g} m of preshape {prototype.preshape}"
+        )
+        return tuple(Finding(prototype.name, problem) for problem in problems)
     if not widths[0] <= prototype.width <= widths[1]:
         problems.append(
             f"width {prototype.width:g} m is outside the {widths[0]:g} to "
@@ -112,9 +128,23 @@ def contact_opening(
     return free
 
 
+def seen_sides(prototype: GraspPrototype) -> tuple[int, ...]:
+    """Sides of the hand (-1 thumb, +1 pair) whose fingers meet known surface.
+
+    Of a surface that one camera saw, only what faces the fingers is known.
+    """
+    shape = prototype.definition.shape
+    if not isinstance(shape, SurfaceShape) or shape.sides == "all":
+        return (-1, 1)
+    along = prototype.normals[:, 0]
+    seen = tuple(s for s in (-1, 1) if (s * along > FACING).mean() > LEAST_SHARE)
+    return seen or (-1, 1)
+
+
 def _closing_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[str]:
     problems, contacts = [], []
-    for side, name in ((-1, "thumb"), (1, "pair")):
+    for side in seen_sides(prototype):
+        name = {-1: "thumb", 1: "pair"}[side]
         contact = contact_opening(prototype, gripper, side)
         if contact is None:
             problems.append(f"the fingers of the {name} side close past the shape")
@@ -138,11 +168,28 @@ def _closing_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[
 
 
 def _penetration(
-    prototype: GraspPrototype, gripper: GripperModel
+    prototype: GraspPrototype, gripper: GripperModel, retreat: float = 0.0
 ) -> tuple[float, FloatArray]:
     """Depth of the open hand in the shape [m], and where, in the palm frame."""
-    solids = gripper.solids(prototype.preshape, prototype.opening)
+    back = SE3.from_parts(p=(0.0, 0.0, -retreat))
+    opening = min(
+        prototype.opening, float(gripper.preshape(prototype.preshape).openings[0])
+    )
+    solids = [s.moved(back) for s in gripper.solids(prototype.preshape, opening)]
     return _depths(prototype, solids, _surface(prototype))
+
+
+def _approach_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[str]:
+    """Find what the open hand would hit on its way, from its end outwards."""
+    for retreat in np.arange(_APPROACH_STEP, _APPROACH + 1e-9, _APPROACH_STEP):
+        depth, where = _penetration(prototype, gripper, float(retreat))
+        if depth > PENETRATION_TOLERANCE:
+            return [
+                f"on the approach, {1e3 * retreat:.0f} mm before the end, the hand "
+                f"reaches {1e3 * depth:.0f} mm into the shape at "
+                f"{np.round(where, 3).tolist()}; turn or move the shape"
+            ]
+    return []
 
 
 def _surface(prototype: GraspPrototype) -> FloatArray:

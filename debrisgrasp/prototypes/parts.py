@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 
-__all__ = ["Part", "Tube", "box_part", "rod_part"]
+__all__ = ["Body", "Part", "Tube", "box_part", "rod_part"]
+
+
+class Body(Protocol):
+    """What is solid, and what it hides."""
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether it hides nothing of itself that faces the camera."""
+        ...
+
+    def signed_distance(self, points: ArrayLike) -> FloatArray:
+        """Distance of points (..., 3) [m], negative inside."""
+        ...
+
+    def blocks(self, origins: FloatArray, directions: FloatArray) -> BoolArray:
+        """Which rays (q, 3) pass through the body ahead of their origins."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +77,11 @@ class Part:
     """Round bars that contain the body."""
     bore: Tube | None = None
     """A round hole; what is in it isn't part of the body."""
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether there is no hole."""
+        return self.bore is None
 
     def signed_distance(self, points: ArrayLike) -> FloatArray:
         """Distance of points (..., 3) [m]: exact inside, a lower bound outside."""

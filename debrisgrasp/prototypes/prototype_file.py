@@ -14,14 +14,24 @@ import yaml
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import read_yaml, write_atomic
-from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
 
 from ._fields import MAX_LENGTH, Fields
 from .gripper import GripperModel
 from .prototype import KINDS, PrototypeDefinition
 from .shapes import SHAPES, Shape
+from .surface_file import read_surface, surface_bytes
+from .surface_shape import SIDES, SurfaceShape
 
-__all__ = ["HEADER", "prototype_text", "read_prototype", "write_prototype"]
+__all__ = [
+    "HEADER",
+    "definition_from",
+    "prototype_text",
+    "read_prototype",
+    "require_name",
+    "write_new_prototype",
+    "write_prototype",
+]
 
 DEFAULT_CLEARANCE = 0.04
 """How much wider than the object the hand stays open if a file doesn't say [m]: 1 cm
@@ -42,6 +52,12 @@ HEADER = """\
 #             rim: thickness diameter length depth of a round wall along +z that curves
 #                  towards +x
 #             handle: diameter, length between its posts, standoff, plate
+#             rung: diameter, length between the rails; rail_width (y) rail_height (z)
+#                   rail_length (x)
+#             cell: thickness (x) and depth (z) of a wall of a hollow block; length (y)
+#                   of the cell behind it at +x, web (y) and reach (x) of its end walls
+#             surface: file, a PLY of points with normals beside this one; sides: all,
+#                      or seen if it is what one camera saw
 #             position, rpy_deg: where it is in the hand frame; its origin is the
 #             centre, for edge and rim the middle of the edge, for handle of the bar
 #   kind      generic, or object-specific: tried on marked objects only
@@ -63,7 +79,27 @@ def read_prototype(
     UnknownNameError
         For a hand, preshape, shape or field that doesn't exist; it lists those that do.
     """
-    fields = Fields(read_yaml(path), Path(path).name)
+    return definition_from(read_yaml(path), grippers, Path(path))
+
+
+def definition_from(
+    content: object, grippers: Mapping[str, GripperModel], source: Path
+) -> PrototypeDefinition:
+    """Check the content of a prototype's file.
+
+    Parameters
+    ----------
+    content
+        What the file says, as `yaml.safe_load` gives it.
+    source
+        The file, for messages and for the points beside it; it need not exist.
+
+    Raises
+    ------
+    ConfigError, UnknownNameError
+        As `read_prototype` does.
+    """
+    fields = Fields(content, source.name)
     gripper = grippers[fields.choice("gripper", grippers)]
     preshape = gripper.preshape(fields.choice("preshape", gripper.preshapes))
     width = fields.length("width", *preshape.widths)
@@ -72,7 +108,7 @@ def read_prototype(
     if "opening" in fields:
         opening = fields.length("opening", width, max_opening)
     shape_fields = fields.child("shape")
-    shape = _read_shape(shape_fields)
+    shape = _read_shape(shape_fields, source.parent)
     definition = PrototypeDefinition(
         name=_read_name(fields),
         gripper=gripper.name,
@@ -95,11 +131,7 @@ def read_prototype(
 def prototype_text(definition: PrototypeDefinition) -> str:
     """Text of the file that `read_prototype` reads back."""
     angles = np.rad2deg(_rpy(definition.T_hand_shape.R))
-    shape = {"type": _shape_name(definition.shape)}
-    shape |= {
-        item.name: _plain(getattr(definition.shape, item.name))
-        for item in fields_of(cast(Any, definition.shape))
-    }
+    shape = _shape_content(definition)
     shape["position"] = _plain(definition.T_hand_shape.p)
     if np.abs(angles).max() > 1e-9:
         shape["rpy_deg"] = _plain(angles)
@@ -123,19 +155,67 @@ def prototype_text(definition: PrototypeDefinition) -> str:
 def write_prototype(
     definition: PrototypeDefinition, path: str | os.PathLike[str]
 ) -> None:
-    """Write the file of a prototype, whole or not at all."""
+    """Write the file of a prototype, whole or not at all.
+
+    The points of a surface go first, into ``<name>.ply`` beside it.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written.
+    """
+    if isinstance(definition.shape, SurfaceShape):
+        beside = Path(path).parent / _surface_name(definition)
+        write_atomic(beside, surface_bytes(definition.shape))
     write_atomic(path, prototype_text(definition))
 
 
-def _read_name(fields: Fields) -> str:
-    name = fields.text("name")
+def write_new_prototype(
+    definition: PrototypeDefinition, path: str | os.PathLike[str], *, force: bool
+) -> tuple[Path, ...]:
+    """Write a prototype where there is none yet, or anyway.
+
+    Returns
+    -------
+    tuple[Path, ...]
+        The files that were written.
+
+    Raises
+    ------
+    ConfigError
+        If the name has other than lower-case letters, digits and underscores.
+    OutputError
+        If a file is in the way and ``force`` is not given, or it can't be written.
+    """
+    require_name(definition.name, "name of the prototype")
+    target = Path(path)
+    files = [target]
+    if isinstance(definition.shape, SurfaceShape):
+        files.append(target.parent / _surface_name(definition))
+    for file in files:
+        if file.exists() and not force:
+            raise OutputError(file, "it exists; --force (force=True) replaces it")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(target.parent, error.strerror or str(error)) from error
+    write_prototype(definition, target)
+    return tuple(files)
+
+
+def require_name(name: str, where: str) -> str:
+    """Return a name that files may have; any other raises `ConfigError`."""
     if not _NAME.fullmatch(name):
         raise ConfigError(
-            fields.where("name"),
+            where,
             got=repr(name),
             expected="lower-case letters, digits and underscores",
         )
     return name
+
+
+def _read_name(fields: Fields) -> str:
+    return require_name(fields.text("name"), fields.where("name"))
 
 
 def _read_tags(fields: Fields) -> tuple[str, ...]:
@@ -149,10 +229,14 @@ def _read_tags(fields: Fields) -> tuple[str, ...]:
     return tuple(tags)
 
 
-def _read_shape(fields: Fields) -> Shape:
+def _read_shape(fields: Fields, folder: Path) -> Shape:
     kind = fields.text("type")
+    if kind == _SURFACE:
+        file, sides = fields.text("file"), fields.choice("sides", SIDES, "seen")
+        return read_surface(folder / file, sides)
     if kind not in SHAPES:
-        raise UnknownNameError(f"shape in {fields.where('type')}", kind, SHAPES)
+        known = [*SHAPES, _SURFACE]
+        raise UnknownNameError(f"shape in {fields.where('type')}", kind, known)
     values: dict[str, Any] = {}
     for item in fields_of(cast(Any, SHAPES[kind])):
         if item.name not in fields and isinstance(item.default, float | str):
@@ -165,8 +249,21 @@ def _read_shape(fields: Fields) -> Shape:
     return SHAPES[kind](**values)
 
 
-def _shape_name(shape: Shape) -> str:
-    return next(name for name, kind in SHAPES.items() if type(shape) is kind)
+_SURFACE = "surface"
+
+
+def _surface_name(definition: PrototypeDefinition) -> str:
+    return f"{definition.name}.ply"
+
+
+def _shape_content(definition: PrototypeDefinition) -> dict[str, Any]:
+    shape = definition.shape
+    if isinstance(shape, SurfaceShape):
+        file = _surface_name(definition)
+        return {"type": _SURFACE, "file": file, "sides": shape.sides}
+    kind = next(name for name, kind in SHAPES.items() if type(shape) is kind)
+    names = [item.name for item in fields_of(cast(Any, shape))]
+    return {"type": kind} | {name: _plain(getattr(shape, name)) for name in names}
 
 
 def _plain(value: Any) -> Any:

@@ -7,37 +7,39 @@ the fingers close on, y along its length, z away from the palm.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import SE3
 
-from .parts import Part, Tube, box_part, rod_part
-from .surfaces import Patch, flat, round_plate, round_wall
+from .parts import Body, Part, Tube, box_part, rod_part
+from .shape_fields import HALF_TURN_Z, face, half_turn_about_z, one_of, span
+from .supported import CellShape, HandleShape, RungShape
+from .surfaces import Patch, round_plate, round_wall
 from .symmetry import SpinAxis, Symmetry, cuboid_turns
 
 __all__ = [
     "SHAPES",
     "BarShape",
     "BoxShape",
+    "CellShape",
     "CylinderShape",
     "EdgeShape",
     "HandleShape",
     "RimShape",
+    "RungShape",
     "Shape",
 ]
-
-_HALF_TURN_Z = np.diag([-1.0, -1.0, 1.0])
 
 
 class Shape(Protocol):
     """A body with the surface that a camera may see of it."""
 
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[Body, ...]:
         """Solid parts whose union is the body."""
         ...
 
@@ -50,26 +52,13 @@ class Shape(Protocol):
         ...
 
 
-def _length(low: float, high: float, default: float | None = None) -> Any:
-    """Declare a length [m] with the range that a file may give."""
-    metadata = {"low": low, "high": high}
-    if default is None:
-        return field(metadata=metadata)
-    return field(default=default, metadata=metadata)
-
-
-def _choice(default: str, *others: str) -> Any:
-    """Declare a word with the alternatives that a file may give."""
-    return field(default=default, metadata={"known": (default, *others)})
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CylinderShape:
     """Pipe or post about y; the origin is its centre."""
 
-    diameter: float = _length(0.005, 0.3)
-    length: float = _length(0.01, 0.6)
-    ends: str = _choice("open", "closed")
+    diameter: float = span(0.005, 0.3)
+    length: float = span(0.01, 0.6)
+    ends: str = one_of("open", "closed")
     """``open``: the pipe goes on beyond both ends; ``closed``: the ends are faces."""
 
     def parts(self) -> tuple[Part, ...]:
@@ -91,7 +80,7 @@ class CylinderShape:
 
     def symmetry(self) -> Symmetry:
         """Free turns about the axis, and end over end."""
-        turns = SE3.from_parts(np.stack([np.eye(3), _HALF_TURN_Z]))
+        turns = SE3.from_parts(np.stack([np.eye(3), HALF_TURN_Z]))
         return Symmetry(turns, SpinAxis(np.zeros(3), np.array([0.0, 1.0, 0.0])))
 
     def _axis_ends(self) -> tuple[FloatArray, FloatArray]:
@@ -103,11 +92,11 @@ class CylinderShape:
 class BarShape:
     """Piece of a beam along y, both ends going on; the origin is its centre."""
 
-    width: float = _length(0.005, 0.3)
+    width: float = span(0.005, 0.3)
     """Along x, between the fingers."""
-    height: float = _length(0.005, 0.3)
+    height: float = span(0.005, 0.3)
     """Along z."""
-    length: float = _length(0.01, 0.6)
+    length: float = span(0.01, 0.6)
 
     def parts(self) -> tuple[Part, ...]:
         """Return the beam."""
@@ -116,7 +105,7 @@ class BarShape:
     def patches(self) -> tuple[Patch, ...]:
         """Return the four long faces."""
         half = self._size() / 2
-        return tuple(_face(-half, half, axis, up) for axis in (0, 2) for up in (0, 1))
+        return tuple(face(-half, half, axis, up) for axis in (0, 2) for up in (0, 1))
 
     def symmetry(self) -> Symmetry:
         """Half turns about the axes; quarter turns about y if it is square."""
@@ -130,11 +119,11 @@ class BarShape:
 class BoxShape:
     """A whole block with all six faces; the origin is its centre."""
 
-    width: float = _length(0.005, 0.3)
+    width: float = span(0.005, 0.3)
     """Along x, between the fingers."""
-    length: float = _length(0.005, 0.6)
+    length: float = span(0.005, 0.6)
     """Along y."""
-    height: float = _length(0.005, 0.3)
+    height: float = span(0.005, 0.3)
     """Along z."""
 
     def parts(self) -> tuple[Part, ...]:
@@ -144,7 +133,7 @@ class BoxShape:
     def patches(self) -> tuple[Patch, ...]:
         """Return the six faces."""
         half = self._size() / 2
-        return tuple(_face(-half, half, axis, up) for axis in range(3) for up in (0, 1))
+        return tuple(face(-half, half, axis, up) for axis in range(3) for up in (0, 1))
 
     def symmetry(self) -> Symmetry:
         """Return the turns that map the block onto itself."""
@@ -158,13 +147,13 @@ class BoxShape:
 class EdgeShape:
     """Edge of a board that goes on along +z; the origin is the middle of the edge."""
 
-    thickness: float = _length(0.003, 0.3)
+    thickness: float = span(0.003, 0.3)
     """Along x, between the fingers."""
-    length: float = _length(0.01, 0.6)
+    length: float = span(0.01, 0.6)
     """Of the edge, along y."""
-    depth: float = _length(0.01, 0.3)
+    depth: float = span(0.01, 0.3)
     """How much of the board counts, along z."""
-    ends: str = _choice("open", "one", "both")
+    ends: str = one_of("open", "one", "both")
     """Where the board ends along y: nowhere, at the positive end (a corner), or at
     both (the end of a plank)."""
 
@@ -177,11 +166,11 @@ class EdgeShape:
         lower, upper = self._corners()
         faces = [(0, 0), (0, 1), (2, 0)]
         faces += {"open": [], "one": [(1, 1)], "both": [(1, 0), (1, 1)]}[self.ends]
-        return tuple(_face(lower, upper, axis, up) for axis, up in faces)
+        return tuple(face(lower, upper, axis, up) for axis, up in faces)
 
     def symmetry(self) -> Symmetry:
         """Return the half turn about z, unless one end alone is closed."""
-        return Symmetry() if self.ends == "one" else _half_turn_about_z()
+        return Symmetry() if self.ends == "one" else half_turn_about_z()
 
     def _corners(self) -> tuple[FloatArray, FloatArray]:
         half_x, half_y = self.thickness / 2, self.length / 2
@@ -195,12 +184,12 @@ class RimShape:
     The origin is the middle of the wall, on the rim; the inside lies at positive x.
     """
 
-    thickness: float = _length(0.001, 0.1)
-    diameter: float = _length(0.05, 1.0)
+    thickness: float = span(0.001, 0.1)
+    diameter: float = span(0.05, 1.0)
     """Outer diameter of the vessel."""
-    length: float = _length(0.01, 0.6)
+    length: float = span(0.01, 0.6)
     """Along the rim; at most half the way round."""
-    depth: float = _length(0.01, 0.3)
+    depth: float = span(0.01, 0.3)
     """How much of the wall counts, along z."""
 
     def parts(self) -> tuple[Part, ...]:
@@ -245,87 +234,16 @@ class RimShape:
         return np.array([(self.diameter - self.thickness) / 2, 0.0, 0.0])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HandleShape:
-    """Bar along y on two posts along +z; the origin is the middle of the bar."""
-
-    diameter: float = _length(0.005, 0.1)
-    """Of the bar and of the posts."""
-    length: float = _length(0.03, 0.5)
-    """Between the axes of the posts."""
-    standoff: float = _length(0.02, 0.3)
-    """From the axis of the bar to what the posts stand on."""
-    plate: float = _length(0.0, 0.3, 0.0)
-    """Width along x of the plate that they stand on; 0 for none."""
-
-    def parts(self) -> tuple[Part, ...]:
-        """Return the bar, two posts and perhaps the plate."""
-        radius = self.diameter / 2
-        left, right = self._post_tops()
-        foot = np.array([0.0, 0.0, self.standoff])
-        parts = (
-            rod_part(*self._bar_ends(), radius),
-            rod_part(left, left + foot, radius),
-            rod_part(right, right + foot, radius),
-        )
-        return (*parts, box_part(*self._plate_corners())) if self.plate else parts
-
-    def patches(self) -> tuple[Patch, ...]:
-        """Return all round sides, the ends of the bar and the top of the plate."""
-        radius = self.diameter / 2
-        left, right = self._post_tops()
-        foot = np.array([0.0, 0.0, self.standoff])
-        start, end = self._bar_ends()
-        patches = (
-            round_wall(start, end, radius, reference=(0, 0, -1)),
-            round_plate(start, (0, -1, 0), (0.0, radius), reference=(1, 0, 0)),
-            round_plate(end, (0, 1, 0), (0.0, radius), reference=(1, 0, 0)),
-            round_wall(left, left + foot, radius, reference=(1, 0, 0)),
-            round_wall(right, right + foot, radius, reference=(1, 0, 0)),
-        )
-        if not self.plate:
-            return patches
-        return (*patches, _face(*self._plate_corners(), 2, 0))
-
-    def symmetry(self) -> Symmetry:
-        """Return the half turn about z."""
-        return _half_turn_about_z()
-
-    def _post_tops(self) -> tuple[FloatArray, FloatArray]:
-        half = np.array([0.0, self.length / 2, 0.0])
-        return -half, half
-
-    def _bar_ends(self) -> tuple[FloatArray, FloatArray]:
-        half = np.array([0.0, (self.length + self.diameter) / 2, 0.0])
-        return -half, half
-
-    def _plate_corners(self) -> tuple[FloatArray, FloatArray]:
-        half_x, half_y = self.plate / 2, self.length / 2 + self.diameter
-        lower = np.array([-half_x, -half_y, self.standoff])
-        return lower, np.array([half_x, half_y, self.standoff + 0.02])
-
-
-def _face(lower: FloatArray, upper: FloatArray, axis: int, up: int) -> Patch:
-    """Face of a box square to an axis: the upper one, or the lower one."""
-    edges = np.diag(upper - lower)
-    u, v = edges[(axis + 1) % 3], edges[(axis + 2) % 3]
-    if up:
-        return flat(lower + edges[axis], u, v)
-    return flat(lower, v, u)
-
-
-def _half_turn_about_z() -> Symmetry:
-    return Symmetry(SE3.from_parts(np.stack([np.eye(3), _HALF_TURN_Z])))
-
-
 SHAPES: Mapping[str, type[Shape]] = MappingProxyType(
     {
         "bar": BarShape,
         "box": BoxShape,
+        "cell": CellShape,
         "cylinder": CylinderShape,
         "edge": EdgeShape,
         "handle": HandleShape,
         "rim": RimShape,
+        "rung": RungShape,
     }
 )
 """The shapes by the names that files use."""

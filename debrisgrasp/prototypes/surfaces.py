@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray
 
-from .parts import Part
+from .parts import Body
 
 __all__ = ["Patch", "flat", "round_plate", "round_wall", "sample"]
 
@@ -105,7 +105,7 @@ def round_plate(
 
 
 def sample(
-    patches: Sequence[Patch], parts: Sequence[Part], density: float
+    patches: Sequence[Patch], parts: Sequence[Body], density: float
 ) -> tuple[FloatArray, FloatArray]:
     """Points and outward normals at one density, without those inside a part.
 

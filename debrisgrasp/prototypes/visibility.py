@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
-from .parts import Part
+from .parts import Body
 
 __all__ = ["GRAZING_ANGLE", "VisibilityTable", "nearest_view", "visible_points"]
 
@@ -49,7 +49,7 @@ def nearest_view(directions: FloatArray, query: ArrayLike) -> IntArray:
 def visible_points(
     points: FloatArray,
     normals: FloatArray,
-    parts: Sequence[Part],
+    parts: Sequence[Body],
     directions: FloatArray,
 ) -> BoolArray:
     """Decide for each direction which points of the body are seen.
@@ -73,7 +73,7 @@ def visible_points(
     """
     seen: BoolArray = directions @ normals.T > np.cos(GRAZING_ANGLE)
     # A convex body hides nothing that faces the camera.
-    if len(parts) == 1 and parts[0].bore is None:
+    if len(parts) == 1 and parts[0].is_convex:
         return seen
     view, point = np.nonzero(seen)
     origins = points[point] + _LIFT * normals[point]

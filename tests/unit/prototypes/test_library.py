@@ -148,7 +148,7 @@ def test_visibility_is_in_the_palm_frame(library: PrototypeLibrary) -> None:
         ),
         ("robotiq_3f", "robotiq_2f", r"gripper.*camhand, robotiq_3f"),
         ("basic", "power", r"preshape.*basic, wide, pinch"),
-        ("type: cylinder", "type: cone", r"shape.type.*bar, box, cylinder"),
+        ("type: cylinder", "type: cone", r"shape.type.*bar, box, cell, cylinder"),
         ("diameter: 0.05", "diameter: 50", r"shape.diameter.*0.005 to 0.3.*metres"),
         ("diameter: 0.05", "diameter: .inf", r"shape.diameter.*finite"),
         ("diameter: 0.05, ", "", r"shape.diameter.*missing"),

@@ -10,10 +10,12 @@ from debrisgrasp.geometry.sampling import fibonacci_sphere
 from debrisgrasp.prototypes.shapes import (
     BarShape,
     BoxShape,
+    CellShape,
     CylinderShape,
     EdgeShape,
     HandleShape,
     RimShape,
+    RungShape,
     Shape,
 )
 from debrisgrasp.prototypes.surfaces import sample
@@ -32,6 +34,8 @@ SHAPES = {
     "rim": RimShape(thickness=0.01, diameter=0.3, length=0.14, depth=0.08),
     "half pipe": RimShape(thickness=0.02, diameter=0.1, length=0.5, depth=0.05),
     "handle": HandleShape(diameter=0.025, length=0.16, standoff=0.06, plate=0.12),
+    "rung": RungShape(diameter=0.028, length=0.3),
+    "cell": CellShape(thickness=0.03, length=0.14, depth=0.09, web=0.03, reach=0.1),
     "free handle": HandleShape(diameter=0.032, length=0.2, standoff=0.07),
 }
 
@@ -44,6 +48,7 @@ AREAS = {
     "edge": (0.019 + 2 * 0.08) * 0.14,
     "corner": (0.019 + 2 * 0.08) * 0.14 + 0.019 * 0.08,
     "plank end": (0.038 + 2 * 0.08) * 0.089 + 2 * 0.038 * 0.08,
+    "cell": 0.2 * 0.09 + (0.14 + 2 * 0.1) * 0.09 + 0.03 * 0.2 + 2 * 0.03 * 0.1,
     "half pipe": np.pi * (0.05 + 0.03) * 0.05 + np.pi / 2 * (0.05**2 - 0.03**2),
 }
 

@@ -1,0 +1,136 @@
+"""Surfaces from mesh files."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.geometry.sampling import fibonacci_sphere
+
+from .surface_shape import SurfaceShape
+
+__all__ = ["MESH_FORMS", "surface_from_mesh"]
+
+MESH_FORMS = (".stl", ".obj", ".ply")
+
+_LONGEST, _SHORTEST = 2.0, 0.01
+"""Sizes of an object [m] beyond which its mesh is in other units."""
+_SAMPLES = 2e5
+"""Samples per square metre, thinned afterwards."""
+_FEWEST, _MOST = 20_000, 400_000
+_N_VIEWS = 100
+_VIEWED = 40_000
+_AHEAD = 0.6
+"""Cosine within which a view counts: along the surface, rays slip past borders."""
+
+
+def surface_from_mesh(
+    path: str | os.PathLike[str], *, scale: float = 1.0
+) -> SurfaceShape:
+    """Sample the outside of a mesh, what a camera could see from somewhere.
+
+    Parameters
+    ----------
+    path
+        STL, OBJ or PLY; its faces wound so that normals point outwards. Where they
+        aren't and the mesh is closed, that is mended.
+    scale
+        What one unit of the file is in metres: 0.001 for millimetres.
+
+    Returns
+    -------
+    SurfaceShape
+        In the frame of the mesh, scaled.
+
+    Raises
+    ------
+    ConfigError
+        If the file isn't a mesh, or its size can't be that of an object in metres.
+    """
+    if not np.isfinite(scale) or scale <= 0:
+        raise ConfigError("scale of the mesh", got=scale, expected="a number above 0")
+    mesh = _loaded(Path(path))
+    size = scale * float(np.ptp(mesh.vertices, axis=0).max())
+    if not _SHORTEST <= size <= _LONGEST:
+        raise ConfigError(
+            f"size of {path}",
+            got=f"{size:.4g} m" + (f" at scale {scale:g}" if scale != 1.0 else ""),
+            expected=f"{_SHORTEST:g} to {_LONGEST:g} m",
+            mend="If the file is in millimetres, give the scale 0.001 (--scale 0.001)."
+            if size > _LONGEST
+            else "If the file is in other units, give their length as scale.",
+        )
+    mesh.apply_scale(scale)
+    points, normals = _sampled(mesh)
+    is_outside = _is_seen(points, normals)
+    try:
+        return SurfaceShape.thinned(points[is_outside], normals[is_outside], "all")
+    except InputError as error:
+        raise ConfigError(
+            f"{path}: {error.what}",
+            got=error.got,
+            expected=error.expected,
+            mend=error.mend,
+        ) from error
+
+
+def _loaded(path: Path) -> Any:
+    if path.suffix.lower() not in MESH_FORMS:
+        raise ConfigError(
+            "mesh", got=str(path), expected="a file that ends in .stl, .obj or .ply"
+        )
+    if not path.is_file():
+        raise ConfigError(str(path), got="no such file", expected="a mesh")
+    trimesh = import_module("trimesh")  # slow to load
+    try:
+        mesh = trimesh.load(path, force="mesh")
+        n_faces = len(mesh.faces)
+    except Exception as error:
+        raise ConfigError(
+            str(path), got=str(error) or type(error).__name__, expected="a mesh"
+        ) from error
+    if not n_faces or not np.isfinite(mesh.vertices).all():
+        raise ConfigError(
+            str(path),
+            got=f"{n_faces} faces" if not n_faces else "vertices that are not finite",
+            expected="a mesh with faces and finite vertices",
+            mend="A cloud of points is recorded from a capture instead: "
+            "`debrisgrasp prototype record`.",
+        )
+    if mesh.is_watertight:
+        mesh.fix_normals()
+    return mesh
+
+
+def _sampled(mesh: Any) -> tuple[FloatArray, FloatArray]:
+    """Points spread evenly over the faces, with the normals of the faces."""
+    areas = np.asarray(mesh.area_faces)
+    n = int(np.clip(areas.sum() * _SAMPLES, _FEWEST, _MOST))
+    # A lattice along the faces instead of chance: equal files give equal prototypes.
+    place = (np.arange(n) + 0.5) / n * areas.sum()
+    face = np.minimum(np.searchsorted(np.cumsum(areas), place), len(areas) - 1)
+    index = np.arange(n)
+    u = np.sqrt((index * 0.7548776662466927) % 1.0)[:, None]
+    v = ((index * 0.5698402909980532) % 1.0)[:, None]
+    a, b, c = (np.asarray(mesh.triangles)[face, corner] for corner in range(3))
+    points: FloatArray = (1 - u) * a + u * (1 - v) * b + u * v * c
+    normals: FloatArray = np.asarray(mesh.face_normals)[face]
+    return points, normals
+
+
+def _is_seen(points: FloatArray, normals: FloatArray) -> BoolArray:
+    """Which points are seen from at least one direction, shape (n,)."""
+    step = max(1, len(points) // _VIEWED)
+    thinned = SurfaceShape.thinned(points[::step], normals[::step], "all")
+    seen = np.zeros(len(points), dtype=bool)
+    for direction in fibonacci_sphere(_N_VIEWS):
+        left = np.flatnonzero(~seen & (normals @ direction > _AHEAD))
+        towards = np.broadcast_to(direction, (len(left), 3))
+        seen[left] = ~thinned.body.blocks(points[left], towards)
+    return seen
