@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
 
-.PHONY: demo test lint types bench wheel clean
+.PHONY: demo test lint types bench docs notebooks wheel clean
 
 $(VENV)/ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -27,6 +27,15 @@ types: $(VENV)/ready
 
 bench: $(VENV)/ready
 	for name in segmentation plan ik reach motion control calibration; do $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
+
+docs: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# Runs the notebooks and stores their outputs, which are read without running them.
+notebooks: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet --editable '.[notebooks]'
+	$(BIN)/jupyter nbconvert --to notebook --execute --inplace docs/notebooks/*.ipynb
 
 wheel: $(VENV)/ready
 	$(BIN)/python -m build --wheel --outdir dist .

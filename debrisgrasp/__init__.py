@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .io import Capture
     from .pipeline import Pipeline, PipelineConfig, PlanningResult, Progress
     from .planning import Grasp, GraspPlan, PlannerConfig
+    from .settings import Settings
 
 __version__ = "0.1.0"
 
@@ -34,6 +35,7 @@ __all__ = [
     "PlanningResult",
     "PointCloud",
     "Progress",
+    "Settings",
     "__version__",
     "calibrate",
     "plan",
@@ -50,6 +52,7 @@ _HOME = {
     "io": ("Capture",),
     "pipeline": ("Pipeline", "PipelineConfig", "PlanningResult", "Progress"),
     "planning": ("Grasp", "GraspPlan", "PlannerConfig"),
+    "settings": ("Settings",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

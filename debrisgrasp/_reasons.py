@@ -11,7 +11,7 @@ from debrisgrasp.geometry import MAX_CELLS, Bounds
 from debrisgrasp.planning import PassedOver, SceneConfig
 from debrisgrasp.segmentation import GroundConfig, GroundReport, Segmentation
 
-__all__ = ["is_ground", "too_large", "too_small", "why_empty"]
+__all__ = ["is_ground", "too_large", "too_small", "unfit", "why_empty"]
 
 _MOSTLY = 0.9
 """Share of an object's points in the plane of the ground that makes it ground."""
@@ -59,6 +59,22 @@ def is_ground(
     if np.count_nonzero(is_low) < _MOSTLY * len(points):
         return None
     return f"it is the ground, which was left in the cloud: {report.reason}"
+
+
+def unfit(
+    points: FloatArray,
+    region: Bounds,
+    report: GroundReport,
+    ground: GroundConfig,
+    scene: SceneConfig,
+    least: int,
+) -> str | None:
+    """Reason to pass over an object with points (n, 3) and region V, or None."""
+    return (
+        too_small(points, scene.spacing, least)
+        or too_large(region, scene)
+        or is_ground(points, report, ground)
+    )
 
 
 def why_empty(segmentation: Segmentation, passed_over: Sequence[PassedOver]) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._calibrating import CalibrationRig, observations_of, rig_of
+from debrisgrasp._passage import Passage
 from debrisgrasp.calibration import (
     Calibration,
     CalibrationConfig,
@@ -18,6 +19,7 @@ from debrisgrasp.calibration import (
 from debrisgrasp.calibration import calibrate as calibrate_observations
 from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.executable import GraspMotions, MotionsConfig, first_executable
+from debrisgrasp.executive import RunRecord, Simulated, SimulatedTask
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, measured, point_colors
 from debrisgrasp.io.calibration_json import load_calibration
@@ -39,7 +41,7 @@ from debrisgrasp.segmentation import (
     segment_cloud,
 )
 
-__all__ = ["calibrate", "looks", "plan", "plan_motion", "segment", "select"]
+__all__ = ["calibrate", "clear", "looks", "plan", "plan_motion", "segment", "select"]
 
 
 def segment(capture: Capture, config: SegmentationConfig | None = None) -> Segmentation:
@@ -96,6 +98,7 @@ def plan(
     object_label: int | None = None,
     seed: int = 0,
     deadline: float | None = None,
+    mass: float | None = None,
     config: PipelineConfig | None = None,
     progress: Progress | None = None,
 ) -> PlanningResult:
@@ -115,6 +118,7 @@ def plan(
         object_label=object_label,
         seed=seed,
         deadline=deadline,
+        mass=mass,
         progress=progress,
     )
 
@@ -155,10 +159,12 @@ def plan_motion(
         raise InputError(
             "plan", got="one for a floating hand", expected="one for a robot's arm"
         )
+    space = motion_space(result.capture, result.cloud, result.segmentation, unknown)
     return first_executable(
         result.plan,
         result.robot,
-        motion_space(result.capture, result.cloud, result.segmentation, unknown),
+        space,
+        passage=Passage(space.measured_points, result.object_points, result.grippers),
         present=present,
         config=config,
         rng=np.random.default_rng(seed),
@@ -205,6 +211,33 @@ def calibrate(
     return calibrate_observations(
         observations_of(given, rig), known, reference=reference, config=config
     )
+
+
+def clear(
+    task: SimulatedTask | None = None,
+    *,
+    record: str | os.PathLike[str] | None = None,
+    pipeline: Pipeline | None = None,
+) -> Simulated:
+    """Clear a pile with the robot in memory (docs/clearing.md).
+
+    Parameters
+    ----------
+    task
+        Which pile, and what is to be done; by default a pile of 3 to 8 bodies.
+    record
+        A new folder for the record of the run, which ``debrisgrasp replay`` reads.
+    pipeline
+        To plan with; the default one by default.
+
+    Raises
+    ------
+    OutputError
+        If the record can't be written.
+    """
+    task = task or SimulatedTask()
+    taken = None if record is None else RunRecord(record, task.to_json())
+    return task.run(taken, pipeline=pipeline)
 
 
 def looks(

@@ -9,11 +9,12 @@ be possible with the hand pushed aside as far as compliance lets it go.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, Rng, require_range
+from debrisgrasp._passage import Passage
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp.control import CartesianLeg, LegPlan, LegPlanner
 from debrisgrasp.errors import ConfigError, InputError
@@ -24,14 +25,22 @@ from debrisgrasp.planning import Grasp, GraspPlan
 
 __all__ = ["GraspMotion", "GraspMotions", "MotionsConfig", "first_executable"]
 
+_RETREAT = 0.15
+"""How far the hand goes along the retreat of a grasp [m]."""
+_LEAST_STAND_OFF = 0.06
+"""Shortest straight approach that is tried [m]."""
+_EVERY = 4
+"""Of the postures of a leg, at most 2 mm apart, every so many are looked at."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionsConfig:
     """What the chain of motions is."""
 
     motion: MotionConfig = MotionConfig()
-    lift: tuple[float, float, float] = (0.0, 0.0, 0.15)
-    """Way of the hand after it has gripped, base frame [m]."""
+    lift: tuple[float, float, float] | None = (0.0, 0.0, 0.15)
+    """Way of the hand after it has gripped, base frame [m]; None for 15 cm along the
+    retreat of the grasp."""
     speed: float = 0.1
     """Of the hand on approach and lift [m/s]."""
     tries: int = 12
@@ -91,6 +100,7 @@ def first_executable(
     robot: RobotModel,
     space: MotionSpace,
     *,
+    passage: Passage | None = None,
     present: Mapping[str, float] | None = None,
     config: MotionsConfig | None = None,
     rng: Rng,
@@ -105,6 +115,9 @@ def first_executable(
         Grasps, best first, made for the robot.
     space
         Obstacles of the arm.
+    passage
+        What hand and held object must pass by on approach and lift, and how the fingers
+        stand; None tests the arm alone, with the hand at rest.
     present
         Joint values now [rad or m]; None: each arm stands in its present posture.
     deadline
@@ -118,7 +131,7 @@ def first_executable(
         )
     watch = Stopwatch(deadline, progress or (lambda _stage, _share: None))
     config = config or MotionsConfig()
-    chains: dict[str, _Chain] = {}
+    chains: dict[tuple[object, ...], _Chain] = {}
     passed_over: list[tuple[int, str]] = []
     for index, grasp in enumerate(plan.grasps):
         if grasp.arm is None or grasp.joints is None:
@@ -131,11 +144,14 @@ def first_executable(
         if passed_over and watch.is_late():
             passed_over.append((index, "not tried: the deadline had passed"))
             continue
-        if grasp.arm not in chains:
-            arm = ArmReach(robot, grasp.arm, present=present)
-            chains[grasp.arm] = _Chain(arm, space, config)
+        key = grasp.arm, grasp.preshape, grasp.opening
+        if key not in chains:
+            fingers = {} if passage is None else passage.finger_joints(grasp)
+            held = _on_robot(fingers, robot, grasp.arm)
+            arm = ArmReach(robot, grasp.arm, present=present, locked=held)
+            chains[key] = _Chain(arm, space, passage, config)
         watch.report("motion", index / len(plan.grasps))
-        found = chains[grasp.arm].motion(grasp, index, rng, watch)
+        found = chains[key].motion(grasp, index, rng, watch)
         if isinstance(found, GraspMotion):
             return GraspMotions(chosen=found, passed_over=tuple(passed_over))
         passed_over.append((index, found))
@@ -146,10 +162,15 @@ class _Chain:
     """Plans the chain of motions for one arm."""
 
     def __init__(
-        self, arm: ArmReach, space: MotionSpace, config: MotionsConfig
+        self,
+        arm: ArmReach,
+        space: MotionSpace,
+        passage: Passage | None,
+        config: MotionsConfig,
     ) -> None:
         family = arm.robot.limits(arm.name, arm.chain)
         self._arm, self._space, self._config = arm, space, config
+        self._passage = passage
         self._planner = MotionPlanner.of_arm(arm, config=config.motion)
         self._legs = LegPlanner(arm.chain, family.planner, speed=config.speed)
         # The margins of a leg are the controller's to use.
@@ -161,7 +182,24 @@ class _Chain:
     def motion(
         self, grasp: Grasp, index: int, rng: Rng, watch: Stopwatch
     ) -> GraspMotion | str:
-        """Plan the chain of a grasp, or say what stops it."""
+        """Plan the chain of a grasp, or say what stops it.
+
+        Where it can't be done, a shorter straight approach may still do.
+        """
+        first = ""
+        for standing_off in _stand_offs(grasp):
+            found = self._motion(standing_off, index, rng, watch)
+            if isinstance(found, GraspMotion):
+                return found
+            first = first or found
+            if watch.is_late():
+                break
+        return first
+
+    def _motion(
+        self, grasp: Grasp, index: int, rng: Rng, watch: Stopwatch
+    ) -> GraspMotion | str:
+        """Plan the chain of a grasp from its pre-grasp, or say what stops it."""
         q_now, reason = self._arm.q_present, ""
         for q_pregrasp in self._pregrasps(grasp, rng):
             legs = self._legs_from(q_pregrasp, grasp)
@@ -208,9 +246,23 @@ class _Chain:
         approach = self._leg("approach", q_pregrasp, grasp.T_base_hand)
         if isinstance(approach, str):
             return approach
-        T_base_lifted = CartesianLeg.along(approach.reached, self._config.lift).goal
+        way = _lift_of(grasp, self._config)
+        T_base_lifted = CartesianLeg.along(approach.reached, way).goal
         lift = self._leg("lift", approach.q[-1], T_base_lifted)
-        return lift if isinstance(lift, str) else (approach, lift)
+        if isinstance(lift, str):
+            return lift
+        return self._blocked(grasp, approach, lift) or (approach, lift)
+
+    def _blocked(self, grasp: Grasp, approach: LegPlan, lift: LegPlan) -> str:
+        """Say what hand or held object run into, or nothing."""
+        if self._passage is None:
+            return ""
+        fk = self._arm.chain.fk
+        fault = self._passage.approach_fault(grasp, fk(_thinned(approach)))
+        if fault:
+            return f"approach: {fault} of the way"
+        fault = self._passage.lift_fault(grasp, fk(_thinned(lift)))
+        return f"lift: {fault} of the way" if fault else ""
 
     def _leg(self, name: str, q_start: FloatArray, goal: SE3) -> LegPlan | str:
         leg = self._legs.plan(q_start, goal)
@@ -222,3 +274,43 @@ class _Chain:
             share = blocked[0] / max(1, len(leg.q) - 1)
             return f"{name}: the arm touches something after {share:.0%} of the way"
         return leg
+
+
+def _on_robot(
+    fingers: Mapping[str, float], robot: RobotModel, arm: str
+) -> dict[str, float]:
+    """Values of a hand's joints by the names that they have in the robot's file.
+
+    A robot puts the name of the hand before them; joints that it doesn't have stay out.
+    """
+    below = robot.tree.links_below(robot.arm(arm).hand)
+    names = [name for name, j in robot.tree.joints.items() if j.child in below]
+    return {
+        name: value
+        for finger, value in fingers.items()
+        for name in names
+        if name == finger or name.endswith(f"_{finger}")
+    }
+
+
+def _lift_of(grasp: Grasp, config: MotionsConfig) -> FloatArray:
+    """Way of the hand with the object [m], base frame, shape (3,)."""
+    if config.lift is not None:
+        return np.array(config.lift)
+    up = (0.0, 0.0, 1.0)
+    return _RETREAT * np.array(grasp.retreat.direction if grasp.retreat else up)
+
+
+def _stand_offs(grasp: Grasp) -> list[Grasp]:
+    """Return the grasp as it is, and with half its stand-off if that is enough."""
+    if grasp.approach_distance < 2 * _LEAST_STAND_OFF:
+        return [grasp]
+    half = 0.5 * (grasp.T_base_pregrasp.p - grasp.T_base_hand.p)
+    nearer = SE3.from_parts(p=half) @ grasp.T_base_hand
+    return [grasp, replace(grasp, T_base_pregrasp=nearer)]
+
+
+def _thinned(leg: LegPlan) -> FloatArray:
+    """Postures of a leg, a few millimetres of the hand's way apart, first and last."""
+    rows = np.arange(0, len(leg.q), _EVERY)
+    return leg.q[np.union1d(rows, len(leg.q) - 1)]

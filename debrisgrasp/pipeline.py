@@ -9,34 +9,42 @@ from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._reasons import is_ground, too_large, too_small, why_empty
+from debrisgrasp._advice import advice_on, is_poor
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp._inputs import arms_of, require_limits, robot_of
+from debrisgrasp._reasons import unfit, why_empty
+from debrisgrasp._retreat import with_retreats
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp._targets import Target, choose_targets
-from debrisgrasp.errors import ConfigError, UnknownNameError
-from debrisgrasp.geometry import (
-    Bounds,
-    PointCloud,
-)
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import Bounds, PointCloud
 from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import save_plan
-from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.perception import Perception
 from debrisgrasp.planning import (
+    Advice,
+    Grasp,
     GraspPlan,
     GraspPlanner,
     PassedOver,
     PlannerConfig,
     SearchResult,
 )
-from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, load_grippers
+from debrisgrasp.prototypes import (
+    GraspPrototype,
+    GripperModel,
+    PrototypeLibrary,
+    load_grippers,
+)
 from debrisgrasp.segmentation import (
     Candidate,
-    GroundReport,
     Segmentation,
     SegmentationConfig,
     SelectionPolicy,
     SupportAware,
 )
+from debrisgrasp.settings import Settings
 
 __all__ = ["Perception", "Pipeline", "PipelineConfig", "PlanningResult", "Progress"]
 
@@ -75,6 +83,18 @@ class PlanningResult:
     order: tuple[Candidate, ...]
     robot: RobotModel | None
     grippers: Mapping[str, GripperModel]
+    dictionary: tuple[GraspPrototype, ...] = ()
+    """The prototypes that were sought, in the order in which `Rejections` has them."""
+
+    @property
+    def object_points(self) -> FloatArray:
+        """Points of what the plan is for [m], base frame, shape (n, 3)."""
+        plan, labels = self.plan, self.segmentation.labels
+        is_own = labels == (plan.object_label or -1)
+        if not plan.object_label and plan.region is not None:
+            is_own = (labels > 0) & plan.region.contains(self.cloud.points)
+        points: FloatArray = self.cloud.points[is_own]
+        return points
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the grasps as JSON (docs/formats.md)."""
@@ -87,8 +107,8 @@ class Pipeline:
     Parameters
     ----------
     robot
-        Name of a shipped robot, the path of a robot's YAML file, or ``"none"`` to plan
-        for a floating hand (R = 1).
+        Name of a shipped robot, the path of a robot's YAML file, a robot already
+        loaded, or ``"none"`` to plan for a floating hand (R = 1).
     arm
         Use only this arm; all of the robot's arms by default.
     gripper
@@ -114,7 +134,7 @@ class Pipeline:
     def __init__(
         self,
         *,
-        robot: str = "roman",
+        robot: str | RobotModel = "roman",
         arm: str | None = None,
         gripper: str | None = None,
         prototypes: str | os.PathLike[str] | None = None,
@@ -123,14 +143,8 @@ class Pipeline:
         config: PipelineConfig | None = None,
     ) -> None:
         self.config = config or PipelineConfig()
-        if not isinstance(robot, str):
-            raise ConfigError(
-                "robot",
-                got=repr(robot),
-                expected="the name of a robot, the path of its file, or 'none'",
-            )
-        self.robot = None if robot == "none" else RobotModel.load(robot)
-        self.arms = _arms(self.robot, arm, gripper)
+        self.robot = robot_of(robot)
+        self.arms = arms_of(self.robot, arm, gripper)
         library = PrototypeLibrary.load(
             prototypes, grippers=load_grippers(grippers)
         ).select(gripper=gripper)
@@ -148,10 +162,37 @@ class Pipeline:
                 mend="`debrisgrasp prototype list` shows which hand each is for.",
             )
         self.grippers: Mapping[str, GripperModel] = library.grippers
-        openings = tuple(hand.opening_range[1] for hand in self.grippers.values())
-        self.policy = policy or SupportAware(openings=openings)
+        self.library = library
+        self.policy: SelectionPolicy = policy or SupportAware(openings=self._openings())
         self._generic = GraspPlanner(generic, self.config.planner)
-        self._library = library
+
+    @classmethod
+    def from_settings(
+        cls, settings: Settings, config: PipelineConfig | None = None
+    ) -> Pipeline:
+        """Make the pipeline of a site; the robot keeps the limits of the site.
+
+        Raises
+        ------
+        UnknownNameError, ConfigError
+            As the constructor does.
+        """
+        robot = settings.robot_model()
+        pipeline = cls(
+            robot="none" if robot is None else robot,
+            arm=settings.arm,
+            gripper=settings.gripper,
+            prototypes=settings.prototypes,
+            grippers=settings.grippers,
+            config=config,
+        )
+        pipeline.policy = settings.selection(pipeline._openings())
+        return pipeline
+
+    def _openings(self) -> tuple[float, ...]:
+        """Widest opening of each hand in use [m]."""
+        used = {prototype.gripper for prototype in self.library}
+        return tuple(self.grippers[name].opening_range[1] for name in sorted(used))
 
     def perceive(
         self, capture: Capture, *, progress: Progress | None = None
@@ -177,6 +218,8 @@ class Pipeline:
         object_label: int | None = None,
         seed: int = 0,
         deadline: float | None = None,
+        mass: float | None = None,
+        advise: bool = False,
         progress: Progress | None = None,
     ) -> PlanningResult:
         """Plan grasps on the first object of the order that offers one.
@@ -194,6 +237,11 @@ class Pipeline:
             The same seed gives the same plan.
         deadline
             Seconds after which the search settles for what it has.
+        mass
+            What the object weighs [kg]; by default bounds on it are estimated from what
+            was seen of it.
+        advise
+            Whether to work out advice for a good plan too; poor and empty ones have it.
         progress
             Called as the work goes on.
 
@@ -204,71 +252,95 @@ class Pipeline:
         UnknownNameError
             If ``object_label`` is not a label of the segmentation.
         ConfigError
-            If the seed is negative, or the deadline is not a positive time.
+            If the seed is negative, or deadline or mass are not above zero.
         """
-        _require_limits(seed, deadline)
+        require_limits(seed, deadline, mass)
         watch = Stopwatch(deadline, progress or _in_silence)
         seen = capture
         if not isinstance(seen, Perception):
             seen = self._perceive(seen, watch)
-        cloud, segmentation = seen.cloud, seen.segmentation
         with watch.stage("selection"):
             order = seen.order(self.policy)
             targets = choose_targets(
-                cloud,
-                segmentation,
+                seen.cloud,
+                seen.segmentation,
                 order,
                 region=region,
                 object_label=object_label,
                 is_marked=seen.is_marked,
                 margin=self.config.region_margin,
             )
-        result, target, passed_over = self._first_success(seen, targets, seed, watch)
-        label = 0 if target is None else target.label
-        found = () if result is None else result.grasps
-        grasps = tuple(replace(grasp, object_label=label) for grasp in found)
+        is_specific = region is not None or seen.is_marked is not None
+        planner = self._specific if is_specific else self._generic
+        result, target, passed_over = self._first_success(
+            planner, seen, targets, seed, watch, mass
+        )
+        grasps: tuple[Grasp, ...] = ()
+        advice: tuple[Advice, ...] = ()
+        if result is not None and target is not None:
+            grasps = self._grasps(planner, seen, result, target, watch)
+            if advise or is_poor(grasps):
+                advice = self._advice(planner, seen, result, target, seed, watch)
+        searched = result or SearchResult(())
         plan = GraspPlan(
             grasps=grasps,
-            object_label=label,
+            object_label=0 if target is None else target.label,
             region=None if target is None else target.region,
             robot="none" if self.robot is None else self.robot.name,
             seed=seed,
-            rejections={} if result is None else result.rejections,
+            rejections=searched.rejections,
+            ruled_out=searched.ruled_out,
             passed_over=tuple(passed_over),
-            effective_samples=0.0 if result is None else result.effective_samples,
-            why_empty=None if grasps else why_empty(segmentation, passed_over),
+            effective_samples=searched.effective_samples,
+            why_empty=None if grasps else why_empty(seen.segmentation, passed_over),
+            advice=advice,
             seconds=dict(watch.seconds),
         )
         return PlanningResult(
             plan=plan,
             capture=seen.capture,
-            cloud=cloud,
-            segmentation=segmentation,
+            cloud=seen.cloud,
+            segmentation=seen.segmentation,
             order=order,
             robot=self.robot,
             grippers=self.grippers,
+            dictionary=planner.prototypes,
         )
 
     @cached_property
     def _specific(self) -> GraspPlanner:
-        """Planner for where a mask marks an object: with object-specific prototypes."""
-        return GraspPlanner(self._library, self.config.planner)
+        """Planner for a marked object or a region: with object-specific prototypes."""
+        return GraspPlanner(self.library, self.config.planner)
+
+    @staticmethod
+    def _grasps(
+        planner: GraspPlanner,
+        seen: Perception,
+        result: SearchResult,
+        target: Target,
+        watch: Stopwatch,
+    ) -> tuple[Grasp, ...]:
+        """Grasps of a search, with their retreats and the object's label."""
+        with watch.stage("retreat"):
+            found = with_retreats(result.grasps, planner, seen.scene(target))
+        return tuple(replace(grasp, object_label=target.label) for grasp in found)
 
     def _first_success(
         self,
+        planner: GraspPlanner,
         seen: Perception,
         targets: Sequence[Target],
         seed: int,
         watch: Stopwatch,
+        mass: float | None,
     ) -> tuple[SearchResult | None, Target | None, list[PassedOver]]:
         """Try the targets in turn until one offers a grasp."""
-        planner = self._generic if seen.is_marked is None else self._specific
         passed_over: list[PassedOver] = []
         rngs = np.random.default_rng(seed).spawn(max(1, len(targets)))
         tried: tuple[SearchResult, Target] | None = None
         n_tried = 0
         for target, rng in zip(targets, rngs, strict=False):
-            reason = self._unfit(seen.cloud, target, seen.segmentation.ground)
+            reason = self._unfit(seen, target) if target.label else None
             if reason is None and n_tried == self.config.max_objects:
                 reason = f"not tried: the limit of {n_tried} objects was reached"
             if reason is None and n_tried and watch.is_late():
@@ -279,72 +351,48 @@ class Pipeline:
             n_tried += 1
             with watch.stage("scene"):
                 scene, obstacles = seen.scene(target), seen.obstacles
-            result = planner.plan(scene, self.arms, obstacles, rng=rng, watch=watch)
+            result = planner.plan(
+                scene, self.arms, obstacles, rng=rng, watch=watch, mass=mass
+            )
             if result.grasps:
                 return result, target, passed_over
             tried = tried or (result, target)
             passed_over.append(PassedOver(target.label, result.why_empty() or ""))
         return (*tried, passed_over) if tried else (None, None, passed_over)
 
-    def _unfit(
-        self, cloud: PointCloud, target: Target, ground: GroundReport
-    ) -> str | None:
+    def _unfit(self, seen: Perception, target: Target) -> str | None:
         """Why an object isn't worth a search, or None if it is."""
-        if not target.label:
-            return None
-        config, points = self.config, cloud.points[target.is_object]
-        scene, least = config.planner.scene, config.min_object_points
-        return (
-            too_small(points, scene.spacing, least)
-            or too_large(target.region, scene)
-            or is_ground(points, ground, config.segmentation.ground)
+        config, points = self.config, seen.cloud.points[target.is_object]
+        return unfit(
+            points,
+            target.region,
+            seen.segmentation.ground,
+            config.segmentation.ground,
+            config.planner.scene,
+            config.min_object_points,
         )
 
-
-def _require_limits(seed: int, deadline: float | None) -> None:
-    """Raise unless seed and deadline mean something."""
-    if seed < 0:
-        raise ConfigError("seed", got=seed, expected="an integer of 0 or more")
-    if deadline is not None and not deadline > 0:
-        raise ConfigError(
-            "deadline",
-            got=f"{deadline} s",
-            expected="a positive number of seconds, or none",
-        )
-
-
-def _arms(
-    robot: RobotModel | None, arm: str | None, gripper: str | None
-) -> tuple[ArmReach, ...]:
-    """Arms of the robot that are in use."""
-    if robot is None:
-        if arm is not None:
-            raise ConfigError(
-                "arm",
-                got=repr(arm),
-                expected="no arm, because the robot is 'none'",
-                mend="Name a robot, or choose the hand by its gripper.",
+    def _advice(
+        self,
+        planner: GraspPlanner,
+        seen: Perception,
+        result: SearchResult,
+        target: Target,
+        seed: int,
+        watch: Stopwatch,
+    ) -> tuple[Advice, ...]:
+        """Ask what would free the poses that were ruled out on a target."""
+        with watch.stage("advice"):
+            return advice_on(
+                result,
+                planner,
+                seen.scene(target),
+                self.arms,
+                seen.obstacles,
+                seen.cloud,
+                seen.segmentation.labels,
+                rng=np.random.default_rng([seed, 1]),
             )
-        return ()
-    if arm is not None and arm not in robot.arms:
-        raise UnknownNameError("arm", arm, robot.arms)
-    carried = {name: spec.gripper for name, spec in robot.arms.items()}
-    if gripper is not None and gripper not in carried.values():
-        raise UnknownNameError(
-            f"gripper of {robot.name}", gripper, sorted(carried.values())
-        )
-    if arm is not None and gripper not in (None, carried[arm]):
-        raise ConfigError(
-            f"gripper of the {arm} arm",
-            got=repr(gripper),
-            expected=f"{carried[arm]!r}, which it carries",
-            mend="Choose the arm or the gripper; one follows from the other.",
-        )
-    return tuple(
-        ArmReach(robot, name)
-        for name in carried
-        if arm in (None, name) and gripper in (None, carried[name])
-    )
 
 
 def _in_silence(_stage: str, _share: float) -> None:

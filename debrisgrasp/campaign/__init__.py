@@ -1,3 +1,63 @@
 """Layer 10: many runs, and what they say."""
 
-__all__: list[str] = []
+from .accounting import (
+    CLASS_ORDER,
+    Comparison,
+    Share,
+    Stage,
+    Tables,
+    compare,
+    stages_in_series,
+    system_reliability,
+    tabulate,
+)
+from .fake_run import run_fake
+from .intervals import Interval, jeffreys, newcombe, wilson
+from .physics_run import run_physics
+from .rates import FaultRates, Rate, random_faults
+from .record import CHECKS, CLASSES, SUCCESS, UNCLASSIFIED, RunRecord
+from .results import comparison_to_json, load_results, save_results, tables_to_json
+from .runner import Campaign, Progress, load_records
+from .specs import FAKE_TIERS, WORLDS, RunSpec, draw_specs, fake_world
+from .workers import ClusterWorkers, LocalWorkers, OwnWorkers
+
+__all__ = [
+    "CHECKS",
+    "CLASSES",
+    "CLASS_ORDER",
+    "FAKE_TIERS",
+    "SUCCESS",
+    "UNCLASSIFIED",
+    "WORLDS",
+    "Campaign",
+    "ClusterWorkers",
+    "Comparison",
+    "FaultRates",
+    "Interval",
+    "LocalWorkers",
+    "OwnWorkers",
+    "Progress",
+    "Rate",
+    "RunRecord",
+    "RunSpec",
+    "Share",
+    "Stage",
+    "Tables",
+    "compare",
+    "comparison_to_json",
+    "draw_specs",
+    "fake_world",
+    "jeffreys",
+    "load_records",
+    "load_results",
+    "newcombe",
+    "random_faults",
+    "run_fake",
+    "run_physics",
+    "save_results",
+    "stages_in_series",
+    "system_reliability",
+    "tables_to_json",
+    "tabulate",
+    "wilson",
+]

@@ -14,15 +14,13 @@ import debrisgrasp
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import (
-    CameraPose,
     Capture,
     data_path,
-    parse_camera_pose,
     save_labels,
 )
-from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.segmentation import GroundReport
+from debrisgrasp.settings import Settings
 
 from .policy_arguments import add_policy, policy_of
 from .reports import (
@@ -33,6 +31,7 @@ from .reports import (
     write_segmentation_picture,
     write_selection_report,
 )
+from .site_arguments import add_site, site_of
 from .tables import columns, plan_summary
 
 if TYPE_CHECKING:
@@ -93,7 +92,6 @@ def add_plan(subparsers: Subparsers) -> None:
     _add_capture(parser)
     parser.add_argument(
         "--robot",
-        default="roman",
         help="a shipped robot, a YAML file, or 'none' for a floating hand "
         "(default: roman)",
     )
@@ -114,9 +112,17 @@ def add_plan(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--object", type=int, metavar="N", help="seek grasps only on this object"
     )
-    parser.add_argument("--seed", type=_seed, default=0, help="default: 0")
+    parser.add_argument("--seed", type=_seed, help="default: 0")
     parser.add_argument(
         "--deadline", type=float, metavar="S", help="settle after so many seconds"
+    )
+    parser.add_argument(
+        "--mass", type=float, metavar="KG", help="what the object weighs, if known"
+    )
+    parser.add_argument(
+        "--advice",
+        action="store_true",
+        help="say what would help even where the plan is good",
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="grasps as JSON")
     parser.add_argument(
@@ -132,7 +138,8 @@ def add_plan(subparsers: Subparsers) -> None:
 
 def run_plan(arguments: argparse.Namespace) -> int:
     """Plan on the user's capture."""
-    if arguments.camera_pose == "level" and arguments.robot != "none":
+    settings = site_of(arguments)
+    if settings.camera_pose == "level" and settings.robot != "none":
         print(
             "note: the origin of the level frame is not the robot's base; joints mean "
             "nothing there, and --robot none plans for the hand alone",
@@ -146,18 +153,17 @@ def run_plan(arguments: argparse.Namespace) -> int:
             "object", got="both --object and --pick", expected="one of them"
         )
     box = arguments.region
-    result = debrisgrasp.plan(
-        _load(arguments),
-        robot=arguments.robot,
-        arm=arguments.arm,
-        gripper=arguments.gripper,
-        prototypes=arguments.prototypes,
-        grippers=arguments.grippers,
-        policy=policy_of(arguments),
+    capture = _load(arguments, settings)
+    pipeline = debrisgrasp.Pipeline.from_settings(settings)
+    pipeline.policy = policy_of(arguments, pipeline.policy)
+    result = pipeline.plan(
+        capture,
         region=None if box is None else Bounds(np.array(box[:3]), np.array(box[3:])),
         object_label=arguments.object,
-        seed=arguments.seed,
-        deadline=arguments.deadline,
+        seed=settings.seed,
+        deadline=settings.deadline,
+        mass=arguments.mass,
+        advise=arguments.advice,
         progress=None if arguments.json else _progress(),
     )
     if arguments.out:
@@ -277,7 +283,8 @@ def run_select(arguments: argparse.Namespace) -> int:
     capture = _load(arguments)
     segmentation = debrisgrasp.segment(capture)
     _tell_doubt(segmentation.ground)
-    order = debrisgrasp.select(capture, segmentation, policy_of(arguments))
+    policy = policy_of(arguments, site_of(arguments).selection())
+    order = debrisgrasp.select(capture, segmentation, policy)
     for path in arguments.report:
         write_selection_report(capture, segmentation, order, path)
     if arguments.json:
@@ -321,31 +328,15 @@ def _add_capture(parser: argparse.ArgumentParser) -> None:
         metavar=("X", "Y", "Z"),
         help="position of the sensor in the frame of a cloud, metres",
     )
+    add_site(parser)
     parser.add_argument(
         "--json", action="store_true", help="print JSON for machines instead of text"
     )
 
 
-def _load(arguments: argparse.Namespace) -> Capture:
-    pose: CameraPose | None = None
-    if arguments.camera_pose is not None:
-        pose = parse_camera_pose(arguments.camera_pose)
-    if arguments.calibration is not None:
-        if pose is not None:
-            raise ConfigError(
-                "camera pose",
-                got="both --camera-pose and --calibration",
-                expected="one of them",
-            )
-        stored = load_calibration(arguments.calibration)
-        stored.require_accepted()
-        pose = stored.T_base_camera
-    return Capture.load(
-        arguments.capture,
-        camera_pose=pose,
-        camera_file=arguments.camera_file,
-        viewpoint=arguments.viewpoint,
-    )
+def _load(arguments: argparse.Namespace, settings: Settings | None = None) -> Capture:
+    settings = settings or site_of(arguments)
+    return settings.capture(arguments.capture, viewpoint=arguments.viewpoint)
 
 
 def _seed(text: str) -> int:

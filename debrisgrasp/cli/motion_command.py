@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 import debrisgrasp
 from debrisgrasp import api
+from debrisgrasp.executable import MotionsConfig
 from debrisgrasp.io.motion_json import motion_to_dict, save_motion
 from debrisgrasp.motion import UnknownSpace
 
 from .commands import Subparsers, _add_capture, _load, _progress, _seed
 from .policy_arguments import add_policy, policy_of
 from .reports import PICTURE_FORMS, require_places
+from .site_arguments import site_of
 from .tables import columns
 
 if TYPE_CHECKING:
@@ -40,14 +42,12 @@ def add(subparsers: Subparsers) -> None:
     )
     _add_capture(parser)
     parser.add_argument(
-        "--robot",
-        default="roman",
-        help="a shipped robot or a YAML file (default: roman)",
+        "--robot", help="a shipped robot or a YAML file (default: roman)"
     )
     add_policy(parser)
     parser.add_argument("--arm", help="use only this arm")
     parser.add_argument("--object", type=int, metavar="N", help="grip this object")
-    parser.add_argument("--seed", type=_seed, default=0, help="default: 0")
+    parser.add_argument("--seed", type=_seed, help="default: 0")
     parser.add_argument(
         "--deadline", type=float, metavar="S", help="settle after so many seconds"
     )
@@ -69,21 +69,23 @@ def _run(arguments: argparse.Namespace) -> int:
     report, out = arguments.report, arguments.out
     require_places([report], PICTURE_FORMS, out, source=arguments.capture)
     progress = None if arguments.json else _progress()
-    result = debrisgrasp.plan(
-        _load(arguments),
-        robot=arguments.robot,
-        arm=arguments.arm,
-        policy=policy_of(arguments),
+    settings = site_of(arguments)
+    capture = _load(arguments, settings)
+    pipeline = debrisgrasp.Pipeline.from_settings(settings)
+    pipeline.policy = policy_of(arguments, pipeline.policy)
+    result = pipeline.plan(
+        capture,
         object_label=arguments.object,
-        seed=arguments.seed,
-        deadline=arguments.deadline,
+        seed=settings.seed,
+        deadline=settings.deadline,
         progress=progress,
     )
     found = api.plan_motion(
         result,
         unknown=_UNKNOWN[arguments.unknown],
-        seed=arguments.seed,
-        deadline=arguments.deadline,
+        config=MotionsConfig(speed=settings.limits.hand_speed),
+        seed=settings.seed,
+        deadline=settings.deadline,
         progress=progress,
     )
     chosen = found.chosen

@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-import numpy as np
-
-from debrisgrasp.segmentation import (
-    DEFAULT_POINT,
-    OperatorPick,
-    PriorityPoint,
-    SelectionPolicy,
-    SupportAware,
-)
+from debrisgrasp.segmentation import OperatorPick, SelectionPolicy
+from debrisgrasp.settings import POLICIES
 
 __all__ = ["add_policy", "policy_of"]
 
@@ -21,8 +14,7 @@ def add_policy(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that order the objects."""
     parser.add_argument(
         "--policy",
-        choices=["support", "priority"],
-        default="support",
+        choices=POLICIES,
         help="what comes first: what carries nothing and comes out freely, or what is "
         "nearest to the priority point (Eq. 1) (default: support)",
     )
@@ -30,7 +22,6 @@ def add_policy(parser: argparse.ArgumentParser) -> None:
         "--priority-point",
         nargs=3,
         type=float,
-        default=DEFAULT_POINT,
         metavar=("X", "Y", "Z"),
         help="objects near it are preferred, base frame, metres (default: 0.9 0 1)",
     )
@@ -43,15 +34,13 @@ def add_policy(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def policy_of(arguments: argparse.Namespace) -> SelectionPolicy:
-    """Policy that the arguments ask for."""
-    point = np.array(arguments.priority_point, dtype=np.float64)
-    policy: SelectionPolicy = PriorityPoint(point)
-    if arguments.policy == "support":
-        policy = SupportAware(point=point)
-    if arguments.pick is not None:
-        policy = OperatorPick(arguments.pick, policy)
-    return policy
+def policy_of(
+    arguments: argparse.Namespace, others: SelectionPolicy
+) -> SelectionPolicy:
+    """Put what the operator picks before the order of another policy."""
+    if arguments.pick is None:
+        return others
+    return OperatorPick(arguments.pick, others)
 
 
 def _pick(text: str) -> int | tuple[int, int] | tuple[float, float, float]:

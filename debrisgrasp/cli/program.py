@@ -14,11 +14,15 @@ from debrisgrasp.errors import DebrisGraspError
 
 from . import (
     calibrate_command,
+    campaign_command,
+    clear_command,
     commands,
+    doctor_command,
     ik_command,
     motion_command,
     prototype_commands,
     reach_commands,
+    view_command,
 )
 
 __all__ = ["build_parser", "run"]
@@ -65,4 +69,8 @@ def build_parser() -> argparse.ArgumentParser:
     reach_commands.add(subparsers)
     prototype_commands.add(subparsers)
     calibrate_command.add(subparsers)
+    clear_command.add(subparsers)
+    campaign_command.add(subparsers)
+    doctor_command.add(subparsers)
+    view_command.add(subparsers)
     return parser

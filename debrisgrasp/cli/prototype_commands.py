@@ -1,28 +1,42 @@
-"""The command ``prototype``: look at the dictionary, check files written by hand."""
+"""The command ``prototype``: look at the dictionary, check it, and add to it."""
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.prototypes import (
     GraspPrototype,
     PrototypeLibrary,
     check,
+    coverage,
+    duplicates,
+    half_turns,
     load_grippers,
 )
 
-from .reports import write_prototype_sheet
+from .prototype_learn import add_learn
+from .prototype_makers import add_makers
+from .reports import (
+    PICTURE_FORMS,
+    REPORT_FORMS,
+    write_coverage,
+    write_prototype_sheet,
+)
 from .tables import columns
 
 __all__ = ["add"]
 
 
 def add(subparsers: Any) -> None:
-    """Add ``prototype list|show|check``."""
-    parser = subparsers.add_parser("prototype", help="look at and check prototypes")
+    """Add ``prototype`` and its actions."""
+    parser = subparsers.add_parser(
+        "prototype", help="look at, check and make prototypes"
+    )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
 
     listing = actions.add_parser("list", help="names and sizes")
@@ -31,7 +45,11 @@ def add(subparsers: Any) -> None:
     show = actions.add_parser("show", help="picture of prototypes with their hands")
     show.add_argument("names", nargs="*", help="default: all")
     show.add_argument(
-        "--out", type=Path, default=Path("prototypes.png"), metavar="FILE"
+        "--out",
+        type=Path,
+        default=Path("prototypes.png"),
+        metavar="FILE",
+        help="picture as .png, or page as .html (default: prototypes.png)",
     )
     show.set_defaults(run=run_show)
 
@@ -41,7 +59,13 @@ def add(subparsers: Any) -> None:
     checking.add_argument("names", nargs="*", help="default: all")
     checking.set_defaults(run=run_check)
 
-    for action in (listing, show, checking):
+    covering = actions.add_parser(
+        "coverage", help="which sizes are covered, by hand and approach, and the gaps"
+    )
+    covering.add_argument("--out", type=Path, metavar="FILE", help="map as .png")
+    covering.set_defaults(run=run_coverage)
+
+    for action in (listing, show, checking, covering):
         action.add_argument(
             "--prototypes", metavar="DIR", help="folder of files (default: shipped)"
         )
@@ -49,6 +73,8 @@ def add(subparsers: Any) -> None:
             "--grippers", metavar="DIR", help="folder of files of further hands"
         )
         action.add_argument("--json", action="store_true", help="print JSON")
+    add_makers(actions)
+    add_learn(actions)
 
 
 def run_list(arguments: argparse.Namespace) -> int:
@@ -75,6 +101,7 @@ def run_list(arguments: argparse.Namespace) -> int:
 
 def run_show(arguments: argparse.Namespace) -> int:
     """Draw prototypes."""
+    _require_form(arguments.out, REPORT_FORMS)
     library = _chosen(arguments)
     write_prototype_sheet(arguments.out, library.prototypes, library.grippers)
     if arguments.json:
@@ -90,14 +117,73 @@ def run_check(arguments: argparse.Namespace) -> int:
     hands = prototypes.grippers
     findings = {p.name: check(p, hands[p.gripper]) for p in prototypes}
     n_findings = sum(len(found) for found in findings.values())
+    twins = duplicates(prototypes.prototypes, _library(arguments))
     if arguments.json:
-        print(json.dumps({n: [str(f) for f in fs] for n, fs in findings.items()}))
+        facts = {name: [str(f) for f in found] for name, found in findings.items()}
+        for pair in twins:
+            facts[pair.names[0]].append(str(pair))
+        print(json.dumps(facts))
         return 1 if n_findings else 0
     for name, found in findings.items():
         for finding in found:
             print(f"{name}: {finding}")
-    print(f"{len(prototypes)} prototypes checked, {n_findings} findings")
+    for pair in twins:
+        print(f"{pair.names[0]}: {pair}")
+    if arguments.names:
+        for prototype in prototypes:
+            turns = ", ".join(half_turns(prototype)) or "none"
+            print(f"{prototype.name}: half turns that change nothing: {turns}")
+    print(
+        f"{len(prototypes)} prototypes checked, {n_findings} findings, "
+        f"{len(twins)} near duplicates"
+    )
     return 1 if n_findings else 0
+
+
+def run_coverage(arguments: argparse.Namespace) -> int:
+    """Say which sizes the dictionary covers."""
+    if arguments.out:
+        _require_form(arguments.out, PICTURE_FORMS)
+    library = _library(arguments)
+    found = coverage(library, library.grippers)
+    if arguments.out:
+        write_coverage(arguments.out, found)
+    if arguments.json:
+        sizes = [round(float(size), 3) for size in found.sizes]
+        rows = [
+            {"hand": hand, "approach": approach, "prototypes": counts.tolist()}
+            for (hand, approach), counts in zip(found.rows, found.counts, strict=True)
+        ]
+        print(json.dumps({"sizes": sizes, "rows": rows, "gaps": list(found.gaps())}))
+        return 0
+    header = ["hand", "approach", *(f"{100 * size:.0f}" for size in found.sizes)]
+    table = [
+        [
+            hand,
+            approach,
+            *(
+                str(count) if count else "-" if usable else "."
+                for count, usable in zip(counts, in_range, strict=True)
+            ),
+        ]
+        for (hand, approach), counts, in_range in zip(
+            found.rows, found.counts, found.in_range, strict=True
+        )
+    ]
+    print(columns(header, table))
+    print("\nprototypes within 1 cm of each size [cm]; - a gap, . out of range\n")
+    for gap in found.gaps():
+        print(f"gap: {gap}")
+    if arguments.out:
+        print(f"wrote {arguments.out}")
+    return 0
+
+
+def _require_form(path: Path, forms: Sequence[str]) -> None:
+    if path.suffix.lower() not in forms:
+        raise ConfigError(
+            "--out", got=str(path), expected="a name that ends in " + " or ".join(forms)
+        )
 
 
 def _library(arguments: argparse.Namespace) -> PrototypeLibrary:

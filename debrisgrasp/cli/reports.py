@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture
-from debrisgrasp.prototypes import GraspPrototype, GripperModel
+from debrisgrasp.prototypes import CoverageMap, GraspPrototype, GripperModel, check
 from debrisgrasp.segmentation import Candidate, Segmentation, support_graph
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ __all__ = [
     "PICTURE_FORMS",
     "REPORT_FORMS",
     "require_places",
+    "write_coverage",
     "write_plan_reports",
     "write_prototype_sheet",
     "write_segmentation_picture",
@@ -127,8 +128,20 @@ def write_prototype_sheet(
     prototypes: Sequence[GraspPrototype],
     grippers: Mapping[str, GripperModel],
 ) -> None:
-    """Write a picture of prototypes, each with its hand."""
-    _drawing().prototype_png(path, prototypes, grippers)
+    """Write a picture or a page of prototypes, each with its hand."""
+    if path.suffix.lower() == ".png":
+        _drawing().prototype_png(path, prototypes, grippers)
+        return
+    findings = {
+        p.name: [str(finding) for finding in check(p, grippers[p.gripper])]
+        for p in prototypes
+    }
+    _drawing().prototypes_html(path, prototypes, grippers, findings)
+
+
+def write_coverage(path: Path, coverage: CoverageMap) -> None:
+    """Write the map of what a dictionary covers."""
+    _drawing().coverage_png(path, coverage)
 
 
 def _drawing() -> ModuleType:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from debrisgrasp.planning import GraspPlan
+from debrisgrasp.planning import GraspPlan, LoadForecast
 
 __all__ = ["columns", "plan_summary"]
 
@@ -46,6 +46,8 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
     if plan.grasps:
         where = f"object {plan.object_label}" if plan.object_label else "the region"
         lines.append(f"{len(plan.grasps)} grasps on {where}, best first:")
+        if plan.grasps[0].load is not None:
+            lines.append(plan.grasps[0].load.in_words)
         lines.append("")
         lines.append(_grasp_table(plan, limit))
     else:
@@ -55,12 +57,19 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
         lines.append("ruled out on this object:")
         ordered = sorted(plan.rejections.items(), key=lambda item: (-item[1], item[0]))
         lines.extend(f"  {count:5d}  {reason}" for reason, count in ordered)
+    if plan.advice:
+        lines += ["", "what would help:"]
+        lines.extend(f"  {advice.text}" for advice in plan.advice)
     return "\n".join(lines)
+
+
+def _load_cells(load: LoadForecast | None) -> list[str]:
+    return ["-", "-"] if load is None else [f"{load.lever:.2f}", f"{load.margin:.2g}"]
 
 
 def _grasp_table(plan: GraspPlan, limit: int) -> str:
     header = ["#", "score", "Q", "S", "C", "R", "arm", "prototype", "preshape"]
-    header += ["opening", "x", "y", "z"]
+    header += ["opening", "x", "y", "z", "lever", "margin"]
     rows = [
         [
             str(rank),
@@ -70,6 +79,7 @@ def _grasp_table(plan: GraspPlan, limit: int) -> str:
             g.preshape,
             f"{g.opening:.3f}",
             *(f"{v:.3f}" for v in g.T_base_hand.p),
+            *_load_cells(g.load),
         ]
         for rank, g in enumerate(plan.grasps[:limit], start=1)
     ]

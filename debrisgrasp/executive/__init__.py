@@ -2,6 +2,11 @@
 
 from .faults import FAULTS, Action, FaultSpec, fault_named
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
+from .record import MemoryRecord, RunRecord, StoredRun, load_run
+from .replay import Difference, differences
+from .run import Executive, Observer
+from .settings import TaskSettings
+from .simulated import Simulated, SimulatedTask
 from .states import STAGES, State
 
 __all__ = [
@@ -9,10 +14,21 @@ __all__ = [
     "STAGES",
     "Action",
     "Attempt",
+    "Difference",
+    "Executive",
     "FaultEvent",
     "FaultSpec",
+    "MemoryRecord",
+    "Observer",
     "RunEnd",
+    "RunRecord",
     "RunResult",
+    "Simulated",
+    "SimulatedTask",
     "State",
+    "StoredRun",
+    "TaskSettings",
+    "differences",
     "fault_named",
+    "load_run",
 ]

@@ -56,9 +56,11 @@ class Capture:
     rgb: NDArray[np.uint8] | None = None
     """Colours registered to the depth image or to the points, shape (..., 3)."""
     mask: BoolArray | None = None
-    """Which pixels or points belong to an object of interest."""
+    """Which pixels or points belong to an object of interest, shape (height, width) or
+    (n,)."""
     labels: IntArray | None = None
-    """Reference segmentation, one integer for each pixel or point."""
+    """Reference segmentation, one integer for each pixel or point: shape (height,
+    width) or (n,)."""
     name: str = "capture"
 
     def __post_init__(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,16 @@ from numpy.typing import ArrayLike
 from debrisgrasp._files import read_json, write_atomic
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.planning import Advice, LoadForecast, Retreat
 from debrisgrasp.planning.plan import Grasp, GraspPlan, PassedOver
 
 __all__ = ["SCHEMA", "load_plan", "plan_to_dict", "plan_to_json", "save_plan"]
 
 SCHEMA = "debrisgrasp/grasps/1"
 _DIGITS = 9
+_INTERVALS = ("mass", "force", "torque", "grip", "margins")
+_NUMBERS = ("lever", "lever_error", "tilt", "margin")
+"""Fields of a `LoadForecast`."""
 
 
 def plan_to_dict(plan: GraspPlan) -> dict[str, Any]:
@@ -41,6 +46,7 @@ def plan_to_dict(plan: GraspPlan) -> dict[str, Any]:
             {"object": passed.label, "reason": passed.reason}
             for passed in plan.passed_over
         ],
+        "advice": [_advice_to_dict(advice) for advice in plan.advice],
     }
 
 
@@ -111,7 +117,23 @@ def _grasp_to_dict(grasp: Grasp) -> dict[str, Any]:
         if joints is None
         else {name: _rounded(value) for name, value in joints.items()},
         "object": grasp.object_label,
+        "retreat": None if grasp.retreat is None else _plain(grasp.retreat),
+        "load": None if grasp.load is None else _load_to_dict(grasp.load),
     }
+
+
+def _load_to_dict(load: LoadForecast) -> dict[str, Any]:
+    numbers = {name: _rounded(getattr(load, name)) for name in _INTERVALS + _NUMBERS}
+    return {"build": load.build, **numbers, "limit": load.limit}
+
+
+def _load_from_dict(content: dict[str, Any]) -> LoadForecast:
+    values: dict[str, Any] = {name: float(content[name]) for name in _NUMBERS}
+    for name in _INTERVALS:
+        low, high = content[name]
+        values[name] = (float(low), float(high))
+    values |= {name: str(content[name]) for name in ("build", "limit")}
+    return LoadForecast(**values)
 
 
 def _plan_from_dict(content: dict[str, Any]) -> GraspPlan:
@@ -131,7 +153,40 @@ def _plan_from_dict(content: dict[str, Any]) -> GraspPlan:
         ),
         effective_samples=float(content.get("effective_samples", 0.0)),
         why_empty=content["why_empty"],
+        advice=tuple(
+            Advice(
+                kind=str(advice["kind"]),
+                text=str(advice["text"]),
+                freed=int(advice["freed"]),
+                of=int(advice["of"]),
+                change={str(k): float(v) for k, v in advice["change"].items()},
+            )
+            for advice in content.get("advice", [])
+        ),
     )
+
+
+def _plain(retreat: Retreat) -> dict[str, Any]:
+    return {name: _rounded(value) for name, value in asdict(retreat).items()}
+
+
+def _retreat_from_dict(content: dict[str, Any]) -> Retreat:
+    x, y, z = content["direction"]
+    numbers = ("overlap", "hand_free", "lift_overlap", "lift_hand_free")
+    return Retreat(
+        direction=(float(x), float(y), float(z)),
+        **{name: float(content[name]) for name in numbers},
+    )
+
+
+def _advice_to_dict(advice: Advice) -> dict[str, Any]:
+    return {
+        "kind": advice.kind,
+        "text": advice.text,
+        "freed": advice.freed,
+        "of": advice.of,
+        "change": {name: _rounded(value) for name, value in advice.change.items()},
+    }
 
 
 def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
@@ -157,6 +212,10 @@ def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
         if joints is None
         else {str(name): float(value) for name, value in joints.items()},
         object_label=int(content["object"]),
+        load=None if content.get("load") is None else _load_from_dict(content["load"]),
+        retreat=None
+        if content.get("retreat") is None
+        else _retreat_from_dict(content["retreat"]),
     )
 
 

@@ -1,11 +1,16 @@
 """Layer 3: search for grasps, Q = S R C (Eq. 2-5)."""
 
+from .advice import Advice, Situation
 from .annealing import Schedule
+from .approach import ApproachConfig
 from .clearance import ClearanceConfig
 from .config import PlannerConfig
 from .inspection import InspectionConfig
+from .ledger import Rejections
+from .load import LoadForecast
+from .mass import LoadConfig, ObjectMass
 from .obstacles import ObstacleMap
-from .plan import Grasp, GraspPlan, PassedOver
+from .plan import Grasp, GraspPlan, PassedOver, Retreat
 from .planner import GraspPlanner, SearchResult
 from .proposals import LocalMove
 from .reach import Arm, ReachAnswer
@@ -15,6 +20,8 @@ from .search import Watch
 from .similarity import SimilarityConfig
 
 __all__ = [
+    "Advice",
+    "ApproachConfig",
     "Arm",
     "ClearanceConfig",
     "Grasp",
@@ -22,15 +29,21 @@ __all__ = [
     "GraspPlanner",
     "GraspScene",
     "InspectionConfig",
+    "LoadConfig",
+    "LoadForecast",
     "LocalMove",
+    "ObjectMass",
     "ObstacleMap",
     "PassedOver",
     "PlannerConfig",
     "PoseUncertainty",
     "ReachAnswer",
+    "Rejections",
+    "Retreat",
     "SceneConfig",
     "Schedule",
     "SearchResult",
     "SimilarityConfig",
+    "Situation",
     "Watch",
 ]

@@ -51,6 +51,20 @@ class Walkers:
             np.concatenate([part.best_log_quality for part in parts]),
         )
 
+    def with_rows(self, rows: IntArray, other: Walkers) -> Walkers:
+        """Take some of the walkers from elsewhere."""
+        mine = (
+            self.Ts_base_hand,
+            self.log_quality,
+            self.best_Ts_base_hand,
+            self.best_log_quality,
+        )
+        Ts, value, best_Ts, best_value = (column.copy() for column in mine)
+        Ts[rows], value[rows] = other.Ts_base_hand[rows], other.log_quality[rows]
+        best_Ts[rows] = other.best_Ts_base_hand[rows]
+        best_value[rows] = other.best_log_quality[rows]
+        return Walkers(Ts, value, best_Ts, best_value)
+
     def __getitem__(self, kept: IntArray) -> Walkers:
         return Walkers(
             self.Ts_base_hand[kept],

@@ -9,8 +9,10 @@ from debrisgrasp._arrays import require_range
 from debrisgrasp.errors import ConfigError
 
 from .annealing import Schedule
+from .approach import ApproachConfig
 from .clearance import ClearanceConfig
 from .inspection import InspectionConfig
+from .mass import LoadConfig
 from .proposals import LocalMove
 from .robustness import PoseUncertainty
 from .scene import SceneConfig
@@ -22,12 +24,17 @@ __all__ = ["PlannerConfig"]
 _COUNTS = (
     "walkers",
     "rounds",
+    "settle_every",
     "search_points",
     "final_points",
     "refinement_sweeps",
     "max_refined",
+    "max_steadied",
+    "steadying_sweeps",
     "max_ranked",
     "n_best",
+    "n_per_hand",
+    "n_per_prototype",
 )
 
 
@@ -39,6 +46,8 @@ class PlannerConfig:
     similarity: SimilarityConfig = SimilarityConfig()
     clearance: ClearanceConfig = ClearanceConfig()
     inspection: InspectionConfig = InspectionConfig()
+    load: LoadConfig = LoadConfig()
+    approach: ApproachConfig = ApproachConfig()
     schedule: Schedule = Schedule()
     local: LocalMove = LocalMove()
     """Small steps of the annealing."""
@@ -48,6 +57,12 @@ class PlannerConfig:
     """Steps of the refinement that follows the annealing."""
     refinement_sweeps: int = 15
     """Steps offered to every distinct pose; only improvements are taken."""
+    steadying: LocalMove = LocalMove(position=(0.01, 0.002), rotation=(0.1, 0.02))
+    """Steps of what follows: the best go to where they expect the highest quality."""
+    steadying_sweeps: int = 8
+    """Steps offered to each of them; only improvements are taken."""
+    max_steadied: int = 24
+    """At most so many poses take those steps."""
     max_refined: int = 200
     """At most so many distinct poses are refined."""
     starts: int = 64
@@ -61,6 +76,9 @@ class PlannerConfig:
     """Parts of the annealing; after each only the best walkers go on."""
     survivors: float = 0.5
     """Share of the walkers that go on after a round."""
+    settle_every: int = 6
+    """Sweeps after which the best states are solved for the arms. More often keeps the
+    search closer to what can be reached, and takes longer."""
     search_points: int = 24
     """Visible points of each prototype used during the search."""
     final_points: int = 80
@@ -76,6 +94,13 @@ class PlannerConfig:
     is. 0 trusts the prototype instead."""
     n_best: int = 20
     """How many distinct grasps to return."""
+    n_per_hand: int = 1000
+    """At most so many of them of each hand."""
+    n_per_prototype: int = 1000
+    """At most so many of them of each prototype."""
+    region_size: float = 0.10
+    """Grips nearer than this [m] are in the same region of the object: the best of each
+    region is returned before the second best of any."""
     mode_distance: float = 0.03
     """Palms of one hand nearer than this [m], and within ``mode_angle``, are the same
     grasp."""
@@ -98,6 +123,7 @@ class PlannerConfig:
             )
         for name in _COUNTS:
             require_range(f"PlannerConfig.{name}", getattr(self, name), 1)
+        require_range("PlannerConfig.region_size", self.region_size, 0.0)
         require_range("PlannerConfig.starts", self.starts, self.walkers)
         require_range("PlannerConfig.alignments", self.alignments, 0)
         require_range("PlannerConfig.survivors", self.survivors, 0.01, 1.0)

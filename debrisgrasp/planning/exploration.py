@@ -11,36 +11,40 @@ from debrisgrasp._arrays import FloatArray, IntArray, Rng
 
 from .annealing import Walkers, anneal
 from .config import PlannerConfig
+from .postures import Postures, Settled
 from .proposals import GlobalMove, MixtureMove
-from .quality import GraspQuality
+from .quality import NOTHING, GraspQuality
 
-__all__ = ["climb", "explore"]
+__all__ = ["climb", "explore", "steady"]
 
 
 def explore(
     quality: GraspQuality,
+    postures: Postures,
     jump: GlobalMove,
     n_prototypes: int,
     config: PlannerConfig,
     *,
     rng: Rng,
     on_sweep: Callable[[int, Walkers], bool],
-) -> tuple[Walkers, IntArray]:
+) -> tuple[Settled, IntArray]:
     """Anneal walkers of every prototype; after each round only the best go on.
 
     Prototypes that resemble nothing in the scene show it after a few sweeps, and the
-    time goes to the others.
+    time goes to the others. Every few sweeps the best states are solved for the arms,
+    and a walker whose best is out of reach goes back to where it was before.
 
     Returns
     -------
-    walkers, prototype
+    settled, prototype
         Last state of every walker, also of those left behind, and what each places.
     """
     Ts, prototype = _starts(quality, jump, n_prototypes, config, rng)
     nothing = np.full(len(Ts), -np.inf)
     walkers = Walkers.at(Ts, quality(Ts, prototype, nothing))
+    settled = postures.unknown(Walkers.at(Ts, np.full(len(Ts), NOTHING)))
     ends = np.linspace(0, config.schedule.sweeps, config.rounds + 1).astype(int)
-    left: list[tuple[Walkers, IntArray]] = []
+    left: list[tuple[Settled, IntArray]] = []
     is_over = False
 
     def tell(index: int, state: Walkers) -> bool:
@@ -55,33 +59,40 @@ def explore(
             order = np.argsort(-walkers.best_log_quality, kind="stable")
             n_kept = max(1, round(len(order) * config.survivors))
             kept, others = order[:n_kept], order[n_kept:]
-            left.append((walkers[others], prototype[others]))
-            walkers, prototype = walkers[kept], prototype[kept]
-        walkers = anneal(
-            walkers,
-            MixtureMove(config.local, jump, prototype, config.global_share),
-            quality.of(prototype),
-            config.schedule,
-            rng=rng,
-            sweeps=range(first, last),
-            on_sweep=tell,
-        )
-    left.append((walkers, prototype))
+            left.append((settled[others], prototype[others]))
+            settled, prototype = settled[kept], prototype[kept]
+            walkers = settled.walkers
+        for sweeps in _parts(range(first, last), config.settle_every):
+            walkers = anneal(
+                walkers,
+                MixtureMove(config.local, jump, prototype, config.global_share),
+                quality.of(prototype),
+                config.schedule,
+                rng=rng,
+                sweeps=sweeps,
+                on_sweep=tell,
+            )
+            settled = postures.settled(settled, walkers, prototype)
+            walkers = settled.walkers
+            if is_over:
+                break
+    left.append((settled, prototype))
     states, places = zip(*left, strict=True)
-    return Walkers.together(states), np.concatenate(places)
+    return Settled.together(states), np.concatenate(places)
 
 
 def climb(
-    walkers: Walkers,
+    settled: Settled,
     prototype: IntArray,
     quality: GraspQuality,
+    postures: Postures,
     config: PlannerConfig,
     *,
     rng: Rng,
     on_sweep: Callable[[int, Walkers], bool],
-) -> Walkers:
+) -> Settled:
     """Take every walker to the top nearby: aligned first, then by small steps."""
-    score = quality.of(prototype)
+    score, walkers = quality.of(prototype), settled.walkers
 
     def offer(walkers: Walkers, Ts: FloatArray) -> Walkers:
         value = score(Ts, walkers.log_quality)
@@ -95,7 +106,37 @@ def climb(
         walkers = offer(walkers, step)
         if not on_sweep(index, walkers):
             break
-    return walkers
+    return postures.settled(settled, walkers, prototype)
+
+
+def steady(
+    settled: Settled,
+    prototype: IntArray,
+    score: Callable[[FloatArray, IntArray], FloatArray],
+    postures: Postures,
+    config: PlannerConfig,
+    *,
+    rng: Rng,
+) -> Settled:
+    """Take every walker to where the quality expected is highest nearby.
+
+    Parameters
+    ----------
+    score
+        Maps poses (k, 4, 4) and prototypes (k,) to the log of what is sought (k,).
+    """
+    walkers = settled.walkers
+    for index in range(config.steadying_sweeps):
+        progress = index / config.steadying_sweeps
+        Ts = config.steadying.moved(walkers.Ts_base_hand, progress, rng)
+        value = score(Ts, prototype)
+        walkers = walkers.moved(value > walkers.log_quality, Ts, value)
+    return postures.settled(settled, walkers, prototype)
+
+
+def _parts(sweeps: range, length: int) -> list[range]:
+    """Cut a range into parts of a length, the last may be shorter."""
+    return [sweeps[first : first + length] for first in range(0, len(sweeps), length)]
 
 
 def _starts(

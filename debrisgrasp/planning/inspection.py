@@ -7,7 +7,7 @@ would close on is counted by object.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -86,6 +86,24 @@ class Inspection:
             first[name] = applies & is_open
             is_open &= ~applies
         return first
+
+    def amount(self, reason: str) -> IntArray | None:
+        """How many points a reason is about, shape (k,); None if it isn't about any."""
+        counts = {
+            "the palm would hit something": self.palm_hits,
+            "an open finger would hit something": self.finger_hits,
+            "the approach is blocked": self.approach_hits,
+            "nothing is between the fingers": self.held,
+            "the fingers would be stopped before they grip": self.swept_hits,
+            "the fingers would close on something else too": self.foreign,
+        }
+        return counts.get(reason)
+
+    def with_free_approach(self, rows: IntArray) -> Inspection:
+        """Return the same counts, but nothing on the way in for some poses."""
+        hits = self.approach_hits.copy()
+        hits[rows] = 0
+        return replace(self, approach_hits=hits)
 
 
 class Inspector:

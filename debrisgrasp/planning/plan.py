@@ -7,7 +7,27 @@ from dataclasses import dataclass, field
 
 from debrisgrasp.geometry import SE3, Bounds
 
-__all__ = ["Grasp", "GraspPlan", "PassedOver"]
+from .advice import Advice
+from .ledger import Rejections
+from .load import LoadForecast
+
+__all__ = ["Grasp", "GraspPlan", "PassedOver", "Retreat"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Retreat:
+    """How the object comes out of the pile, and how far hand and object are free."""
+
+    direction: tuple[float, float, float]
+    """Unit vector in base along which the object meets the fewest neighbours."""
+    overlap: float
+    """Neighbours that it meets there over 15 cm, as a share of its own size."""
+    hand_free: float
+    """How far the hand gets along it without touching a neighbour [m]."""
+    lift_overlap: float
+    """The same as ``overlap`` for the lift straight up."""
+    lift_hand_free: float
+    """The same as ``hand_free`` for the lift straight up [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -46,6 +66,10 @@ class Grasp:
     """Joint positions [rad or m] that take the pose; None for a floating hand."""
     object_label: int = 0
     """Label of the object in the segmentation."""
+    load: LoadForecast | None = None
+    """What lifting the object will demand; None in files of earlier versions."""
+    retreat: Retreat | None = None
+    """Which way to pull; None where that was not asked."""
 
     @property
     def Q(self) -> float:
@@ -82,6 +106,8 @@ class GraspPlan:
     seed: int
     rejections: Mapping[str, int] = field(default_factory=dict)
     """How many candidate poses each reason ruled out."""
+    ruled_out: Rejections = field(default_factory=Rejections)
+    """Those poses themselves; not part of the saved plan."""
     passed_over: tuple[PassedOver, ...] = ()
     """Objects that were tried first, in order, each with its reason."""
     effective_samples: float = 0.0
@@ -89,5 +115,8 @@ class GraspPlan:
     number where many places are as good, close to 1 where one was found by luck."""
     why_empty: str | None = None
     """One sentence that says why there is no grasp; None if there is one."""
+    advice: tuple[Advice, ...] = ()
+    """What would free the poses that were ruled out, what frees most first; found where
+    the plan is empty or poor, or asked for."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Time spent in each stage; not part of the saved plan."""

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from debrisgrasp._arrays import Rng
+from debrisgrasp._arrays import FloatArray, IntArray, Rng
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import PrototypeLibrary
 
+from .advice import Advice, Advisor, Situation
+from .choice import choose, is_half_turn_symmetric
 from .config import PlannerConfig
+from .ledger import Ledger, Rejections
+from .load import GripLevers, LoadModel, Loads
+from .mass import ObjectMass
 from .plan import Grasp
 from .reach import Arm, Distance
 from .scene import GraspScene
@@ -28,6 +32,10 @@ class SearchResult:
     grasps: tuple[Grasp, ...]
     rejections: Mapping[str, int] = field(default_factory=dict)
     """How many distinct poses each reason ruled out."""
+    ruled_out: Rejections = field(default_factory=Rejections)
+    """Those poses."""
+    least_mass: float = 0.0
+    """Lower bound on the mass of the object [kg]."""
     effective_samples: float = 0.0
     """See `GraspPlan.effective_samples`."""
 
@@ -46,8 +54,19 @@ class GraspPlanner:
     """Plans with one dictionary of prototypes and the hands that carry them."""
 
     def __init__(self, library: PrototypeLibrary, config: PlannerConfig) -> None:
-        self._prototypes = tuple(library)
+        self.prototypes = tuple(library)
         self._search = GraspSearch(library, config)
+        self._advisor = Advisor(library, self._search.hands, config)
+        self._is_symmetric = np.array(
+            [
+                is_half_turn_symmetric(library.grippers[p.gripper], p.preshape)
+                for p in library
+            ]
+        )
+        self._levers = GripLevers.of(
+            [(library.grippers[p.gripper], p.preshape, p.width) for p in library],
+            config.load,
+        )
         self._config = config
 
     def plan(
@@ -58,6 +77,7 @@ class GraspPlanner:
         *,
         rng: Rng,
         watch: Watch,
+        mass: float | None = None,
     ) -> SearchResult:
         """Search the scene.
 
@@ -73,48 +93,193 @@ class GraspPlanner:
             The same generator state gives the same result.
         watch
             Told of the progress, and asked whether the search has to end early.
+        mass
+            What the object weighs [kg], if that is known.
         """
         if not len(scene.target):
             return SearchResult((), {"the object's surface has no normals": 1})
         search_rng, arm_rng = rng.spawn(2)
-        ledger: Counter[str] = Counter()
+        ledger = Ledger()
         found = self._search.run(scene, arms, watch, ledger, rng=search_rng)
         with watch.stage("reachability"):
-            grasps = self._ranked(found, arms, distance, arm_rng, ledger)
-        return SearchResult(grasps, +ledger, found.effective_samples)
+            loads = self._loads(scene, found, mass)
+            grasps = self._ranked(found, loads, arms, distance, arm_rng, ledger)
+            grasps = self._approached(scene, grasps)
+        ruled_out = ledger.closed()
+        return SearchResult(
+            grasps,
+            ruled_out.counts(),
+            ruled_out,
+            float(loads.mass[0]),
+            found.effective_samples,
+        )
+
+    def advise(self, situation: Situation, *, rng: Rng) -> tuple[Advice, ...]:
+        """Find what would have to change for the poses that a search ruled out."""
+        similarity = self._search.similarity(situation.scene)
+        return self._advisor(situation, similarity, rng=rng)
+
+    def _loads(self, scene: GraspScene, found: Modes, mass: float | None) -> Loads:
+        """Forecast what each mode has to carry."""
+        config, cloud = self._config, scene.cloud
+        what = ObjectMass.from_surface(
+            cloud.points[scene.is_target],
+            cloud.normals[scene.is_target],
+            cloud.viewpoint,
+            config.load,
+            spacing=config.scene.spacing,
+            mass=mass,
+        )
+        return LoadModel(what, config.load)(found.Ts, found.prototype, self._levers)
+
+    def retreats(
+        self,
+        scene: GraspScene,
+        grasps: Sequence[Grasp],
+        directions: FloatArray,
+        distance: float,
+    ) -> FloatArray:
+        """How far each hand gets along directions before it touches a neighbour.
+
+        Parameters
+        ----------
+        directions
+            Unit vectors in base, shape (d, 3).
+        distance
+            How far to look [m].
+
+        Returns
+        -------
+        FloatArray
+            [m], shape (k, d) for k grasps.
+        """
+        Ts, which = self._placed(grasps)
+        return self._search.ways(scene).retreats(Ts, which, directions, distance)
+
+    def _placed(self, grasps: Sequence[Grasp]) -> tuple[FloatArray, IntArray]:
+        """Poses (k, 4, 4) of grasps, and their prototypes (k,)."""
+        place = {prototype.name: i for i, prototype in enumerate(self.prototypes)}
+        Ts = [grasp.T_base_hand.matrix for grasp in grasps]
+        which = np.array([place[grasp.prototype] for grasp in grasps], dtype=np.int64)
+        return np.reshape(Ts, (-1, 4, 4)), which
+
+    def _approached(
+        self, scene: GraspScene, grasps: Sequence[Grasp]
+    ) -> tuple[Grasp, ...]:
+        """Choose for each grasp from where the hand comes."""
+        if not grasps:
+            return ()
+        Ts, which = self._placed(grasps)
+        offsets = self._search.ways(scene).approaches(Ts, which)
+        return tuple(
+            replace(
+                grasp,
+                T_base_pregrasp=SE3.from_parts(p=offset) @ grasp.T_base_hand,
+            )
+            if offset.any()
+            else grasp
+            for grasp, offset in zip(grasps, offsets, strict=True)
+        )
 
     def _ranked(
         self,
         found: Modes,
+        loads: Loads,
         arms: Sequence[Arm],
         distance: Distance,
         rng: Rng,
-        ledger: Counter[str],
+        ledger: Ledger,
     ) -> tuple[Grasp, ...]:
         """Best grasps that an arm takes, or all if there is no arm."""
-        config = self._config
-        order = np.argsort(-found.score, kind="stable")
-        if not arms:
-            return tuple(self._grasp(found, i) for i in order[: config.n_best])
+        heavy = loads.is_too_heavy
+        ledger.add(
+            "too heavy for the grip",
+            found.Ts,
+            found.prototype,
+            heavy,
+            loads.demand[:, 0],
+        )
+        rows = np.flatnonzero(~heavy)
         grasps = []
+        if not arms:
+            grasps = [self._grasp(found, loads, i) for i in rows.tolist()]
         for arm, arm_rng in zip(arms, rng.spawn(len(arms)), strict=True):
-            mine = order[self._search.gripper_of[found.prototype[order]] == arm.gripper]
-            if not len(mine):
-                continue
-            answer = arm.reach(SE3(found.Ts[mine]), distance, rng=arm_rng)
-            ledger.update(
-                f"{arm.name} arm: {reason}" for reason in answer.reasons if reason
-            )
-            for row in np.flatnonzero(answer.is_reached):
-                q = dict(zip(arm.joint_names, answer.joints[row].tolist(), strict=True))
-                grasps.append(
-                    replace(self._grasp(found, mine[row]), arm=arm.name, joints=q)
+            fits = self._search.gripper_of[found.prototype[rows]] == arm.gripper
+            if fits.any():
+                mine = rows[fits]
+                grasps += self._taken(
+                    found[mine], loads[mine], arm, distance, arm_rng, ledger
                 )
-        grasps.sort(key=lambda grasp: -grasp.score)
-        return tuple(grasps[: config.n_best])
+        return self._chosen(grasps)
 
-    def _grasp(self, found: Modes, index: int) -> Grasp:
-        prototype = self._prototypes[found.prototype[index]]
+    def _chosen(self, grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
+        """Distinct grasps, spread over the object, best first."""
+        Ts, which = self._placed(grasps)
+        places = SE3(Ts).apply(self._search.hands.grip_points[which])
+        chosen = choose(
+            Ts,
+            places,
+            [grasp.gripper for grasp in grasps],
+            [grasp.prototype for grasp in grasps],
+            self._is_symmetric[which],
+            np.array([grasp.score for grasp in grasps]),
+            self._config,
+        )
+        return tuple(grasps[i] for i in chosen)
+
+    def _taken(
+        self,
+        found: Modes,
+        loads: Loads,
+        arm: Arm,
+        distance: Distance,
+        rng: Rng,
+        ledger: Ledger,
+    ) -> list[Grasp]:
+        """Grasps that an arm takes, and can carry the object in."""
+        force, torque = arm.wrench_limits
+        loads = loads.limited(loads.weight, force, "wrist force")
+        loads = loads.limited(loads.torque, torque, "wrist torque")
+        found, loads = self._carried(found, loads, arm, ledger)
+        if not len(found.Ts):
+            return []
+        answer = arm.reach(SE3(found.Ts), distance, rng=rng)
+        reasons = np.array(answer.reasons, dtype=object)
+        for reason in dict.fromkeys(r for r in answer.reasons if r):
+            ledger.add(
+                f"{arm.name} arm: {reason}",
+                found.Ts,
+                found.prototype,
+                reasons == reason,
+            )
+        rows = np.flatnonzero(answer.is_reached)
+        found, loads, joints = found[rows], loads[rows], answer.joints[rows]
+        share = arm.effort(joints, loads.wrench)[:, None]
+        loads = loads.limited(share * loads.mass / loads.mass[1], 1.0, "joint torque")
+        kept = ~loads.is_too_heavy
+        found, loads = self._carried(found, loads, arm, ledger)
+        return [
+            replace(
+                self._grasp(found, loads, row),
+                arm=arm.name,
+                joints=dict(zip(arm.joint_names, q.tolist(), strict=True)),
+            )
+            for row, q in enumerate(joints[kept])
+        ]
+
+    @staticmethod
+    def _carried(
+        found: Modes, loads: Loads, arm: Arm, ledger: Ledger
+    ) -> tuple[Modes, Loads]:
+        """Leave out what an arm can't carry."""
+        heavy = loads.is_too_heavy
+        by = loads.demand[:, 0]
+        ledger.add(f"{arm.name} arm: too heavy", found.Ts, found.prototype, heavy, by)
+        return found[~heavy], loads[~heavy]
+
+    def _grasp(self, found: Modes, loads: Loads, index: int) -> Grasp:
+        """Record of one mode."""
+        prototype = self.prototypes[found.prototype[index]]
         T_base_hand = SE3(found.Ts[index])
         retreat = SE3.from_parts(p=(0.0, 0.0, -self._config.clearance.approach))
         return Grasp(
@@ -131,5 +296,6 @@ class GraspPlanner:
             expected=float(found.expected[index]),
             coverage=float(found.coverage[index]),
             support=int(found.support[index]),
-            score=float(found.score[index]),
+            score=float(found.expected[index] * loads.preference[index]),
+            load=loads.forecast(index),
         )

@@ -79,15 +79,16 @@ class GlobalMove:
     def sample(self, prototype: IntArray, rng: Rng) -> FloatArray:
         """Draw one pose for each of the prototypes (k,), shape (k, 4, 4).
 
-        Of a few tries each, the first whose palm doesn't face upwards is taken: a hand
-        that comes from below the object meets the ground.
+        Those whose palm faces upwards are drawn again, a few times: a hand that comes
+        from below the object meets the ground.
         """
-        k = len(prototype)
-        Ts = self._draw(np.repeat(prototype, self._tries), rng)
-        Ts = Ts.reshape(k, self._tries, 4, 4)
-        is_level = Ts[..., 2, 2] <= self._steepest_ascent
-        found: FloatArray = Ts[np.arange(k), np.argmax(is_level, axis=1)]
-        return found
+        Ts = self._draw(prototype, rng)
+        for _ in range(self._tries - 1):
+            upwards = np.flatnonzero(Ts[:, 2, 2] > self._steepest_ascent)
+            if not len(upwards):
+                break
+            Ts[upwards] = self._draw(prototype[upwards], rng)
+        return Ts
 
     def _draw(self, prototype: IntArray, rng: Rng) -> FloatArray:
         k = len(prototype)

@@ -12,10 +12,12 @@ from .annealing import LogQuality
 from .clearance import HandClearance
 from .similarity import ShapeSimilarity
 
-__all__ = ["GraspQuality"]
+__all__ = ["NOTHING", "GraspQuality"]
 
 _FLOOR = 1e-4
 """Quality of a pose that matches nothing; above zero so that a chain can leave it."""
+NOTHING = float(np.log(_FLOOR))
+"""Its log."""
 
 
 class GraspQuality:

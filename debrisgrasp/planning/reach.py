@@ -52,12 +52,24 @@ class Arm(Protocol):
         """Names of its d joints, base to tip."""
         ...
 
+    @property
+    def wrench_limits(self) -> tuple[float, float]:
+        """Largest force [N] and torque [N m] at the hand."""
+        ...
+
+    def effort(self, joints: FloatArray, wrench_hand: FloatArray) -> FloatArray:
+        """Share of the joints' torque that wrenches (k, 6) take in postures, (k,)."""
+        ...
+
     def may_reach(self, T_base_hand: SE3) -> BoolArray:
         """Tell quickly which of k palm poses are not out of reach for certain."""
         ...
 
-    def solves(self, T_base_hand: SE3, *, rng: Rng) -> BoolArray:
-        """Tell which of k palm poses have a posture at all, collision aside."""
+    def follow(self, T_base_hand: SE3, q_before: FloatArray, *, rng: Rng) -> FloatArray:
+        """Postures (k, d) of k palm poses, collision aside; NaN where there is none.
+
+        Those before, NaN where not known, are of poses close by.
+        """
         ...
 
     def reach(self, T_base_hand: SE3, distance: Distance, *, rng: Rng) -> ReachAnswer:

@@ -79,13 +79,14 @@ class GraspScene:
     """(a, b, c, d) with a x + b y + c z + d the height over the ground [m]; None where
     there is no evidence of one."""
     nearest: IntArray
-    """``field.nearest`` with `UNKNOWN_FLAG` in cells of unknown space: one lookup for
-    both."""
+    """``field.nearest`` with `UNKNOWN_FLAG` in cells of unknown space, shape (cells,):
+    one lookup for both."""
     table: Float32Array
     """Rows of ``field.table``, then 1 for a target point or 0, then padding to 32
     bytes; shape (n + 1, 8)."""
     target: IntArray
-    """Indices of target points that have a normal: where proposals may start."""
+    """Indices of target points that have a normal, shape (t,): where proposals may
+    start."""
     tangents: FloatArray
     """Unit direction in which the object runs at each of ``target``, shape (t, 3)."""
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -15,18 +14,22 @@ from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import PrototypeLibrary
 
 from .annealing import Walkers
+from .approach import Ways
 from .clearance import HandClearance
 from .config import PlannerConfig
-from .exploration import climb, explore
+from .exploration import climb, explore, steady
 from .hands import PackedHands
 from .inspection import Inspector
+from .ledger import Ledger
 from .modes import count_near, distinct
+from .postures import Postures, Settled
 from .proposals import GlobalMove
 from .quality import GraspQuality
 from .reach import Arm
 from .robustness import expected_quality
 from .scene import GraspScene
 from .similarity import ShapeSimilarity
+from .states import Candidates, Modes
 from .surfaces import VisibleSurfaces
 
 __all__ = ["Candidates", "GraspSearch", "Modes", "Watch"]
@@ -48,68 +51,6 @@ class Watch(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
-    """Poses that survive a stage of the search, one row each."""
-
-    Ts: FloatArray
-    prototype: IntArray
-    score: FloatArray
-    """Q-hat times the preference."""
-
-    @classmethod
-    def scored_by(cls, walkers: Walkers, prototype: IntArray) -> Candidates:
-        """Take the best state of every walker."""
-        value = np.exp(walkers.best_log_quality)
-        return cls(walkers.best_Ts_base_hand, prototype, value)
-
-    def __getitem__(self, keep: BoolArray | IntArray) -> Candidates:
-        return Candidates(self.Ts[keep], self.prototype[keep], self.score[keep])
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Modes:
-    """Distinct poses that passed the inspection, best score first, one row each."""
-
-    Ts: FloatArray
-    prototype: IntArray
-    S: FloatArray
-    C: FloatArray
-    coverage: FloatArray
-    """Share of the prototype's visible surface that was seen."""
-    expected: FloatArray
-    """Mean of S C over the errors of the pose."""
-    score: FloatArray
-    """What the list is sorted by."""
-    support: IntArray
-    """How many walkers ended at each."""
-    effective_samples: float = 0.0
-    """Walkers weighted by what they found; few of many is one lucky find."""
-
-    @classmethod
-    def none(cls) -> Modes:
-        """No mode at all."""
-        empty, index = np.zeros(0), np.zeros(0, dtype=np.int64)
-        return cls(
-            Ts=np.zeros((0, 4, 4)),
-            prototype=index,
-            S=empty,
-            C=empty,
-            coverage=empty,
-            expected=empty,
-            score=empty,
-            support=index,
-        )
-
-    def __getitem__(self, keep: BoolArray | IntArray) -> Modes:
-        columns = {
-            field.name: getattr(self, field.name)[keep]
-            for field in fields(self)
-            if field.name != "effective_samples"
-        }
-        return replace(self, **columns)
-
-
 class GraspSearch:
     """Searches with one dictionary of prototypes and the hands that carry them."""
 
@@ -126,12 +67,26 @@ class GraspSearch:
         """Name of the hand of each prototype, shape (p,)."""
         self._config = config
 
+    @property
+    def hands(self) -> PackedHands:
+        """The hand of each prototype."""
+        return self._hands
+
+    def similarity(self, scene: GraspScene) -> ShapeSimilarity:
+        """S of a scene, with every point that the final score uses."""
+        return ShapeSimilarity(scene, self._fine, self._config.similarity)
+
+    def ways(self, scene: GraspScene) -> Ways:
+        """Ways to and from grasps in a scene."""
+        config = self._config
+        return Ways(scene, self._hands, config.approach, config.inspection)
+
     def run(
         self,
         scene: GraspScene,
         arms: Sequence[Arm],
         watch: Watch,
-        ledger: Counter[str],
+        ledger: Ledger,
         *,
         rng: Rng,
     ) -> Modes:
@@ -142,17 +97,21 @@ class GraspSearch:
         arms
             Poses that none of them can reach for certain are not looked at.
         ledger
-            Takes the count of poses that each reason rules out.
+            Takes the poses that each reason rules out.
         """
         with watch.stage("search"):
             quality = self._quality(scene, arms)
-            states = self._explored(scene, quality, watch, rng)
-            modes = self._solved(arms, self._modes(scene, states), ledger, rng)
-            tops = self._refined(quality, modes, watch, rng)
+            asked = () if self._config.reach == "after" else arms
+            postures = Postures(asked, self.gripper_of, rng)
+            states = self._explored(scene, quality, postures, watch, rng)
+            modes = self._modes(scene, states)
+            tops = self._refined(quality, postures, modes, watch, rng)
+            tops = self._steadied(scene, postures, tops, watch, rng)
+            self._missed(scene, postures, ledger)
             if arms and not len(tops.Ts):
-                ledger["no arm gets that far"] += self._n_too_far(
-                    scene, arms, watch, rng
-                )
+                far = self._too_far(scene, arms, watch, rng)
+                every = np.ones(len(far.Ts), dtype=bool)
+                ledger.add("no arm gets that far", far.Ts, far.prototype, every)
         with watch.stage("inspection"):
             return self._inspected(scene, tops, states, ledger)
 
@@ -167,7 +126,12 @@ class GraspSearch:
         )
 
     def _explored(
-        self, scene: GraspScene, quality: GraspQuality, watch: Watch, rng: Rng
+        self,
+        scene: GraspScene,
+        quality: GraspQuality,
+        postures: Postures,
+        watch: Watch,
+        rng: Rng,
     ) -> Candidates:
         """Best state of every walker."""
 
@@ -175,44 +139,34 @@ class GraspSearch:
             watch.report("search", (index + 1) / self._config.schedule.sweeps)
             return not watch.is_late()
 
-        walkers, prototype = explore(
+        settled, prototype = explore(
             quality,
+            postures,
             GlobalMove(scene, self._packed),
             len(self.gripper_of),
             self._config,
             rng=rng,
             on_sweep=on_sweep,
         )
-        return Candidates.scored_by(walkers, prototype)
+        return Candidates.of(settled, prototype)
 
-    def _n_too_far(
+    def _too_far(
         self, scene: GraspScene, arms: Sequence[Arm], watch: Watch, rng: Rng
-    ) -> int:
-        """How many distinct poses would fit if an arm could get there."""
-        quality = self._quality(scene, ())
-        found = self._modes(scene, self._explored(scene, quality, watch, rng))
-        return int((~self._may_reach(arms, found.Ts, found.prototype)).sum())
-
-    def _solved(
-        self,
-        arms: Sequence[Arm],
-        found: Candidates,
-        ledger: Counter[str],
-        rng: Rng,
     ) -> Candidates:
-        """Keep the poses for which an arm with the right hand has a posture.
+        """Distinct poses that would fit if an arm could get there."""
+        quality = self._quality(scene, ())
+        nobody = Postures((), self.gripper_of, rng)
+        states = self._explored(scene, quality, nobody, watch, rng)
+        found = self._modes(scene, states)
+        return found[~self._may_reach(arms, found.Ts, found.prototype)]
 
-        The map lets a few through that no posture takes; here each is solved.
-        """
-        if not arms or self._config.reach == "after" or not len(found.Ts):
-            return found
-        is_solved = np.zeros(len(found.Ts), dtype=bool)
-        for arm in arms:
-            mine = np.flatnonzero(self.gripper_of[found.prototype] == arm.gripper)
-            if len(mine):
-                is_solved[mine] |= arm.solves(SE3(found.Ts[mine]), rng=rng)
-        ledger["no arm gets there"] += int((~is_solved).sum())
-        return found[is_solved]
+    def _missed(self, scene: GraspScene, postures: Postures, ledger: Ledger) -> None:
+        """Note the distinct poses that fit, but that no posture takes."""
+        Ts, prototype, value = postures.missed()
+        found = Candidates(Ts, prototype, np.exp(value), np.zeros((len(Ts), 0)))
+        found = self._modes(scene, found)
+        every = np.ones(len(found.Ts), dtype=bool)
+        ledger.add("no arm gets there", found.Ts, found.prototype, every)
 
     def _may_reach(
         self, arms: Sequence[Arm], Ts: FloatArray, prototype: IntArray
@@ -244,53 +198,101 @@ class GraspSearch:
         return found[kept]
 
     def _refined(
-        self, quality: GraspQuality, found: Candidates, watch: Watch, rng: Rng
+        self,
+        quality: GraspQuality,
+        postures: Postures,
+        found: Candidates,
+        watch: Watch,
+        rng: Rng,
     ) -> Candidates:
         """Climb from every pose to the top nearby."""
+        holds, settled = postures.completed(found.settled(), found.prototype)
+        found = found[holds]
         if not len(found.Ts):
             return found
-        walkers = climb(
-            Walkers.at(found.Ts, np.log(found.score)),
+        settled = climb(
+            settled[np.flatnonzero(holds)],
             found.prototype,
             quality,
+            postures,
             self._config,
             rng=rng,
             on_sweep=lambda _index, _walkers: not watch.is_late(),
         )
-        return Candidates.scored_by(walkers, found.prototype)
+        return Candidates.of(settled, found.prototype)
+
+    def _steadied(
+        self,
+        scene: GraspScene,
+        postures: Postures,
+        found: Candidates,
+        watch: Watch,
+        rng: Rng,
+    ) -> Candidates:
+        """Add, next to the best, poses that lose less when the hand ends up beside."""
+        if not len(found.Ts) or watch.is_late():
+            return found
+        clearance = HandClearance(scene, self._hands, self._config.clearance)
+
+        def score(Ts: FloatArray, prototype: IntArray) -> FloatArray:
+            value = self._expected(scene, clearance, Ts, prototype)
+            value *= self._lever_factor(scene, Ts, prototype)
+            return np.log(np.maximum(value, 1e-9))
+
+        most = self._config.max_steadied
+        chosen = found[np.argsort(-found.score, kind="stable")[: 4 * most]]
+        value = score(chosen.Ts, chosen.prototype)
+        best = np.argsort(-value, kind="stable")[:most]
+        chosen = chosen[best]
+        steadied = steady(
+            Settled(Walkers.at(chosen.Ts, value[best]), chosen.joints),
+            chosen.prototype,
+            score,
+            postures,
+            self._config,
+            rng=rng,
+        )
+        return Candidates.together([found, Candidates.of(steadied, chosen.prototype)])
 
     def _inspected(
         self,
         scene: GraspScene,
         found: Candidates,
         states: Candidates,
-        ledger: Counter[str],
+        ledger: Ledger,
     ) -> Modes:
         """Score with every point and the exact solids; count what falls out."""
         config = self._config
         if not len(found.Ts):
             return Modes.none()
-        similarity = ShapeSimilarity(scene, self._fine, config.similarity)
+        similarity = self.similarity(scene)
         S, coverage = (
             term.astype(np.float64) for term in similarity(found.Ts, found.prototype)
         )
         clearance = HandClearance(scene, self._hands, config.clearance)
         C = clearance.exposure(found.Ts, found.prototype)
         look = Inspector(scene, self._hands)(found.Ts, found.prototype)
+        look = self.ways(scene).relieved(look, found.Ts, found.prototype)
         ok = np.ones(len(S), dtype=bool)
         for reason, applies in look.reasons(config.inspection).items():
-            ledger[reason] += int(applies.sum())
+            by = look.amount(reason)
+            ledger.add(reason, found.Ts, found.prototype, applies, by)
             ok &= ~applies
         thickness = similarity.evidence_of_thickness(found.Ts, found.prototype)
         is_guess = ok & clearance.is_blind(found.Ts, found.prototype)
         is_guess &= thickness < config.minimum_evidence
-        ledger["the object may be thicker than what was seen of it"] += int(
-            is_guess.sum()
+        ledger.add(
+            "the object may be thicker than what was seen of it",
+            found.Ts,
+            found.prototype,
+            is_guess,
         )
         ok &= ~is_guess
         quality = S * C
         is_poor = ok & (quality < config.minimum_score)
-        ledger["the shape fits too poorly"] += int(is_poor.sum())
+        ledger.add(
+            "the shape fits too poorly", found.Ts, found.prototype, is_poor, quality
+        )
         ok &= ~is_poor
         Ts, prototype = found.Ts[ok], found.prototype[ok]
         expected = self._expected(scene, clearance, Ts, prototype)

@@ -124,15 +124,15 @@ INJECTABLE: Mapping[str, FaultKind] = {
         "world", "capture", 0.07, "m", inf, "bars with such gaps before the pile"
     ),
     "early_contact": FaultKind(
-        _S, "approach", 1e4, "N/m", inf, "a wall 8 mm ahead of the hand"
+        _S, "approach", 1e4, "N/m", inf, "a wall 8 mm ahead of the hand, 20 cm wide"
     ),
     "empty_grip": FaultKind(
         "world", "close", 0.4, "m", inf, "all bodies are suddenly so much farther away"
     ),
     "slip": FaultKind("world", "lift", 0.03, "friction", inf, "everything is as slick"),
     "too_heavy": FaultKind(
-        _S, "lift", 1.5, "of the arm's force limit", 6.0,
-        "a pull down that grows within 1 s",
+        _S, "lift", 1.5, "of the arm's force limit", inf,
+        "it is stuck: a pull down of at most this that grows by 5 N/mm",
     ),
     "object_swings": FaultKind(
         _S, "transport", 1.3, "of the arm's torque limit", 3.0, "torque at 1 Hz"
@@ -165,7 +165,8 @@ class Injection:
     """State of the task at whose first begin it is armed; None: where it usually
     shows."""
     arm: str | None = None
-    """Whose devices it strikes; None: those of all arms."""
+    """Whose devices it strikes; None: those of all arms; but only one hand, drawn,
+    loses its zero."""
     at: float | None = None
     """Seconds from there until it begins; None: as stated there."""
     severity: float | None = None
@@ -259,12 +260,15 @@ def inject(
         kind = injection.kind
         _require(robot, injection, world)
         severity = kind.severity if injection.severity is None else injection.severity
+        arm = injection.arm
+        if arm is None and injection.fault == "gripper_uninitialised":
+            arm = str(stream.choice(sorted(robot.limbs)))
         lives.append(
             Live(
                 fault=injection.fault,
                 device=kind.device,
                 state=injection.state or kind.state,
-                arm=injection.arm,
+                arm=arm,
                 at=kind.at if injection.at is None else injection.at,
                 severity=severity,
                 lasting=severity if kind.unit == "s, lasting" else kind.lasting,

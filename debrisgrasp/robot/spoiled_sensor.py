@@ -18,6 +18,14 @@ from .spoiling import Live, Spoiling
 __all__ = ["SpoiledSensor"]
 
 
+_GAP = 0.008
+"""From the hand to a wall that was not there [m]."""
+_NEAR = 0.1
+"""How far walls and what is stuck reach from the hand where they began [m]."""
+_STUCK = 5e3
+"""Stiffness of what is stuck [N/m]."""
+
+
 class SpoiledSensor(OnLine):
     """A wrist sensor that lies, or feels what nobody sees."""
 
@@ -53,7 +61,7 @@ class SpoiledSensor(OnLine):
         elif live.fault == "ratchet":
             force[2] = -live.severity * most.force * min(age / 0.5, 1.0)
         elif live.fault == "too_heavy":
-            force[2] = -live.severity * most.force * min(age, 1.0)
+            force[2] = -self._stuck(live, np.array(p), live.severity * most.force)
         elif live.fault == "object_swings":
             torque[1] = live.severity * most.torque * sin(2.0 * pi * age)
         elif live.fault == "oscillation":
@@ -67,8 +75,17 @@ class SpoiledSensor(OnLine):
     def _wall(self, live: Live, R: FloatArray, p: FloatArray) -> FloatArray:
         """Force of something that is nearer than it looked, in base, shape (3,)."""
         start, way = live.kept.setdefault(self.limb_name, (p, R[:, 2]))
-        depth = float(way @ (p - start)) - 0.008
+        ahead = float(way @ (p - start))
+        beside = float(np.linalg.norm(p - start - ahead * way))
+        depth = ahead - _GAP if beside < _NEAR and ahead < _NEAR else 0.0
         return np.asarray(-live.severity * max(depth, 0.0) * way)
+
+    def _stuck(self, live: Live, p: FloatArray, most: float) -> float:
+        """Return the pull of what does not come up with the hand [N]."""
+        start = live.kept.setdefault(self.limb_name, p)
+        beside = float(np.hypot(*(p - start)[:2]))
+        rise = float(p[2] - start[2]) if beside < _NEAR else 0.0
+        return min(_STUCK * max(rise, 0.0), most)
 
 
 def _nan(_: Live, __: str, ___: float, reading: WrenchReading) -> WrenchReading:

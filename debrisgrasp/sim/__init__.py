@@ -1,16 +1,33 @@
 """Layer 5: physics that we did not write, behind the extra ``sim`` (MuJoCo)."""
 
+from .fingers import HandPhysics
+from .flight import Flight, FlightConfig, FlownGrasp, Moment, Verdict
+from .flying import fly
 from .model import Physics, build_model
 from .piles import settled_pile
 from .settle import Contact, SettleConfig, Settled, let_fall, settle
+from .tiers import TIERS, SceneConfig, TierScene, tier_scene
+from .wrist import WristConfig
 
 __all__ = [
+    "TIERS",
     "Contact",
+    "Flight",
+    "FlightConfig",
+    "FlownGrasp",
+    "HandPhysics",
+    "Moment",
     "Physics",
+    "SceneConfig",
     "SettleConfig",
     "Settled",
+    "TierScene",
+    "Verdict",
+    "WristConfig",
     "build_model",
+    "fly",
     "let_fall",
     "settle",
     "settled_pile",
+    "tier_scene",
 ]

@@ -14,7 +14,16 @@ from debrisgrasp.worlds import Body, Ground, Hull, World, volume_and_centroid
 
 from ._mujoco import mujoco
 
-__all__ = ["Physics", "build_model", "pose_of"]
+__all__ = [
+    "Physics",
+    "build_model",
+    "compiled",
+    "numbers",
+    "placement",
+    "pose_of",
+    "primitive",
+    "world_tree",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +56,13 @@ def build_model(world: World, physics: Physics) -> Any:
     MissingExtraError
         If MuJoCo is not installed.
     """
+    return compiled(world_tree(world, physics), world)
+
+
+def world_tree(world: World, physics: Physics) -> ElementTree.Element:
+    """Describe a world in MuJoCo's language; ``worldbody`` takes further bodies."""
     root = ElementTree.Element("mujoco")
+    ElementTree.SubElement(root, "compiler", angle="radian")
     # Version 4.0.0 factorises sparse constraint Jacobians wrongly; dense is right in
     # all versions, and faster for piles of this size.
     option = ElementTree.SubElement(root, "option")
@@ -71,6 +86,11 @@ def build_model(world: World, physics: Physics) -> Any:
     _add_ground(world.ground, assets, scene)
     for body in world.bodies:
         _add_body(body, assets, scene)
+    return root
+
+
+def compiled(root: ElementTree.Element, world: World) -> Any:
+    """Compile a world, and what was added to its tree."""
     model = mujoco().MjModel.from_xml_string(ElementTree.tostring(root, "unicode"))
     if not world.ground.is_level:
         low, span = world.ground.heights.min(), np.ptp(world.ground.heights)
@@ -97,18 +117,18 @@ def _add_ground(
     half = np.array([columns - 1, rows - 1]) * ground.spacing / 2
     center = np.array(ground.origin) + half
     low, span = ground.heights.min(), np.ptp(ground.heights)
-    sizes = _numbers([*half, span, 0.5])
+    sizes = numbers([*half, span, 0.5])
     ElementTree.SubElement(
         assets, "hfield", name="ground", nrow=str(rows), ncol=str(columns), size=sizes
     )
-    geom.attrib.update(type="hfield", hfield="ground", pos=_numbers([*center, low]))
+    geom.attrib.update(type="hfield", hfield="ground", pos=numbers([*center, low]))
 
 
 def _add_body(
     body: Body, assets: ElementTree.Element, scene: ElementTree.Element
 ) -> None:
     node = ElementTree.SubElement(scene, "body", name=body.name)
-    node.attrib.update(_placement(body.T_base_body))
+    node.attrib.update(placement(body.T_base_body))
     ElementTree.SubElement(node, "freejoint")
     for number, part in enumerate(body.parts):
         volume, _ = volume_and_centroid(part)
@@ -122,31 +142,34 @@ def _add_body(
                 assets,
                 "mesh",
                 name=name,
-                vertex=_numbers(vertices.ravel()),
+                vertex=numbers(vertices.ravel()),
                 inertia="convex",
             )
             geom.attrib.update(type="mesh", mesh=name)
         else:
-            geom.attrib.update(_primitive(part))
+            geom.attrib.update(primitive(part))
         # Rolling friction costs two more constraints per contact; boxes don't roll.
         geom.set("condim", "4" if isinstance(part, Box) else "6")
 
 
-def _primitive(part: Cylinder | Capsule | Sphere) -> dict[str, str]:
+def primitive(part: Cylinder | Capsule | Sphere) -> dict[str, str]:
+    """Attributes of a geometry that MuJoCo has."""
     if isinstance(part, Sphere):
         return {
-            "type": "sphere", "size": f"{part.radius:.9g}", "pos": _numbers(part.center)
+            "type": "sphere", "size": f"{part.radius:.9g}", "pos": numbers(part.center)
         }  # fmt: skip
     return {
         "type": "cylinder" if isinstance(part, Cylinder) else "capsule",
-        "size": _numbers([part.radius, part.length / 2]),
-        **_placement(part.T_frame_solid),
+        "size": numbers([part.radius, part.length / 2]),
+        **placement(part.T_frame_solid),
     }
 
 
-def _placement(pose: SE3) -> dict[str, str]:
-    return {"pos": _numbers(pose.p), "quat": _numbers(so3.to_quat_wxyz(pose.R))}
+def placement(pose: SE3) -> dict[str, str]:
+    """Attributes that put a body or a geometry at a pose."""
+    return {"pos": numbers(pose.p), "quat": numbers(so3.to_quat_wxyz(pose.R))}
 
 
-def _numbers(values: FloatArray | list[float]) -> str:
+def numbers(values: FloatArray | list[float]) -> str:
+    """Numbers in MuJoCo's notation."""
     return " ".join(f"{value:.9g}" for value in values)

@@ -41,6 +41,7 @@ from .scene import (
 from .words import (
     doubt_line,
     headline,
+    load_rows,
     object_reason,
     passed_over_lines,
     rejection_rows,
@@ -65,6 +66,7 @@ def payload(report: Report) -> dict[str, Any]:
         "reason": object_reason(report),
         "passedOver": passed_over_lines(plan),
         "rejections": [list(row) for row in rejection_rows(plan)],
+        "advice": [advice.text for advice in plan.advice],
         "order": [[item.label, item.reason] for item in report.order],
         "chosen": plan.object_label,
         "grasps": [_grasp(grasp, rank) for rank, grasp in enumerate(plan.grasps)],
@@ -98,6 +100,7 @@ def _grasp(grasp: Grasp, rank: int) -> dict[str, Any]:
         "joints": [[name, round(value, 5)] for name, value in joints.items()],
         "hand": _hand_key(grasp),
         "arrow": _mesh(arrow),
+        "load": [list(row) for row in load_rows(grasp)],
     }
 
 

@@ -230,5 +230,12 @@ def _reasons(report: Report, most_lines: int) -> str:
     if rows:
         shares = "; ".join(f"{reason} {percent(n, total)}" for reason, n in rows[:6])
         paragraphs.append(f"Ruled out {total} candidate poses: {shares}.")
+    if plan.grasps and plan.grasps[0].load is not None:
+        load = plan.grasps[0].load
+        paragraphs.append(
+            f"Load: {load.in_words}; margin of the best {load.margin:.2g}, "
+            f"by {load.limit}."
+        )
+    paragraphs += [f"What would help: {advice.text}." for advice in plan.advice]
     text = wrapped([f"• {p}" for p in paragraphs if p], 118, max(most_lines, 1))
     return plain(text)

@@ -11,6 +11,7 @@ __all__ = [
     "doubt_line",
     "grasp_row",
     "headline",
+    "load_rows",
     "object_reason",
     "passed_over_lines",
     "percent",
@@ -75,6 +76,26 @@ def rejection_rows(plan: GraspPlan) -> list[tuple[str, int]]:
     """Reasons that ruled out candidate poses, most frequent first."""
     rows = [(reason.replace("_", " "), n) for reason, n in plan.rejections.items()]
     return sorted(rows, key=lambda row: (-row[1], row[0]))
+
+
+def load_rows(grasp: Grasp) -> list[tuple[str, str]]:
+    """Names and values of what lifting will demand; none where it is not known."""
+    load = grasp.load
+    if load is None:
+        return []
+    mass, grip, torque = (_span(v) for v in (load.mass, load.grip, load.torque))
+    return [
+        ("Object", f"{load.build}, {mass} kg"),
+        ("Lever", f"{1000 * load.lever:.0f} ± {1000 * load.lever_error:.0f} mm"),
+        ("Squeeze", f"{grip} N"),
+        ("At the wrist", f"{_span(load.force)} N, {torque} N m"),
+        ("Margin", f"{load.margin:.2g} ({_span(load.margins)}), by {load.limit}"),
+    ]
+
+
+def _span(bounds: tuple[float, float]) -> str:
+    low, high = (f"{v:.2g}" if v < 100 else f"{float(f'{v:.2g}'):.0f}" for v in bounds)
+    return low if low == high else f"{low} to {high}"
 
 
 def percent(part: int, whole: int) -> str:

@@ -17,6 +17,7 @@ from debrisgrasp.cli.program import build_parser
 from debrisgrasp.io import data_path
 from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, check
 from debrisgrasp.segmentation import SupportAware
+from debrisgrasp.settings import SiteLimits
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -68,14 +69,15 @@ def prelude(tmp_path, monkeypatch, grasps_json) -> dict[str, object]:
     """What a reader has at hand: the arrays of a capture, and files made earlier on.
 
     ``depth``, ``K`` and ``T_base_camera`` are those of the bundled capture. The working
-    folder holds it as my_capture.npz, a plan as grasps.json, and the hand and prototype
-    of docs/prototypes.md.
+    folder holds it as my_capture.npz, a plan as grasps.json, the hand and prototype of
+    docs/prototypes.md, and the site of docs/configuration.md.
     """
     monkeypatch.chdir(tmp_path)
     with np.load(data_path("captures", "pile.npz")) as archive:
         arrays = {key: archive[key] for key in ("depth", "K", "T_base_camera")}
     np.savez("my_capture.npz", **arrays)
     Path("grasps.json").write_text(grasps_json)
+    Path("site.yaml").write_text(blocks(ROOT / "docs/configuration.md", "yaml")[0])
     Path("parallel_jaw.yaml").write_text(yaml_block("prototypes.md", "parallel_jaw"))
     Path("jaw_prototypes").mkdir()
     Path("jaw_prototypes/pipe.yaml").write_text(
@@ -182,3 +184,41 @@ def test_modules_that_are_named_exist(path):
     text = path.read_text()
     for file in re.findall(r"`(data/[\w/]+(?:\.yaml|/))`", text):
         assert (ROOT / file).exists(), file
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_scripts_that_are_named_exist(path):
+    text = path.read_text()
+    for script in re.findall(r"(?:examples|docs)/[\w/]+\.py", text):
+        assert (ROOT / script).is_file(), script
+    for module in re.findall(r"python -m (tests\.benchmarks\.\w+)", text):
+        assert (ROOT / f"{module.replace('.', '/')}.py").is_file(), module
+
+
+def test_the_site_that_is_shown_is_sound(tmp_path):
+    (tmp_path / "site.yaml").write_text(
+        blocks(ROOT / "docs/configuration.md", "yaml")[0]
+    )
+    settings = debrisgrasp.Settings.load(tmp_path / "site.yaml")
+    assert settings.robot_model().limits("right").hardware.force == 100.0
+
+
+def test_fields_of_a_site_are_listed():
+    text = (ROOT / "docs/configuration.md").read_text()
+    listed = re.findall(
+        r"`([\w.]+)`", "".join(re.findall(r"^\| (`.*?) \|", text, re.M))
+    )
+    names = {item.name for item in fields(debrisgrasp.Settings)} - {"path", "limits"}
+    names |= {f"limits.{item.name}" for item in fields(SiteLimits)} | {"schema"}
+    inside = {"policy": "selection.", "priority_point": "selection."}
+    inside |= dict.fromkeys(("calibration", "camera_pose", "camera_file"), "camera.")
+    assert set(listed) == {
+        inside.get(name, "") + name.removeprefix("camera_") for name in names
+    }
+
+
+def test_every_page_is_in_the_navigation():
+    content = (ROOT / "mkdocs.yml").read_text().partition("\nnav:\n")[2]
+    pages = list(re.findall(r": ([\w/]+\.md)$", content, re.M))
+    written = (ROOT / "docs").rglob("*.md")
+    assert sorted(pages) == sorted(str(p.relative_to(ROOT / "docs")) for p in written)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from debrisgrasp.io import data_path
+from debrisgrasp.kinematics.packages import package_folders
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -18,10 +19,19 @@ TELLING = {
     "01_segment_a_pile": "1. object",
     "02_plan_and_explain": "it looks like a",
     "03_plan_a_folder": "best Q",
+    "04_another_hand": "grasps on object",
+    "05_other_arms": "ur10: ",
     "10_lift_a_beam": "hand that turns: done",
     "11_guarded_approach": "guarded: touched something",
     "12_calibrate": "ptu_tilt_joint slipped by",
     "13_reach_a_grasp": "planned: ",
+    "14_your_own_robot": "metres, not millimetres",
+    "20_ros2_node": "",  # tested in test_embedding, as is the server
+    "21_control_loop": "done after",
+    "22_depth_camera": "grasps, Q",
+    "23_plan_server": "",
+    "30_record_a_prototype": "grips object 6 with grey_part: Q",
+    "31_look_at_a_plan": "grasps; open http://localhost:",
 }
 
 
@@ -43,10 +53,34 @@ def test_every_example_is_tested():
 
 
 @pytest.mark.parametrize(
-    "name", ["01_segment_a_pile", "02_plan_and_explain", "12_calibrate"]
+    "name",
+    [
+        "01_segment_a_pile",
+        "02_plan_and_explain",
+        "04_another_hand",
+        "12_calibrate",
+        "21_control_loop",
+        "22_depth_camera",
+    ],
 )
 def test_runs_on_the_bundled_capture(name, tmp_path):
     assert TELLING[name] in run(name, cwd=tmp_path)
+
+
+def test_records_a_prototype_and_grips_with_it(tmp_path):
+    output = run("30_record_a_prototype", str(tmp_path / "p"), cwd=tmp_path)
+    assert TELLING["30_record_a_prototype"] in output
+    assert {path.name for path in (tmp_path / "p").iterdir()} == {
+        "grey_part.ply",
+        "grey_part.yaml",
+        "prototypes.html",
+    }
+
+
+def test_serves_a_plan(tmp_path):
+    pytest.importorskip("viser")
+    output = run("31_look_at_a_plan", "--once", cwd=tmp_path)
+    assert TELLING["31_look_at_a_plan"] in output
 
 
 def test_plans_a_folder(tmp_path):
@@ -81,3 +115,13 @@ def test_draws_a_leg_beside_a_planned_motion(tmp_path):
     assert TELLING["13_reach_a_grasp"] in output
     assert "straight: something is in the way" in output
     assert (tmp_path / "reach.png").stat().st_size > 20_000
+
+
+def test_other_arms_plan_on_the_same_capture(tmp_path):
+    panda = "example-robot-data/robots/panda_description"
+    if not any((folder / panda).is_dir() for folder in package_folders()):
+        pytest.skip("example-robot-data is not installed")
+    output = run("05_other_arms", cwd=tmp_path)
+    for name in ("panda", "talos", "ur10"):
+        (line,) = (line for line in output.splitlines() if line.startswith(name))
+        assert int(line.split()[1]) > 0, line

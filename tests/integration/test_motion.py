@@ -47,7 +47,7 @@ def test_same_seed_same_motion(result):
 
 
 def test_a_lift_that_no_arm_can_do_passes_every_grasp_over(result):
-    config = MotionsConfig(lift=(0.0, 0.0, 3.0), tries=1)
+    config = MotionsConfig(lift=(0.0, 0.0, 2.5), tries=1)
     found = debrisgrasp.plan_motion(result, config=config)
     assert found.chosen is None
     assert len(found.passed_over) == len(result.plan.grasps)

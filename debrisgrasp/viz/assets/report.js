@@ -27,6 +27,8 @@ function fillPage() {
   find("headline").textContent = data.headline;
   find("headline").classList.toggle("empty", !data.grasps.length);
   for (const line of [data.reason, ...data.passedOver]) if (line) find("reasons").append(make("p", line));
+  for (const line of data.advice) find("advice").append(make("li", line));
+  find("help").hidden = !data.advice.length;
 
   const body = find("grasps").tBodies[0];
   for (const grasp of data.grasps) {
@@ -76,7 +78,7 @@ function fillDetails(grasp) {
     ["Score", grasp.score.toFixed(3)], ["Q = S C R", grasp.Q.toFixed(3)],
     ["Opening", mm(grasp.opening)], ["Closed", mm(grasp.width)],
     ["Approach", `${mm(grasp.approach)}, ${down.toFixed(0)}° from down`], ["Arm", grasp.arm ?? "floating hand"],
-    ["Palm", `${place} m`],
+    ["Palm", `${place} m`], ...grasp.load,
   ];
   for (const [name, value] of rows) list.append(make("dt", name), make("dd", value));
   if (!grasp.joints.length) return;

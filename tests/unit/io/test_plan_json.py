@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.geometry import SE3, Bounds, random_rotations
 from debrisgrasp.io.plan_json import load_plan, plan_to_dict, plan_to_json, save_plan
+from debrisgrasp.planning import Advice, LoadForecast, Retreat
 from debrisgrasp.planning.plan import Grasp, GraspPlan, PassedOver
 
 
@@ -37,8 +38,28 @@ def plan(rng) -> GraspPlan:
         arm="right",
         joints={"right_arm_joint1": 0.1, "right_arm_joint2": -0.0},
         object_label=3,
+        retreat=Retreat(
+            direction=(-0.6, 0.0, 0.8),
+            overlap=0.25,
+            hand_free=0.15,
+            lift_overlap=0.5,
+            lift_hand_free=0.05,
+        ),
+        load=LoadForecast(
+            build="hollow",
+            mass=(1.5, 6.0),
+            force=(14.7, 58.9),
+            torque=(0.0, 9.25),
+            grip=(7.5, 90.0),
+            lever=0.125,
+            lever_error=0.0625,
+            tilt=0.5,
+            margin=2.5,
+            margins=(0.75, 8.0),
+            limit="wrist torque",
+        ),
     )
-    floating = replace(grasp, arm=None, joints=None, score=0.5)
+    floating = replace(grasp, arm=None, joints=None, score=0.5, load=None)
     return GraspPlan(
         grasps=(grasp, floating),
         object_label=3,
@@ -47,6 +68,15 @@ def plan(rng) -> GraspPlan:
         seed=7,
         rejections={"out of reach": 12},
         passed_over=(PassedOver(1, "no grasp above 0.5"),),
+        advice=(
+            Advice(
+                kind="base",
+                text="9 of 40 free up if the base moves back 15 cm",
+                freed=9,
+                of=40,
+                change={"x": -0.15, "y": 0.0, "yaw": 0.0},
+            ),
+        ),
         seconds={"search": 0.4},
     )
 
@@ -55,9 +85,11 @@ def test_a_plan_survives_saving(plan, tmp_path):
     save_plan(plan, tmp_path / "grasps.json")
     loaded = load_plan(tmp_path / "grasps.json")
     for field in fields(GraspPlan):
-        if field.name not in ("grasps", "region", "seconds"):
+        if field.name not in ("grasps", "region", "seconds", "ruled_out", "advice"):
             assert getattr(loaded, field.name) == getattr(plan, field.name)
     assert_allclose(loaded.region.upper, plan.region.upper)
+    (ours,), (theirs,) = loaded.advice, plan.advice
+    assert asdict(ours) == asdict(theirs)
     for ours, theirs in zip(loaded.grasps, plan.grasps, strict=True):
         for field in fields(Grasp):
             value = getattr(theirs, field.name)

@@ -166,7 +166,6 @@ def load(robot: Robot, spoiled: Robot, arm: str = "right") -> np.ndarray:
     [
         ("baseline_contact", 1.0, [15, 0, 0, 0, 0, 0]),
         ("ratchet", 1.0, [0, 0, -0.75 * 150, 0, 0, 0]),
-        ("too_heavy", 0.5, [0, 0, -0.75 * 150, 0, 0, 0]),
         ("object_swings", 0.25, [0, 0, 0, 0, 1.3 * 40, 0]),
         ("oscillation", 1 / 24, [0.3 * 150, 0, 0, 0, 0, 0]),
     ],
@@ -193,6 +192,22 @@ def test_a_wall_pushes_back_as_deep_as_the_hand_is_in_it(robot, rng):
     assert depth > 0.0
     felt = load(robot, spoiled)[:3]
     np.testing.assert_allclose(felt, -1e4 * depth * T.R[:, 2], atol=1e-6)
+
+
+def test_what_is_stuck_pulls_the_more_the_higher_the_hand_is(robot, rng):
+    spoiled = struck(robot, "too_heavy", rng=rng).robot
+    assert np.allclose(load(robot, spoiled), 0.0)
+    chain, arm = robot.model.chain("right"), robot.limbs["right"].arm
+    q = np.array(arm.q)
+    z = chain.fk(q[None])[0].p[2]
+    for size in (0.01, 0.02, -0.02):
+        grid = q + size * np.vstack([np.eye(len(q)), -np.eye(len(q))])
+        rises = chain.fk(grid).p[:, 2] - z
+        which = rises.argmax() if size > 0 else rises.argmin()
+        arm.q = grid[which].tolist()
+        pull = load(robot, spoiled)[2]
+        expected = -min(5e3 * max(rises[which], 0.0), 225.0)
+        assert pull == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_stuck_joint_brakes_within_its_limits_and_stays(robot, rng):
@@ -257,7 +272,9 @@ def test_limits_that_lie_are_narrower(robot, rng):
 
 
 def test_a_gripper_without_zero_ignores_commands_until_it_is_initialised(robot, rng):
-    spoiled = struck(robot, "gripper_uninitialised", rng=rng).robot
+    spoiled = struck(
+        robot, "gripper_uninitialised", severity=1, arm="left", rng=rng
+    ).robot
     hand, inner = spoiled.limbs["left"].gripper, robot.limbs["left"].gripper
     assert not hand.is_initialised
     hand.preshape("pinch", 0.02)
@@ -266,10 +283,16 @@ def test_a_gripper_without_zero_ignores_commands_until_it_is_initialised(robot, 
     assert hand.is_initialised
     hand.preshape("pinch", 0.02)
     assert inner.openings == (0.02,) * 3
-    other = spoiled.limbs["right"].gripper
-    assert not other.is_initialised
-    other.initialise()
-    assert other.is_initialised
+    assert spoiled.limbs["right"].gripper is robot.limbs["right"].gripper
+
+
+def test_only_one_hand_loses_its_zero_unless_told_otherwise(robot, rng):
+    lost = set()
+    for _ in range(20):
+        limbs = struck(robot, "gripper_uninitialised", rng=rng).robot.limbs
+        (name,) = (n for n, limb in limbs.items() if not limb.gripper.is_initialised)
+        lost.add(name)
+    assert lost == {"left", "right"}
 
 
 def test_a_jammed_finger_stays_while_the_others_move(robot, rng):

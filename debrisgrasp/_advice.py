@@ -1,0 +1,88 @@
+"""What to advise on a plan that came out empty or poor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from debrisgrasp._arrays import IntArray, Rng
+from debrisgrasp.geometry import Bounds, PointCloud
+from debrisgrasp.kinematics import ArmReach
+from debrisgrasp.planning import (
+    Advice,
+    Grasp,
+    GraspPlanner,
+    GraspScene,
+    ObstacleMap,
+    SearchResult,
+    Situation,
+)
+
+__all__ = ["advice_on", "is_poor"]
+
+_FEW, _WEAK = 3, 0.35
+"""Fewer grasps than this, or none whose expected quality is above, make a poor plan."""
+
+
+def is_poor(grasps: Sequence[Grasp]) -> bool:
+    """Whether a plan leaves so little choice that advice is due."""
+    good = [grasp for grasp in grasps if grasp.expected >= _WEAK]
+    return len(grasps) < _FEW or not good
+
+
+def advice_on(
+    result: SearchResult,
+    planner: GraspPlanner,
+    scene: GraspScene,
+    arms: Sequence[ArmReach],
+    obstacles: ObstacleMap,
+    cloud: PointCloud,
+    labels: IntArray,
+    *,
+    rng: Rng,
+) -> tuple[Advice, ...]:
+    """Ask what would free the poses that a search ruled out.
+
+    Parameters
+    ----------
+    scene, arms, obstacles
+        What was searched.
+    cloud, labels
+        Every measured point, and the object that each belongs to, shape (n,).
+    """
+    if not len(result.ruled_out):
+        return ()
+    situation = Situation(
+        scene=scene,
+        ruled_out=result.ruled_out,
+        arms=arms,
+        distance=obstacles,
+        owners=_owners(scene.cloud, cloud, labels),
+        footprint=_footprint(arms),
+        least_mass=result.least_mass,
+    )
+    return planner.advise(situation, rng=rng)
+
+
+def _owners(thinned: PointCloud, cloud: PointCloud, labels: IntArray) -> IntArray:
+    """Label of each point of a part of the cloud."""
+    if thinned.pixels is not None and cloud.pixels is not None:
+        of_pixel = np.zeros(int(cloud.pixels.max()) + 1, dtype=np.int64)
+        of_pixel[cloud.pixels] = labels
+        return of_pixel[thinned.pixels]
+    _, nearest = cKDTree(cloud.points).query(thinned.points)
+    return np.asarray(labels[nearest])
+
+
+def _footprint(arms: Sequence[ArmReach]) -> Bounds | None:
+    """Box around what no arm moves."""
+    if not arms:
+        return None
+    parts = arms[0].collision.body.parts
+    still = [part.solid.bounds for part in parts if not part.segment]
+    if not still:
+        return None
+    lower, upper = zip(*((b.lower, b.upper) for b in still), strict=True)
+    return Bounds(np.min(lower, axis=0), np.max(upper, axis=0))

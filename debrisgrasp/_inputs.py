@@ -1,0 +1,75 @@
+"""What a pipeline is given, checked and loaded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.kinematics import ArmReach, RobotModel
+
+__all__ = ["arms_of", "require_limits", "robot_of"]
+
+
+def robot_of(robot: str | RobotModel) -> RobotModel | None:
+    """Load a robot unless it is one; None for a floating hand."""
+    if isinstance(robot, RobotModel):
+        return robot
+    if not isinstance(robot, str):
+        raise ConfigError(
+            "robot",
+            got=repr(robot),
+            expected="the name of a robot, the path of its file, or 'none'",
+        )
+    return None if robot == "none" else RobotModel.load(robot)
+
+
+def require_limits(seed: int, deadline: float | None, mass: float | None) -> None:
+    """Raise unless seed, deadline and mass mean something."""
+    if seed < 0:
+        raise ConfigError("seed", got=seed, expected="an integer of 0 or more")
+    if deadline is not None and not deadline > 0:
+        raise ConfigError(
+            "deadline",
+            got=f"{deadline} s",
+            expected="a positive number of seconds, or none",
+        )
+    if mass is not None and not 0 < mass < np.inf:
+        raise ConfigError(
+            "mass of the object",
+            got=f"{mass} kg",
+            expected="above zero, or none where it is not known",
+        )
+
+
+def arms_of(
+    robot: RobotModel | None, arm: str | None, gripper: str | None
+) -> tuple[ArmReach, ...]:
+    """Arms of the robot that are in use."""
+    if robot is None:
+        if arm is not None:
+            raise ConfigError(
+                "arm",
+                got=repr(arm),
+                expected="no arm, because the robot is 'none'",
+                mend="Name a robot, or choose the hand by its gripper.",
+            )
+        return ()
+    if arm is not None and arm not in robot.arms:
+        raise UnknownNameError("arm", arm, robot.arms)
+    carried = {name: spec.gripper for name, spec in robot.arms.items()}
+    if gripper is not None and gripper not in carried.values():
+        raise UnknownNameError(
+            f"gripper of {robot.name}", gripper, sorted(carried.values())
+        )
+    if arm is not None and gripper not in (None, carried[arm]):
+        raise ConfigError(
+            f"gripper of the {arm} arm",
+            got=repr(gripper),
+            expected=f"{carried[arm]!r}, which it carries",
+            mend="Choose the arm or the gripper; one follows from the other.",
+        )
+    return tuple(
+        ArmReach(robot, name)
+        for name in carried
+        if arm in (None, name) and gripper in (None, carried[name])
+    )

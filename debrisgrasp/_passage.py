@@ -1,0 +1,112 @@
+"""Whether hand and held object pass by everything else on a planned way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.geometry import SE3, Solid, voxel_downsample
+from debrisgrasp.planning import Grasp
+from debrisgrasp.prototypes import GripperModel
+
+__all__ = ["Passage"]
+
+_CELL = 0.01
+"""Points of the object are thinned to one for each cell of this edge [m]."""
+_SKIN = 0.015
+"""What is so near to the object at the start is taken for the object itself [m]."""
+_DEPTH = 0.006
+"""A point so deep inside a solid is hit [m]; shallower ones are noise."""
+_MAX_HITS = 1
+"""Single points in the air are flying pixels of the sensor."""
+_NEAR = 0.006
+"""A point of the held object so near to a neighbour touches it [m]."""
+_MOST_TOUCHING = 12
+"""Points of the held object, one for each square centimetre, that may touch neighbours:
+these give way, or are skimmed by the noise of the sensor."""
+
+
+class Passage:
+    """Everything that was measured but for the object that is to be taken.
+
+    Parameters
+    ----------
+    points
+        Measured points, thinned [m], shape (n, 3).
+    object_points
+        Points of the object [m], shape (m, 3).
+    grippers
+        The hands that grasps name.
+    """
+
+    def __init__(
+        self,
+        points: FloatArray,
+        object_points: FloatArray,
+        grippers: Mapping[str, GripperModel],
+    ) -> None:
+        self._own = object_points[voxel_downsample(object_points, _CELL)]
+        away = np.full(len(points), np.inf)
+        if len(self._own) and len(points):
+            away = np.asarray(cKDTree(self._own).query(points)[0])
+        self._others = points[away > _SKIN]
+        self._tree = cKDTree(self._others)
+        self._grippers = grippers
+
+    def finger_joints(self, grasp: Grasp) -> dict[str, float]:
+        """Value of every joint of the open hand [rad or m]."""
+        gripper = self._grippers[grasp.gripper]
+        return gripper.joint_values(grasp.preshape, grasp.opening)
+
+    def approach_fault(self, grasp: Grasp, Ts_base_hand: SE3) -> str:
+        """Say where the open hand hits a neighbour on palm poses (n,), or nothing."""
+        share = self._first_hit(grasp, grasp.opening, Ts_base_hand)
+        return "" if share is None else f"the hand hits something after {share:.0%}"
+
+    def lift_fault(self, grasp: Grasp, Ts_base_hand: SE3) -> str:
+        """Say where closed hand or held object hit a neighbour, or nothing.
+
+        The object moves with the hand from the first of the palm poses (n,).
+        """
+        share = self._first_hit(grasp, grasp.width, Ts_base_hand)
+        if share is not None:
+            return f"the hand hits something after {share:.0%}"
+        if not len(self._own) or not self._tree.n:
+            return ""
+        held = Ts_base_hand[0].inverse().apply(self._own)
+        last = max(len(Ts_base_hand.matrix) - 1, 1)
+        for row in range(len(Ts_base_hand.matrix)):
+            gap = self._tree.query(
+                Ts_base_hand[row].apply(held), distance_upper_bound=_NEAR
+            )[0]
+            if np.count_nonzero(np.isfinite(gap)) > _MOST_TOUCHING:
+                return f"the held object hits something after {row / last:.0%}"
+        return ""
+
+    def _first_hit(self, grasp: Grasp, opening: float, Ts: SE3) -> float | None:
+        """Share of the way after which the hand hits something; None if it is free."""
+        gripper = self._grippers[grasp.gripper]
+        low = max(float(gripper.preshape(grasp.preshape).openings[-1]), 0.0)
+        solids = gripper.solids(grasp.preshape, max(opening, low))
+        middle, radius = _ball(solids)
+        last = max(len(Ts.matrix) - 1, 1)
+        near = self._tree.query_ball_point(Ts.apply(middle), radius)
+        for row, found in enumerate(near):
+            index = np.array(found, dtype=np.int64)
+            if len(index) <= _MAX_HITS:
+                continue
+            local = Ts[row].inverse().apply(self._others[index])
+            depth = np.min([solid.signed_distance(local) for solid in solids], axis=0)
+            if np.count_nonzero(depth < -_DEPTH) > _MAX_HITS:
+                return row / last
+        return None
+
+
+def _ball(solids: Sequence[Solid]) -> tuple[FloatArray, float]:
+    """Centre (3,) and radius of a ball around solids [m]."""
+    lower = np.min([solid.bounds.lower for solid in solids], axis=0)
+    upper = np.max([solid.bounds.upper for solid in solids], axis=0)
+    return (lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2

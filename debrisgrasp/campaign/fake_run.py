@@ -1,0 +1,200 @@
+"""One run of the whole task with the robot in memory, and what is true of it."""
+
+from __future__ import annotations
+
+import re
+import time
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp.executive import (
+    STAGES,
+    Executive,
+    RunEnd,
+    RunResult,
+    State,
+    TaskSettings,
+)
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import (
+    FakeConfig,
+    FakeRobot,
+    FakeTruth,
+    InjectedRobot,
+    fake_robot,
+    inject,
+)
+from debrisgrasp.worlds import Body
+
+from .record import SUCCESS, RunRecord
+from .specs import RunSpec, fake_world
+
+__all__ = ["run_fake"]
+
+_LEFT_AT = re.compile(r"at \((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\)")
+"""How the task names the place of an object that it leaves."""
+_DRIVE_OVER = 0.04
+"""Boards on the ground are no obstacle; all else is to be removed [m]."""
+_NEAR = 0.1
+"""A place that is nearer than this to a body's box is the body's [m]."""
+
+
+class _Watch:
+    """Hears of every state: arms faults, and ends a run that may not recover."""
+
+    def __init__(self, injected: InjectedRobot, *, recovery: bool) -> None:
+        self.reached: list[str] = []
+        self._injected, self._recovery = injected, recovery
+
+    def on_state(self, state: State) -> None:
+        """Take note of the state that begins."""
+        if state is State.RECOVER and not self._recovery:
+            # As a person would who stands beside the robot.
+            raise KeyboardInterrupt
+        self.reached.append(state.value)
+        self._injected.on_state(state.value)
+
+
+@cache
+def _pipeline() -> Pipeline:
+    """Load the planner once in each process; it remembers nothing of its runs."""
+    return Pipeline(robot="roman")
+
+
+def run_fake(spec: RunSpec) -> RunRecord:
+    """Clear a scene once, with the faults of the spec.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such tier.
+    """
+    start = time.thread_time()
+    world_rng, robot_rng, fault_rng, task_rng = np.random.default_rng(spec.seed).spawn(
+        4
+    )
+    pipeline = _pipeline()
+    model = pipeline.robot
+    assert model is not None
+    world = fake_world(spec.tier, world_rng)
+    # Only an injected fault takes the zero of a gripper.
+    fake = fake_robot(
+        model, world, rng=robot_rng, config=FakeConfig(is_initialised=True)
+    )
+    injected = inject(fake.robot, spec.faults, rng=fault_rng, world=fake)
+    watch = _Watch(injected, recovery=spec.recovery)
+    settings = TaskSettings(
+        max_removals=spec.max_removals,
+        max_attempts=spec.max_attempts,
+        drive_over=_DRIVE_OVER,
+    )
+    executive = Executive(
+        injected.robot, settings, pipeline=pipeline, observers=(watch,), rng=task_rng
+    )
+    result = executive.run()
+    return _record(
+        spec, result, fake, watch, injected, settings, time.thread_time() - start
+    )
+
+
+def _record(
+    spec: RunSpec,
+    result: RunResult,
+    fake: FakeRobot,
+    watch: _Watch,
+    injected: InjectedRobot,
+    settings: TaskSettings,
+    seconds: float,
+) -> RunRecord:
+    truth = fake.truth()
+    failure = result.fault_class
+    last = result.faults[-1] if result.faults else None
+    reached = tuple(stage.value for stage in STAGES if stage.value in watch.reached)
+    failed_stage = None
+    if failure is not None:
+        at_last = [name for name in watch.reached if name in reached]
+        is_stage = last is not None and last.state in STAGES
+        failed_stage = last.state.value if last and is_stage else at_last[-1]
+    in_the_way = [body for body in truth.world.bodies if _is_in_the_way(body, settings)]
+    overlooked = [body.name for body in in_the_way if not _is_named(body, result)]
+    is_cleared = result.end is RunEnd.CLEARED
+    is_latched = all(arm.is_stopped for arm in fake.arms.values())
+    must_stand = result.end in (RunEnd.STOPPED, RunEnd.INTERRUPTED)
+    unexpected = [e.message for e in result.faults if "unexpected" in e.values]
+    return RunRecord(
+        name=spec.name,
+        spec=spec.to_json(),
+        outcome=SUCCESS if failure is None else failure.value,
+        reached=reached,
+        failed_stage=failed_stage,
+        fault=None if failure is None or last is None else last.fault,
+        end=result.end.value,
+        faults=tuple(event.fault for event in result.faults),
+        injected=injected.happened,
+        n_objects=len(in_the_way) + len(truth.removed),
+        n_removed=len(truth.removed),
+        checks={
+            "uncaught": len(unexpected),
+            "commands_outside_limits": len(truth.violations),
+            "wrenches_above_limits": len(truth.overloads),
+            "false_cleared": int(is_cleared and bool(overlooked)),
+            "stops_not_latched": int(must_stand and not is_latched),
+        },
+        seconds=round(seconds, 3),
+        details=_details(result, truth, overlooked),
+    )
+
+
+def _details(
+    result: RunResult, truth: FakeTruth, overlooked: list[str]
+) -> dict[str, Any]:
+    """Evidence, for those who look into a run."""
+    return {
+        "faults": [
+            {
+                "state": event.state.value,
+                "fault": event.fault,
+                "action": event.action.value,
+                "message": event.message,
+            }
+            for event in result.faults
+        ],
+        "left": dict(result.left),
+        "removed": list(truth.removed),
+        "overlooked": overlooked,
+        "violations": [
+            f"{v.time:.3f} s {v.device}: {v.message}" for v in truth.violations
+        ][:5],
+        "peak_force": {k: round(v, 1) for k, v in truth.peak_force.items()},
+        "peak_torque": {k: round(v, 2) for k, v in truth.peak_torque.items()},
+        "robot_seconds": round(result.duration, 2),
+    }
+
+
+def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    corners = [solid.bounds for solid in body.solids]
+    return (
+        np.min([box.lower for box in corners], axis=0),
+        np.max([box.upper for box in corners], axis=0),
+    )
+
+
+def _is_in_the_way(body: Body, settings: TaskSettings) -> bool:
+    """Whether a body stands in the workspace, higher than what may be driven over."""
+    _, high = _box(body)
+    middle = body.T_base_body.apply(body.center_of_mass)
+    return bool(settings.bounds.contains(middle) and high[2] > settings.drive_over)
+
+
+def _is_named(body: Body, result: RunResult) -> bool:
+    """Whether the task says of a body that it stays."""
+    low, high = _box(body)
+    for words in result.left:
+        found = _LEFT_AT.search(words)
+        if found:
+            place = np.array([float(value) for value in found.groups()])
+            if (place > low - _NEAR).all() and (place < high + _NEAR).all():
+                return True
+    return False

@@ -1,0 +1,57 @@
+"""One grasp in the physics of the extra ``sim``, as a run of a campaign."""
+
+from __future__ import annotations
+
+import time
+from functools import cache
+
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.sim import Verdict
+from debrisgrasp.trials import NO_GRASP, TrialSpec, pipeline_of, run_trial
+
+from .record import SUCCESS, RunRecord
+from .specs import RunSpec
+
+__all__ = ["run_physics"]
+
+_PLANNED = ("capture", "segment", "select", "plan_grasp")
+_GRIPPED = (*_PLANNED, "plan_motion", "pregrasp", "approach", "close")
+
+
+@cache
+def _pipeline() -> Pipeline:
+    """Load the planner once in each process."""
+    return pipeline_of(TrialSpec(tier="pile", seed=0))
+
+
+def run_physics(spec: RunSpec) -> RunRecord:
+    """Try the first grasp of one scene; see `debrisgrasp.trials.run_trial`.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such tier.
+    MissingExtraError
+        If MuJoCo is not installed.
+    """
+    start = time.thread_time()
+    trial = run_trial(TrialSpec(tier=spec.tier, seed=spec.seed), _pipeline())
+    is_planned = trial.outcome != NO_GRASP
+    is_held = trial.outcome == Verdict.HELD.value
+    outcome, stage, fault = "bad_grasp", "close", trial.outcome
+    if not is_planned:
+        outcome, stage, fault = "planning", "plan_grasp", "no_grasp"
+    return RunRecord(
+        name=spec.name,
+        spec=spec.to_json(),
+        outcome=SUCCESS if is_held else outcome,
+        reached=_GRIPPED if is_planned else _PLANNED,
+        failed_stage=None if is_held else stage,
+        fault=None if is_held else fault,
+        end=trial.outcome,
+        faults=() if is_held else (fault,),
+        n_objects=1,
+        n_removed=int(is_held),
+        seconds=round(time.thread_time() - start, 3),
+        details=trial.as_dict(),
+    )

@@ -1,0 +1,172 @@
+"""What one run of a campaign leaves behind."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from debrisgrasp._files import read_json
+from debrisgrasp.control import FaultClass
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.executive import STAGES
+
+__all__ = [
+    "CHECKS",
+    "CLASSES",
+    "GRASPED_STAGE",
+    "STAGE_ORDER",
+    "SUCCESS",
+    "UNCLASSIFIED",
+    "RunRecord",
+]
+
+SUCCESS = "success"
+UNCLASSIFIED = "unclassified"
+"""Outcome of a run that ended by an exception; there must be none."""
+
+CLASSES = tuple(fault_class.value for fault_class in FaultClass)
+"""Ways to fail, by the names that the tables use."""
+
+GRASPED_STAGE = "close"
+"""A run that reached this stage got to a grasp."""
+
+CHECKS = (
+    "uncaught",
+    "commands_outside_limits",
+    "wrenches_above_limits",
+    "false_cleared",
+    "stops_not_latched",
+)
+"""What must never happen, however a run ends; counted in each run."""
+
+_SCHEMA = "debrisgrasp/campaign-run/1"
+
+STAGE_ORDER = tuple(stage.value for stage in STAGES)
+"""Stages of a removal, first to last."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRecord:
+    """One run, as its file keeps it.
+
+    Raises
+    ------
+    ConfigError
+        If the outcome is no class, or a stage is none.
+    """
+
+    name: str
+    """Of the run, unique in its campaign."""
+    spec: Mapping[str, Any]
+    """What was asked for: whatever repeats the run."""
+    outcome: str
+    """`SUCCESS`, `UNCLASSIFIED`, or the value of a `FaultClass`."""
+    reached: tuple[str, ...] = ()
+    """Stages that were begun in any attempt."""
+    failed_stage: str | None = None
+    """Where the fault that ended the run was noticed; None after a success."""
+    fault: str | None = None
+    """Name of that fault."""
+    end: str = ""
+    """How the run ended, in the words of `RunEnd`."""
+    faults: tuple[str, ...] = ()
+    """All faults that were noticed, in the order of time."""
+    injected: tuple[str, ...] = ()
+    """Faults that really came to pass of those that the spec asks for."""
+    n_objects: int = 0
+    n_removed: int = 0
+    checks: Mapping[str, int] = field(default_factory=dict)
+    """How often each of `CHECKS` was violated."""
+    seconds: float = 0.0
+    """CPU time [s]."""
+    error: str = ""
+    """Trace of the exception of an unclassified run."""
+    details: Mapping[str, Any] = field(default_factory=dict)
+    """Anything else that the run function wants to keep."""
+
+    def __post_init__(self) -> None:
+        known = (SUCCESS, UNCLASSIFIED, *CLASSES)
+        if self.outcome not in known:
+            raise ConfigError(
+                f"outcome of run {self.name}",
+                got=repr(self.outcome),
+                expected="one of " + ", ".join(known),
+            )
+        if (self.failed_stage is None) != self.is_success or (
+            self.failed_stage not in (None, *STAGE_ORDER)
+        ):
+            raise ConfigError(
+                f"failed stage of run {self.name}",
+                got=f"{self.failed_stage!r} with outcome {self.outcome!r}",
+                expected="none after a success, else one of " + ", ".join(STAGE_ORDER),
+            )
+        for name in self.checks:
+            if name not in CHECKS:
+                raise ConfigError(
+                    f"checks of run {self.name}",
+                    got=repr(name),
+                    expected="one of " + ", ".join(CHECKS),
+                )
+
+    @property
+    def is_success(self) -> bool:
+        """Whether the run did all that it was for."""
+        return self.outcome == SUCCESS
+
+    @property
+    def got_to_a_grasp(self) -> bool:
+        """Whether fingers were closed on anything."""
+        return GRASPED_STAGE in self.reached
+
+    def to_json(self) -> str:
+        """Content of the file."""
+        content: dict[str, Any] = {"schema": _SCHEMA}
+        content |= {name: getattr(self, name) for name in self.__slots__}
+        return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+    @staticmethod
+    def from_json(content: Mapping[str, Any], where: str) -> RunRecord:
+        """Read a record, or raise `ConfigError` saying what is wrong in it."""
+        if not isinstance(content, Mapping) or content.get("schema") != _SCHEMA:
+            raise ConfigError(where, got="something else", expected=f"a {_SCHEMA}")
+        names = RunRecord.__slots__
+        try:
+            values = {name: content[name] for name in names}
+            for name in ("reached", "faults", "injected"):
+                values[name] = tuple(values[name])
+            _require_kinds(values, where)
+            return RunRecord(**values)
+        except (KeyError, TypeError) as error:
+            raise ConfigError(
+                where, got=f"{type(error).__name__} {error}", expected=f"a {_SCHEMA}"
+            ) from error
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> RunRecord:
+        """Read a record's file, or raise `ConfigError`."""
+        return RunRecord.from_json(read_json(path), str(Path(path)))
+
+
+def _require_kinds(values: Mapping[str, Any], where: str) -> None:
+    """Raise `ConfigError` unless the fields that are counted can be counted."""
+    kinds = {
+        "name": str,
+        "n_objects": int,
+        "n_removed": int,
+        "seconds": (int, float),
+        "checks": Mapping,
+        "spec": Mapping,
+    }
+    for name, kind in kinds.items():
+        value = values[name]
+        is_negative = isinstance(value, int | float) and value < 0
+        if not isinstance(value, kind) or is_negative:  # type: ignore[arg-type]
+            raise ConfigError(
+                f"{where}, {name}",
+                got=repr(value),
+                expected="what a campaign writes there",
+            )

@@ -1,0 +1,157 @@
+"""What a campaign leaves for people and programs: one JSON file, and one CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from debrisgrasp._files import read_json, write_atomic
+from debrisgrasp.errors import ConfigError
+
+from .accounting import Comparison, Share, Stage, Tables, system_reliability
+from .record import CHECKS, RunRecord
+from .runner import load_records
+
+__all__ = ["comparison_to_json", "load_results", "save_results", "tables_to_json"]
+
+_SCHEMA = "debrisgrasp/campaign-results/1"
+_PLAIN = (
+    "outcome",
+    "end",
+    "failed_stage",
+    "fault",
+    "n_objects",
+    "n_removed",
+    "seconds",
+)
+
+
+def save_results(
+    folder: str | os.PathLike[str],
+    records: Sequence[RunRecord],
+    tables: Tables,
+    header: Mapping[str, Any],
+) -> tuple[Path, Path]:
+    """Write ``results.json`` and ``results.csv``; returns their paths.
+
+    Raises
+    ------
+    OutputError
+        If one can't be written.
+    """
+    place = Path(folder)
+    content = {
+        "schema": _SCHEMA,
+        "campaign": dict(header),
+        "tables": tables_to_json(tables),
+        "runs": [
+            json.loads(replace(record, details={}).to_json()) for record in records
+        ],
+    }
+    write_atomic(place / "results.json", json.dumps(content, indent=1) + "\n")
+    write_atomic(place / "results.csv", _csv(records))
+    return place / "results.json", place / "results.csv"
+
+
+def load_results(path: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
+    """Read the runs of a results file, or of the folder of a campaign.
+
+    Raises
+    ------
+    ConfigError
+        If it is neither.
+    """
+    if Path(path).is_dir():
+        return load_records(path)
+    content = read_json(path)
+    if not isinstance(content, dict) or content.get("schema") != _SCHEMA:
+        raise ConfigError(
+            str(path), got="something else", expected="results.json of a campaign"
+        )
+    runs = content.get("runs")
+    if not isinstance(runs, list):
+        raise ConfigError(f"{path}, runs", got=repr(runs), expected="a list")
+    return tuple(
+        RunRecord.from_json(entry, f"{path}, run {i + 1}")
+        for i, entry in enumerate(runs)
+    )
+
+
+def tables_to_json(tables: Tables) -> dict[str, Any]:
+    """Give the numbers of the tables as plain JSON values."""
+    system = system_reliability(tables.classes)
+    return {
+        "all_runs": {name: _share(share) for name, share in tables.of_all},
+        "runs_with_a_grasp": {name: _share(share) for name, share in tables.of_grasps},
+        "objects_removed": _share(tables.removed),
+        "classes_in_series": [_stage(stage) for stage in tables.classes],
+        "stages_in_series": [_stage(stage) for stage in tables.stages],
+        "system": None if system is None else float(system),
+        "if_never": {
+            name: None if value is None else float(value)
+            for name, value in tables.mended
+        },
+        "checks": dict(tables.checks),
+    }
+
+
+def comparison_to_json(rows: Sequence[Comparison]) -> list[dict[str, Any]]:
+    """Give a comparison as plain JSON values."""
+    return [
+        {
+            "name": row.name,
+            "old": _share(row.old),
+            "new": _share(row.new),
+            "difference": row.difference if row.old.total and row.new.total else None,
+            "interval": list(row.interval),
+            "is_clear": row.is_clear,
+        }
+        for row in rows
+    ]
+
+
+def _share(share: Share) -> dict[str, Any]:
+    value = share.value if share.total else None
+    interval = list(share.interval)
+    return {
+        "count": share.count,
+        "total": share.total,
+        "share": value,
+        "interval": interval,
+    }
+
+
+def _stage(stage: Stage) -> dict[str, Any]:
+    return {
+        "name": stage.name,
+        "reached": stage.reached,
+        "failed": stage.failed,
+        "reliability": float(stage.reliability),
+        "interval": list(stage.interval),
+    }
+
+
+def _csv(records: Sequence[RunRecord]) -> str:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    lists = ("injected", "faults")
+    writer.writerow(["run", "seed", "tier", *_PLAIN, "got_to_a_grasp", *lists, *CHECKS])
+    for record in records:
+        writer.writerow(
+            [
+                record.name,
+                record.spec.get("seed", ""),
+                record.spec.get("tier", ""),
+                *("" if (v := getattr(record, n)) is None else v for n in _PLAIN),
+                int(record.got_to_a_grasp),
+                *(" ".join(getattr(record, name)) for name in lists),
+                *(record.checks.get(name, 0) for name in CHECKS),
+            ]
+        )
+    return stream.getvalue()

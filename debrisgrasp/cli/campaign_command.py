@@ -1,0 +1,76 @@
+"""``campaign``: many runs of the task, their outcomes, and comparisons of them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from .commands import Subparsers, _seed
+
+__all__ = ["add"]
+
+
+def add(subparsers: Subparsers) -> None:
+    """Add ``campaign``."""
+    parser = subparsers.add_parser(
+        "campaign",
+        help="many seeded runs; outcome tables with intervals",
+        description="Run the task many times, with or without injected faults, and "
+        "count the outcomes. The same command goes on with an interrupted campaign.",
+    )
+    parser.add_argument("--n", type=int, default=30, help="runs (default: 30)")
+    parser.add_argument("--seed", type=_seed, default=0, help="default: 0")
+    parser.add_argument(
+        "--faults",
+        metavar="RATES",
+        help="YAML file of fault rates, the name of a shipped one, or 'random' for one "
+        "or two faults at any state of each run (default: none)",
+    )
+    parser.add_argument(
+        "--no-recovery",
+        action="store_true",
+        help="end each run at its first fault instead of answering it",
+    )
+    parser.add_argument(
+        "--world",
+        choices=("fake", "mujoco"),
+        default="fake",
+        help="robot in memory, or physics (extra 'sim') (default: fake)",
+    )
+    parser.add_argument(
+        "--tier",
+        help="kind of scene: single, few, pile, or a scene of the paper; with mujoco: "
+        "isolated, stacked, pile, ... (default: few, or pile)",
+    )
+    parser.add_argument(
+        "--max-removals", type=int, metavar="N", help="end a run after so many"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=0, help="processes (default: one for each core)"
+    )
+    parser.add_argument(
+        "--cluster", metavar="ADDRESS", help="Dask scheduler instead (extra 'cluster')"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("campaign"),
+        metavar="DIR",
+        help="records, results.json, results.csv, campaign.png (default: campaign)",
+    )
+    parser.add_argument(
+        "--compare",
+        nargs=2,
+        type=Path,
+        metavar=("OLD", "NEW"),
+        help="compare two campaigns (folders or results.json) instead of running one",
+    )
+    parser.add_argument("--json", action="store_true", help="tables for machines")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run or compare campaigns."""
+    from .campaign_running import run_campaigns  # slow to load
+
+    return run_campaigns(arguments)

@@ -1,0 +1,144 @@
+"""What ``campaign`` does: run or compare campaigns, and show their tables."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import debrisgrasp
+from debrisgrasp._arrays import Rng
+from debrisgrasp._files import data_path
+from debrisgrasp.campaign import (
+    FAKE_TIERS,
+    Campaign,
+    ClusterWorkers,
+    FaultRates,
+    LocalWorkers,
+    Progress,
+    RunRecord,
+    compare,
+    comparison_to_json,
+    draw_specs,
+    load_results,
+    random_faults,
+    run_fake,
+    run_physics,
+    save_results,
+    tables_to_json,
+    tabulate,
+)
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.robot import Injection
+from debrisgrasp.sim import TIERS
+
+from .campaign_text import comparison_text, draw_tables, tables_text
+
+__all__ = ["run_campaigns"]
+
+_INTERRUPTED = 130
+_RANDOM = "random"
+
+
+def run_campaigns(arguments: argparse.Namespace) -> int:
+    """Run or compare campaigns; 1 if something happened that never must."""
+    if arguments.compare is not None:
+        return _compare(*arguments.compare, as_json=arguments.json)
+    campaign = _campaign(arguments)
+    workers = (
+        LocalWorkers(arguments.workers)
+        if arguments.cluster is None
+        else ClusterWorkers(arguments.cluster)
+    )
+    try:
+        records = campaign.run(workers, on_progress=_show)
+    except KeyboardInterrupt:
+        done = len(campaign.finished())
+        words = f"interrupted: {done} of {len(campaign.specs)} runs are done in "
+        words += f"{campaign.folder}; the same command goes on"
+        print(f"\n{words}", file=sys.stderr)
+        return _INTERRUPTED
+    tables = tabulate(records)
+    paths = save_results(campaign.folder, records, tables, campaign.header)
+    picture = campaign.folder / "campaign.png"
+    faults = arguments.faults or "no injected faults"
+    note = f"{len(records)} runs, tier {campaign.header['tier']}, {faults}, "
+    note += f"seed {arguments.seed}; bars: share, lines: 95 % Wilson intervals"
+    draw_tables(picture, "Campaign", note, tables)
+    if arguments.json:
+        print(json.dumps(tables_to_json(tables)))
+    else:
+        print(tables_text(tables))
+        _print_failures(records)
+        print("\nwrote " + ", ".join(str(path) for path in (*paths, picture)))
+    return int(any(count for _, count in tables.checks))
+
+
+def _campaign(arguments: argparse.Namespace) -> Campaign:
+    known = {"fake": tuple(FAKE_TIERS), "mujoco": tuple(TIERS)}[arguments.world]
+    tier = arguments.tier or {"fake": "few", "mujoco": "pile"}[arguments.world]
+    if tier not in known:
+        raise UnknownNameError(f"tier of world {arguments.world}", tier, known)
+    if arguments.world != "fake" and (arguments.faults or arguments.no_recovery):
+        raise ConfigError(
+            "--faults, --no-recovery",
+            got=f"with --world {arguments.world}",
+            expected="--world fake",
+            mend="Only the robot in memory can be struck by faults.",
+        )
+    common: dict[str, Any] = {
+        "seed": arguments.seed,
+        "world": arguments.world,
+        "tier": tier,
+        "recovery": not arguments.no_recovery,
+        "max_removals": arguments.max_removals,
+    }
+    source = _faults(arguments.faults)
+    header = {**common, "version": debrisgrasp.__version__, "faults": arguments.faults}
+    return Campaign(
+        specs=draw_specs(arguments.n, faults=source, **common),
+        run_one=run_fake if arguments.world == "fake" else run_physics,
+        folder=arguments.out,
+        header=header,
+    )
+
+
+def _faults(name: str | None) -> Callable[[Rng], tuple[Injection, ...]] | None:
+    if name is None:
+        return None
+    if name == _RANDOM:
+        return random_faults
+    shipped = data_path("campaigns", f"{name}.yaml")
+    return FaultRates.load(shipped if shipped.is_file() else name).drawn
+
+
+def _compare(old: Path, new: Path, *, as_json: bool) -> int:
+    rows = compare(tabulate(load_results(old)), tabulate(load_results(new)))
+    if as_json:
+        print(json.dumps(comparison_to_json(rows)))
+    else:
+        print(comparison_text(rows))
+    return 0
+
+
+def _show(progress: Progress) -> None:
+    """Keep one line of the terminal up to date, if there is one."""
+    if not sys.stderr.isatty():
+        return
+    latest = "" if progress.latest is None else progress.latest.outcome
+    end = "\n" if progress.done == progress.total else ""
+    line = f"\r{progress.done} of {progress.total} runs  {latest:<24}"
+    print(line, end=end, file=sys.stderr, flush=True)
+
+
+def _print_failures(records: tuple[RunRecord, ...]) -> None:
+    """Name the runs that did what must never happen, so that they can be repeated."""
+    for record in records:
+        broken = [f"{count} {name}" for name, count in record.checks.items() if count]
+        if record.error:
+            broken.append(record.error.strip().splitlines()[-1])
+        if broken:
+            print(f"run {record.name}: {'; '.join(broken)}")

@@ -1,0 +1,151 @@
+"""Tables of a campaign, for the terminal and as a picture."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from debrisgrasp.campaign import (
+    Comparison,
+    Share,
+    Stage,
+    Tables,
+    system_reliability,
+)
+from debrisgrasp.viz.campaign import Bar, campaign_png
+
+from .tables import columns
+
+__all__ = ["comparison_text", "draw_tables", "tables_text"]
+
+
+def tables_text(tables: Tables) -> str:
+    """Outcomes with both denominators, stages, what mending buys, and the checks."""
+    return "\n\n".join(
+        [
+            _outcomes(tables),
+            _series(tables),
+            _stages(tables.stages),
+            _checks(tables),
+        ]
+    )
+
+
+def _outcomes(tables: Tables) -> str:
+    rows = [
+        [
+            name.replace("_", " "),
+            str(share.count),
+            *_percent(share),
+            str(grasped.count),
+            *_percent(grasped),
+        ]
+        for (name, share), (_, grasped) in zip(
+            tables.of_all, tables.of_grasps, strict=True
+        )
+    ]
+    all_runs, grasps = tables.success.total, tables.grasp_success.total
+    header = ["outcome", "runs", f"% of {all_runs}", "95 %"]
+    header += ["with a grasp", f"% of {grasps}", "95 % "]
+    removed = tables.removed
+    share, interval = _percent(removed)
+    words = f"objects removed: {removed.count} of {removed.total}"
+    if removed.total:
+        words += f", {share} % ({interval})"
+    return f"{columns(header, rows)}\n\n{words}"
+
+
+def _series(tables: Tables) -> str:
+    """Classes in series, each with what it would buy to mend it."""
+    system = system_reliability(tables.classes)
+    assert system is not None
+    rows = []
+    for stage, (_, mended) in zip(tables.classes, tables.mended, strict=True):
+        gain = "?" if mended is None else f"{100 * float(mended):.1f}"
+        rows.append([*_row(stage), gain])
+    header = ["class in series", "reached", "failed", "r %", "95 %", "success if never"]
+    return (
+        f"{columns(header, rows)}\n"
+        f"product of all r: {100 * float(system):.2f} % = "
+        f"{tables.success.count} of {tables.success.total}"
+    )
+
+
+def _stages(stages: Sequence[Stage]) -> str:
+    rows = [_row(stage) for stage in stages if stage.failed]
+    if not rows:
+        return "no run ended in any stage"
+    return columns(["stage of the task", "reached", "failed", "r %", "95 %"], rows)
+
+
+def _row(stage: Stage) -> list[str]:
+    passed = Share(stage.reached - stage.failed, stage.reached)
+    name = stage.name.replace("_", " ")
+    return [name, str(stage.reached), str(stage.failed), *_percent(passed)]
+
+
+def _checks(tables: Tables) -> str:
+    rows = [[name.replace("_", " "), str(count)] for name, count in tables.checks]
+    return columns(["must be 0", "count"], rows)
+
+
+def _percent(share: Share) -> tuple[str, str]:
+    if not share.total:
+        return "-", "-"
+    low, high = share.interval
+    return f"{100 * share.value:.1f}", f"{100 * low:.0f} to {100 * high:.0f}"
+
+
+def comparison_text(rows: Sequence[Comparison]) -> str:
+    """Two campaigns beside each other; ``*`` marks what is no accident."""
+    lines = []
+    for row in rows:
+        low, high = row.interval
+        difference, interval = "-", "-"
+        if row.old.total and row.new.total:
+            difference = f"{100 * row.difference:+.1f}"
+            interval = f"{100 * low:+.0f} to {100 * high:+.0f}"
+        lines.append(
+            [
+                row.name.replace("_", " "),
+                f"{row.old.count} of {row.old.total}",
+                _percent(row.old)[0],
+                f"{row.new.count} of {row.new.total}",
+                _percent(row.new)[0],
+                difference,
+                interval,
+                "*" if row.is_clear else "",
+            ]
+        )
+    header = ["outcome", "old", "%", "new", "% ", "difference", "95 %", ""]
+    return f"{columns(header, lines)}\n* the interval leaves 0 out"
+
+
+def draw_tables(
+    path: str | os.PathLike[str], title: str, note: str, tables: Tables
+) -> None:
+    """Write the tables as a picture."""
+    system = system_reliability(tables.classes)
+    assert system is not None
+    total = tables.success.total
+    mended = []
+    for name, value in tables.mended:
+        share = float("nan") if value is None else float(value)
+        mended.append(Bar(name, share, share, share, f"{100 * share:.1f} %"))
+    campaign_png(
+        path,
+        title,
+        note,
+        of_all=[_bar(name, share) for name, share in tables.of_all],
+        of_grasps=[_bar(name, share) for name, share in tables.of_grasps],
+        stages=[
+            _bar(s.name, Share(s.reached - s.failed, s.reached)) for s in tables.classes
+        ],
+        mended=mended,
+        system=float(system) if total else 0.0,
+    )
+
+
+def _bar(name: str, share: Share) -> Bar:
+    low, high = share.interval
+    return Bar(name, share.value, low, high, f"{share.count} of {share.total}")

@@ -1,0 +1,177 @@
+"""``clear``: the whole task on the robot in memory; ``replay``: the same again."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from debrisgrasp.errors import OutputError
+
+from .commands import Subparsers, _seed, version
+from .reports import require_places
+
+if TYPE_CHECKING:
+    from debrisgrasp.executive.simulated import Simulated
+
+__all__ = ["add"]
+
+_PAGE = (".html",)
+
+
+def add(subparsers: Subparsers) -> None:
+    """Add ``clear`` and ``replay``."""
+    _add_clear(subparsers)
+    _add_replay(subparsers)
+
+
+def _add_clear(subparsers: Subparsers) -> None:
+    parser = subparsers.add_parser(
+        "clear",
+        help="clear a pile with the robot in memory, and record every decision",
+        description="Take objects one after another from a pile and carry them to the "
+        "drop-off, until nothing that can be removed is left.",
+    )
+    parser.add_argument("--scene", metavar="NAME", help="one of the paper's scenes")
+    parser.add_argument(
+        "--objects", type=int, metavar="K", help="bodies of a drawn pile (3 to 8)"
+    )
+    parser.add_argument("--seed", type=_seed, default=0, help="default: 0")
+    parser.add_argument("--robot", default="roman", help="default: roman")
+    parser.add_argument("--arm", help="use only this arm")
+    parser.add_argument(
+        "--faults",
+        default="",
+        metavar="A,B@STATE",
+        help="faults to inject, each at a state or where it usually shows",
+    )
+    parser.add_argument(
+        "--max-removals", type=int, metavar="N", help="stop after so many"
+    )
+    parser.add_argument(
+        "--drive-over",
+        type=float,
+        default=0.10,
+        metavar="M",
+        help="leave what is lower than this [m] (default: 0.10)",
+    )
+    parser.add_argument(
+        "--record", type=Path, metavar="DIR", help="folder for the record of the run"
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE", help="page of the run as .html"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON for machines instead of text"
+    )
+    parser.set_defaults(run=_clear)
+
+
+def _add_replay(subparsers: Subparsers) -> None:
+    parser = subparsers.add_parser(
+        "replay",
+        help="do a recorded run again, and compare decision by decision",
+        description="Do a recorded run again with this version, or compare it with "
+        "another record, and say where the decisions differ.",
+    )
+    parser.add_argument("folder", type=Path, metavar="RUN", help="record of a run")
+    parser.add_argument(
+        "--against", type=Path, metavar="RUN", help="compare with this record instead"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON for machines instead of text"
+    )
+    parser.set_defaults(run=_replay)
+
+
+def _clear(arguments: argparse.Namespace) -> int:
+    from debrisgrasp.executive.record import MemoryRecord, RunRecord, load_run
+    from debrisgrasp.executive.simulated import SimulatedTask
+
+    task = SimulatedTask(
+        scene=arguments.scene,
+        objects=arguments.objects,
+        seed=arguments.seed,
+        robot=arguments.robot,
+        arms=() if arguments.arm is None else (arguments.arm,),
+        faults=tuple(filter(None, arguments.faults.split(","))),
+        max_removals=arguments.max_removals,
+        drive_over=arguments.drive_over,
+    )
+    if arguments.report:
+        require_places([arguments.report], _PAGE, source=Path())
+    inputs = {**task.to_json(), "version": version()}
+    record: RunRecord | MemoryRecord = MemoryRecord(inputs)
+    if arguments.record:
+        record = RunRecord(arguments.record, inputs)
+    done = task.run(record)
+    if isinstance(record, RunRecord) and record.fault:
+        raise OutputError(record.folder, record.fault)
+    if arguments.report:
+        from debrisgrasp.viz.run import run_html  # slow to load
+
+        stored = load_run(record.folder) if isinstance(record, RunRecord) else record
+        run_html(arguments.report, stored)
+    print(json.dumps(_facts(done)) if arguments.json else _summary(done))
+    end = done.result.end.value
+    return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
+
+
+def _facts(done: Simulated) -> dict[str, object]:
+    result = done.result
+    failure = result.fault_class
+    return {
+        "end": result.end.value,
+        "class": "success" if failure is None else failure.value,
+        "removed": list(done.truth.removed),
+        "attempts": len(result.attempts),
+        "faults": [event.fault for event in result.faults],
+        "injected": list(done.happened),
+        "left": dict(result.left),
+        "seconds": round(result.duration, 3),
+    }
+
+
+def _summary(done: Simulated) -> str:
+    result, lines = done.result, []
+    for attempt in result.attempts:
+        fate = "removed" if attempt.is_removed else "not removed"
+        words = [f"attempt {attempt.number}: {fate}"]
+        if attempt.prototype:
+            words.append(f"{attempt.prototype} with the {attempt.arm} arm")
+        words += [f"{e.fault} in {e.state.value}" for e in attempt.faults]
+        lines.append(", ".join(words))
+    for name, reason in result.left.items():
+        lines.append(f"left: {name}: {reason}")
+    failure = result.fault_class
+    lines.append(
+        f"{result.end.value} after {result.duration:.0f} s of the robot's time: "
+        f"{result.n_removed} removed; counts as "
+        + ("success" if failure is None else failure.value)
+    )
+    if failure is not None and result.faults:
+        lines.append(f"ended by: {result.faults[-1].message}")
+    return "\n".join(lines)
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    from debrisgrasp.executive.record import MemoryRecord, load_run
+    from debrisgrasp.executive.replay import decisions, differences
+    from debrisgrasp.executive.simulated import SimulatedTask
+
+    before = load_run(arguments.folder)
+    if arguments.against:
+        events = load_run(arguments.against).events
+    else:
+        again = MemoryRecord()
+        SimulatedTask.from_json(before.inputs).run(again)
+        events = again.events
+    found = differences(before.events, events)
+    if arguments.json:
+        print(json.dumps({"same": not found, "differences": [str(d) for d in found]}))
+    elif found:
+        print("\n".join(map(str, found)))
+    else:
+        print(f"the same {len(decisions(before.events))} decisions")
+    return 1 if found else 0

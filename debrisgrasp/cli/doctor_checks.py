@@ -1,0 +1,236 @@
+"""What `debrisgrasp doctor` looks at, one function for each thing."""
+
+from __future__ import annotations
+
+import platform
+import re
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, requires, version
+
+import numpy as np
+
+import debrisgrasp
+from debrisgrasp._files import data_path, write_atomic
+from debrisgrasp.errors import DebrisGraspError
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.io import Capture
+from debrisgrasp.io.calibration_json import load_calibration
+from debrisgrasp.kinematics import ArmReach, cache_folder
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.prototypes import check
+from debrisgrasp.settings import Settings
+
+__all__ = ["EXTRAS", "Finding", "installation", "self_test", "site"]
+
+EXTRAS = {
+    "viz": "viewer in the browser",
+    "sim": "piles that settle by physics (MuJoCo)",
+    "motion": "OMPL beside the built-in motion planner",
+    "tags": "AprilTags as calibration targets",
+    "cluster": "campaigns on several machines (Dask)",
+    "robots": "further robots for examples and tests",
+    "notebooks": "running the notebooks",
+    "docs": "building the documentation",
+    "bench": "peers to measure against",
+    "dev": "tests, lint, types",
+}
+"""What each extra of the package is for."""
+_OLD_CALIBRATION = 90
+"""Days after which a look at the calibration is advised."""
+_HEIGHTS = np.arange(0.1, 1.0, 0.1)
+"""Heights of the palm at which a drop-off is tried [m]."""
+_REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[\w,]+\])?(?:[^;]*?>=([\d.]+))?")
+_EXTRA = re.compile(r"extra == ['\"]([\w-]+)['\"]")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the doctor's report."""
+
+    what: str
+    status: str
+    """``ok``; ``note`` for what may be meant; ``fault`` for what must be mended."""
+    text: str
+
+
+def installation() -> Iterator[Finding]:
+    """Versions, the cache, and which extras are there."""
+    yield Finding("python", "ok", f"{platform.python_version()} on {platform.system()}")
+    try:
+        requirements = requires("debrisgrasp") or []
+    except PackageNotFoundError:
+        text = f"{debrisgrasp.__version__}, used without being installed"
+        yield Finding("debrisgrasp", "note", text)
+        requirements = []
+    else:
+        yield Finding("debrisgrasp", "ok", debrisgrasp.__version__)
+    needed: dict[str, list[str]] = {}
+    for requirement in requirements:
+        match = _EXTRA.search(requirement)
+        needed.setdefault(match[1] if match else "", []).append(requirement)
+    for requirement in needed.pop("", []):
+        name, problem = _state_of(requirement)
+        yield Finding(name, "fault" if problem else "ok", problem or version(name))
+    yield _cache()
+    for extra, use in EXTRAS.items():
+        yield _extra(extra, use, needed.get(extra, []))
+
+
+def _extra(extra: str, use: str, requirements: Sequence[str]) -> Finding:
+    states = [_state_of(requirement) for requirement in requirements]
+    missing = ", ".join(f"{name} {problem}" for name, problem in states if problem)
+    if not states:
+        missing = "not known to this installation"
+    if not missing:
+        return Finding(f"extra {extra}", "ok", use)
+    text = f"{use}; {missing}: pip install 'debrisgrasp[{extra}]'"
+    return Finding(f"extra {extra}", "note", text)
+
+
+def _state_of(requirement: str) -> tuple[str, str]:
+    """Name of a required package, and what is wrong with it; empty if nothing is."""
+    match = _REQUIREMENT.match(requirement)
+    assert match is not None
+    name, least = match[1], match[2]
+    try:
+        installed = version(name)
+    except PackageNotFoundError:
+        return name, "is missing"
+    if least and _numbers(installed) < _numbers(least):
+        return name, f"is {installed}, at least {least} is needed"
+    return name, ""
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    """Leading numbers of a version: 1.26.4rc1 becomes (1, 26, 4)."""
+    parts = re.match(r"\d+(?:\.\d+)*", text)
+    return tuple(map(int, parts[0].split("."))) if parts else ()
+
+
+def _cache() -> Finding:
+    folder = cache_folder()
+    if folder is None:
+        return Finding("cache", "note", "no home folder; maps are built every time")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / "doctor.tmp"
+        write_atomic(probe, b"")
+        probe.unlink()
+    except OSError as error:
+        text = f"{error}; everything works, but maps are built every time"
+        return Finding("cache", "note", text)
+    return Finding("cache", "ok", f"{folder} can be written")
+
+
+def self_test() -> Iterator[Finding]:
+    """Segment and plan on the shipped capture, with the shipped robot."""
+    try:
+        start = time.perf_counter()
+        capture = Capture.load(data_path("captures", "pile.npz"))
+        pipeline = Pipeline()
+        loaded = time.perf_counter() - start
+        yield Finding("loading", "ok", f"robot, hands and dictionary in {loaded:.2f} s")
+        start = time.perf_counter()
+        segmentation = debrisgrasp.segment(capture)
+        spent, n = time.perf_counter() - start, len(segmentation.segments)
+        yield Finding(
+            "segment", "ok" if n else "fault", f"{n} objects in {spent:.2f} s"
+        )
+        start = time.perf_counter()
+        plan = pipeline.plan(capture).plan
+        spent = time.perf_counter() - start
+    except DebrisGraspError as error:
+        yield Finding("self-test", "fault", str(error))
+        return
+    if not plan.grasps:
+        yield Finding("plan", "fault", plan.why_empty or "no grasp")
+        return
+    best = plan.grasps[0]
+    text = f"{len(plan.grasps)} grasps in {spent:.2f} s; best: {best.prototype}, "
+    yield Finding("plan", "ok", text + f"Q {best.Q:.2f}, {best.arm} arm")
+
+
+def site(settings: Settings) -> Iterator[Finding]:
+    """Load everything that a site's file names, and see whether it fits together.
+
+    Raises
+    ------
+    DebrisGraspError
+        If a file that it names can't be used.
+    """
+    pipeline = Pipeline.from_settings(settings)
+    robot = pipeline.robot
+    arms = ", ".join(f"{arm.name} ({arm.gripper})" for arm in pipeline.arms)
+    name = "floating hand" if robot is None else f"{robot.name}, arms: {arms}"
+    yield Finding("robot", "ok", name)
+    library = pipeline.library
+    faults = [
+        f"{p.name}: {found}"
+        for p in library
+        for found in check(p, library.grippers[p.gripper])
+    ]
+    yield Finding(
+        "prototypes",
+        "fault" if faults else "ok",
+        "; ".join(faults)
+        or f"{len(library)} for " + ", ".join(sorted({p.gripper for p in library})),
+    )
+    yield from _camera(settings)
+    arms_in_use = {arm.name: arm for arm in pipeline.arms}
+    for arm_name, place in settings.drop_off.items():
+        yield _drop_off(arm_name, place, arms_in_use)
+    if robot is not None:
+        for arm in pipeline.arms:
+            limits = robot.limits(arm.name).controller
+            yield Finding(
+                f"limits of {arm.name} arm",
+                "ok",
+                f"{limits.force:g} N, {limits.torque:g} N m, joints up to "
+                f"{limits.velocity.max():.2f} rad/s, hand "
+                f"{settings.limits.hand_speed:g} m/s on approach and lift",
+            )
+
+
+def _camera(settings: Settings) -> Iterator[Finding]:
+    if settings.calibration is None:
+        given = settings.camera_pose is not None
+        text = "pose given" if given else "none: every capture must bring its pose"
+        yield Finding("camera", "ok" if given else "note", text)
+        return
+    stored = load_calibration(settings.calibration)
+    if stored.problems:
+        yield Finding("camera", "fault", "refused: " + "; ".join(stored.problems))
+        return
+    days = (datetime.now(UTC) - datetime.fromisoformat(stored.date)).days
+    sigma = 1e3 * float(np.sqrt(np.trace(stored.covariance[:3, :3]) / 3))
+    text = f"calibrated {days} days ago, standard deviation {sigma:.1f} mm"
+    if days > _OLD_CALIBRATION:
+        yield Finding(
+            "camera", "note", text + "; `debrisgrasp calibrate watch` tells if it moved"
+        )
+    else:
+        yield Finding("camera", "ok", text)
+
+
+def _drop_off(
+    name: str, place: tuple[float, float], arms: Mapping[str, ArmReach]
+) -> Finding:
+    """Tell whether an arm can hold its hand there, pointing down, turned any way."""
+    what, where = f"drop-off of {name} arm", ", ".join(f"{x:g}" for x in place)
+    if name not in arms:
+        known = ", ".join(arms) or "none"
+        return Finding(what, "fault", f"that arm is not in use; in use: {known}")
+    yaw, height = np.meshgrid(np.linspace(0, 2 * np.pi, 8, endpoint=False), _HEIGHTS)
+    rpy = np.stack([np.full(yaw.size, np.pi), 0 * yaw.ravel(), yaw.ravel()], axis=-1)
+    p = np.column_stack([np.broadcast_to(place, (yaw.size, 2)), height.ravel()])
+    poses = SE3.from_parts(so3.from_rpy(rpy), p)
+    solved = arms[name].solves(poses, rng=np.random.default_rng(0))
+    if not solved.any():
+        text = f"{where} m is out of reach for a hand that points down"
+        return Finding(what, "fault", text)
+    low, high = height.ravel()[solved].min(), height.ravel()[solved].max()
+    text = f"{where} m, within reach with the palm {low:.1f} to {high:.1f} m high"
+    return Finding(what, "ok", text)

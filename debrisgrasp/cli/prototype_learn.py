@@ -1,0 +1,90 @@
+"""``prototype learn``: a dictionary from recorded grasps."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from debrisgrasp.errors import OutputError
+from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.workbench import LearnConfig, learn, load_records
+
+from .tables import columns
+
+__all__ = ["add_learn"]
+
+_DEFAULT = LearnConfig()
+
+
+def add_learn(actions: Any) -> None:
+    """Add ``learn``."""
+    learning = actions.add_parser(
+        "learn", help="a dictionary from recorded grasps and their outcomes"
+    )
+    learning.add_argument(
+        "runs", nargs="+", type=Path, help="folders with grasps.jsonl and surfaces/"
+    )
+    learning.add_argument("--out", required=True, type=Path, metavar="DIR")
+    learning.add_argument(
+        "--radius",
+        type=float,
+        default=_DEFAULT.radius,
+        metavar="M",
+        help="surfaces within this distance are of one kind (default: %(default)s)",
+    )
+    learning.add_argument(
+        "--least",
+        type=int,
+        default=_DEFAULT.least,
+        metavar="N",
+        help="grasps that a kind needs (default: %(default)s)",
+    )
+    learning.add_argument(
+        "--least-rate",
+        type=float,
+        default=_DEFAULT.least_rate,
+        metavar="SHARE",
+        help="share of them that must have held (default: %(default)s)",
+    )
+    learning.add_argument("--grippers", metavar="DIR", help="folder of further hands")
+    learning.add_argument("--json", action="store_true", help="print JSON")
+    learning.set_defaults(run=run_learn)
+
+
+def run_learn(arguments: argparse.Namespace) -> int:
+    """Learn a dictionary from recorded grasps."""
+    if arguments.out.exists() and any(arguments.out.iterdir()):
+        raise OutputError(arguments.out, "it is not empty; give a new folder")
+    config = LearnConfig(
+        radius=arguments.radius,
+        least=arguments.least,
+        least_rate=arguments.least_rate,
+    )
+    records = [each for folder in arguments.runs for each in load_records(folder)]
+    learned = learn(records, load_grippers(arguments.grippers), config)
+    learned.library.save(arguments.out)
+    header = ["prototype", "hand", "preshape", "grasps", "held", "rate"]
+    rows = [
+        [
+            cluster.name or "-",
+            cluster.gripper,
+            cluster.preshape,
+            str(len(cluster.members)),
+            str(cluster.held),
+            f"{cluster.rate:.2f}",
+        ]
+        for cluster in learned.clusters
+    ]
+    if arguments.json:
+        facts = [dict(zip(header, row, strict=True)) for row in rows]
+        print(json.dumps({"covered": round(learned.covered, 4), "kinds": facts}))
+        return 0
+    print(columns(header, rows))
+    print(
+        f"\n{len(learned.library)} prototypes from {len(records)} grasps; "
+        f"{learned.covered:.0%} of the held ones are of these kinds"
+    )
+    print(f"wrote {arguments.out}")
+    return 0

@@ -1,0 +1,357 @@
+"""``prototype new``, ``from-mesh`` and ``record``: make prototypes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp.errors import ConfigError, InputError, OutputError
+from debrisgrasp.geometry import SE3, Bounds, fibonacci_sphere
+from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.prototypes import (
+    GraspPrototype,
+    GripperModel,
+    HandPose,
+    PrototypeDefinition,
+    PrototypeLibrary,
+    around_grip,
+    check,
+    duplicates,
+    load_grippers,
+    propose_hand_poses,
+    prototype_of_shape,
+    require_name,
+    settled,
+    surface_from_mesh,
+    write_new_prototype,
+)
+from debrisgrasp.workbench import (
+    parse_hand_pose,
+    record,
+    taught_by_joints,
+)
+
+from .commands import _add_capture, _load
+from .tables import columns
+
+__all__ = ["add_makers"]
+
+_SIZES = ("diameter", "width", "height", "length", "thickness", "depth", "standoff")
+_SHAPES = ("bar", "box", "cylinder", "edge", "handle", "rim")
+
+
+def add_makers(actions: Any) -> None:
+    """Add the actions that write prototypes."""
+    new = actions.add_parser(
+        "new",
+        help="from a shape and its sizes",
+        description="Make a prototype of a shape; its place in the hand, its width and "
+        "its opening are found by closing the fingers on it. Lengths in metres.",
+    )
+    new.add_argument("--shape", required=True, choices=_SHAPES)
+    for size in (*_SIZES, "plate"):
+        new.add_argument(f"--{size}", type=float, metavar="M")
+    new.add_argument("--radius", type=float, metavar="M", help="half the diameter")
+    new.add_argument("--ends", help="open, closed, one or both, as the shape has them")
+    new.add_argument(
+        "--grip",
+        choices=("tip", "power"),
+        default="tip",
+        help="between the fingertips, or near the palm (default: tip)",
+    )
+    new.add_argument(
+        "--position", nargs=3, type=float, metavar=("X", "Y", "Z"), help="in the palm"
+    )
+    new.add_argument(
+        "--rpy-deg", nargs=3, type=float, metavar=("R", "P", "Y"), help="turn of it"
+    )
+    new.set_defaults(run=run_new)
+
+    mesh = actions.add_parser(
+        "from-mesh", help="from an STL, OBJ or PLY mesh of an object"
+    )
+    mesh.add_argument("mesh", type=Path)
+    mesh.add_argument(
+        "--scale",
+        type=float,
+        default=1.0,
+        help="metres in a unit of the file: 0.001 for millimetres (default: 1)",
+    )
+    mesh.add_argument(
+        "--pose",
+        metavar="POSE",
+        help="palm in the frame of the mesh: x,y,z,roll,pitch,yaw or a file with a 4x4",
+    )
+    mesh.set_defaults(run=run_mesh)
+
+    recording = actions.add_parser(
+        "record", help="from a piece of a capture and a taught or proposed hand pose"
+    )
+    _add_capture(recording)
+    recording.add_argument("--object", type=int, metavar="N", help="this object")
+    recording.add_argument(
+        "--region",
+        nargs=6,
+        type=float,
+        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
+        help="only what is in this box, base frame, metres",
+    )
+    recording.add_argument(
+        "--pose",
+        metavar="POSE",
+        help="taught palm in the base frame: x,y,z,roll,pitch,yaw or a file with a 4x4",
+    )
+    recording.add_argument(
+        "--joints",
+        metavar="NAME=VALUE,...",
+        help="joint values of the arm that stands at the grasp, rad",
+    )
+    recording.add_argument("--robot", default="roman", help="default: roman")
+    recording.add_argument("--arm", help="default: the arm that carries the hand")
+    recording.set_defaults(run=run_record)
+
+    for action in (new, mesh, recording):
+        action.add_argument("--name", required=True, help="a-z, 0-9 and _")
+        action.add_argument(
+            "--gripper", default="robotiq_3f", help="hand (default: robotiq_3f)"
+        )
+        action.add_argument("--preshape", help="of the fingers; default: what fits")
+        action.add_argument(
+            "--out",
+            type=Path,
+            default=Path("prototypes"),
+            metavar="DIR",
+            help="folder to write to (default: prototypes)",
+        )
+        action.add_argument("--force", action="store_true", help="replace files")
+        action.add_argument("--kind", choices=("generic", "object-specific"))
+        action.add_argument("--description", default="")
+        action.add_argument("--grippers", metavar="DIR", help="folder of further hands")
+        if action is not recording:
+            action.add_argument("--json", action="store_true", help="print JSON")
+    for action in (mesh, recording):
+        action.add_argument(
+            "--closed", type=float, metavar="M", help="width when closed, metres"
+        )
+        action.add_argument(
+            "--choice",
+            type=int,
+            default=1,
+            metavar="N",
+            help="which of the proposed poses to take (default: 1, the best)",
+        )
+
+
+def run_new(arguments: argparse.Namespace) -> int:
+    """Make a prototype of a shape."""
+    gripper = _prepared(arguments)
+    shape: dict[str, Any] = {"type": arguments.shape}
+    if arguments.radius is not None:
+        if arguments.diameter is not None:
+            raise ConfigError(
+                "size", got="both --radius and --diameter", expected="one of them"
+            )
+        arguments.diameter = 2 * arguments.radius
+    for name in (*_SIZES, "plate", "ends", "position", "rpy_deg"):
+        value = getattr(arguments, name)
+        if value is not None:
+            shape[name] = value
+    made = [
+        prototype_of_shape(
+            arguments.name,
+            shape,
+            gripper,
+            preshape,
+            grip=arguments.grip,
+            kind=arguments.kind or "generic",
+            description=arguments.description,
+        )
+        for preshape in _preshapes(arguments, gripper)
+    ]
+    definition, findings = min(
+        ((each, _findings(each, gripper)) for each in made), key=lambda p: len(p[1])
+    )
+    return _finish(arguments, definition, findings)
+
+
+def run_mesh(arguments: argparse.Namespace) -> int:
+    """Make a prototype of a mesh."""
+    gripper = _prepared(arguments)
+    surface = surface_from_mesh(arguments.mesh, scale=arguments.scale)
+    proposals: Sequence[HandPose] = ()
+    if arguments.pose is None:
+        proposals = propose_hand_poses(surface, gripper, preshape=arguments.preshape)
+        if not proposals:
+            raise InputError(
+                str(arguments.mesh),
+                got=f"a shape that {gripper.name} can't take along any of its axes",
+                expected="something the hand can close on",
+                mend="Check the scale, or give the pose of the hand (--pose).",
+            )
+        if not 1 <= arguments.choice <= len(proposals):
+            raise ConfigError(
+                "--choice", got=arguments.choice, expected=f"1 to {len(proposals)}"
+            )
+        chosen = proposals[arguments.choice - 1]
+        T_mesh_hand, preshapes = chosen.T_surface_hand, [chosen.preshape]
+    else:
+        T_mesh_hand = parse_hand_pose(arguments.pose)
+        preshapes = _preshapes(arguments, gripper)
+    made = []
+    for preshape in preshapes:
+        low = gripper.preshape(preshape).widths[0]
+        definition = PrototypeDefinition(
+            name=arguments.name,
+            gripper=gripper.name,
+            preshape=preshape,
+            width=low,
+            opening=float(gripper.preshape(preshape).openings[0]),
+            shape=around_grip(surface, T_mesh_hand, gripper, preshape),
+            T_hand_shape=SE3.identity(),
+            kind=arguments.kind or "object-specific",
+            description=arguments.description or f"from {arguments.mesh.name}",
+        )
+        definition = settled(definition, gripper)
+        if arguments.closed is not None:
+            definition = replace(definition, width=arguments.closed)
+        made.append((definition, _findings(definition, gripper)))
+    definition, findings = min(made, key=lambda pair: len(pair[1]))
+    return _finish(arguments, definition, findings, proposals)
+
+
+def run_record(arguments: argparse.Namespace) -> int:
+    """Make a prototype of a piece of a capture."""
+    gripper = _prepared(arguments)
+    pose = None
+    if arguments.pose is not None and arguments.joints is not None:
+        raise ConfigError("hand", got="both --pose and --joints", expected="one")
+    if arguments.pose is not None:
+        pose = parse_hand_pose(arguments.pose)
+    if arguments.joints is not None:
+        robot = RobotModel.load(arguments.robot)
+        joints = _joints(arguments.joints)
+        pose = taught_by_joints(robot, arguments.arm, joints, gripper.name)
+    box = arguments.region
+    made = record(
+        _load(arguments),
+        arguments.name,
+        gripper,
+        object_label=arguments.object,
+        region=None if box is None else Bounds(np.array(box[:3]), np.array(box[3:])),
+        T_base_hand=pose,
+        preshape=arguments.preshape,
+        width=arguments.closed,
+        choice=arguments.choice,
+        kind=arguments.kind or "generic",
+        description=arguments.description,
+    )
+    return _finish(arguments, made.definition, made.findings, made.proposals)
+
+
+def _prepared(arguments: argparse.Namespace) -> GripperModel:
+    """Check what can be checked before any work; return the hand."""
+    require_name(arguments.name, "--name")
+    target = arguments.out / f"{arguments.name}.yaml"
+    if target.exists() and not arguments.force:
+        raise OutputError(target, "it exists; --force replaces it")
+    hands = load_grippers(arguments.grippers)
+    if arguments.gripper not in hands:
+        return GripperModel.load(arguments.gripper)  # raises and lists the known ones
+    hand = hands[arguments.gripper]
+    if arguments.preshape is not None:
+        hand.preshape(arguments.preshape)
+    return hand
+
+
+def _preshapes(arguments: argparse.Namespace, gripper: GripperModel) -> list[str]:
+    return [arguments.preshape] if arguments.preshape else list(gripper.preshapes)
+
+
+def _findings(
+    definition: PrototypeDefinition, gripper: GripperModel
+) -> tuple[str, ...]:
+    prototype = GraspPrototype.build(definition, fibonacci_sphere(1))
+    return tuple(str(finding) for finding in check(prototype, gripper))
+
+
+def _joints(text: str) -> dict[str, float]:
+    """Read ``name=value,name=value``."""
+    joints = {}
+    for word in text.split(","):
+        name, _, value = word.partition("=")
+        try:
+            joints[name.strip()] = float(value)
+        except ValueError as error:
+            raise ConfigError(
+                "--joints", got=repr(word), expected="NAME=VALUE,NAME=VALUE [rad]"
+            ) from error
+    return joints
+
+
+def _finish(
+    arguments: argparse.Namespace,
+    definition: PrototypeDefinition,
+    findings: Sequence[str],
+    proposals: Sequence[HandPose] = (),
+) -> int:
+    """Write a prototype, and say what it is; status 1 if `check` finds something."""
+    files = write_new_prototype(
+        definition, arguments.out / f"{definition.name}.yaml", force=arguments.force
+    )
+    hands = load_grippers(arguments.grippers)
+    library = PrototypeLibrary.load(arguments.out, grippers=hands)
+    own = library[definition.name]
+    twins = [str(pair) for pair in duplicates([own], library)]
+    if arguments.json:
+        facts = {
+            "wrote": [str(file) for file in files],
+            "preshape": definition.preshape,
+            "width": definition.width,
+            "opening": definition.opening,
+            "points": len(own.points),
+            "findings": list(findings),
+            "duplicates": twins,
+            "proposals": [_proposal(pose) for pose in proposals],
+        }
+        print(json.dumps(facts, indent=1))
+        return 1 if findings else 0
+    if proposals:
+        header = ["choice", "clearance [mm]", "width [mm]", "preshape", "way"]
+        rows = [
+            [
+                str(rank),
+                f"{1e3 * pose.clearance:.0f}",
+                f"{1e3 * pose.width:.0f}",
+                pose.preshape,
+                pose.way + "".join(f"; {finding}" for finding in pose.findings),
+            ]
+            for rank, pose in enumerate(proposals, start=1)
+        ]
+        print(columns(header, rows))
+        print(f"\ntook choice {arguments.choice}")
+    opening, width = 1e3 * definition.opening, 1e3 * definition.width
+    print(
+        f"{definition.name}: {definition.gripper} {definition.preshape}, opens "
+        f"{opening:.0f} mm, closes to {width:.0f} mm, {len(own.points)} points"
+    )
+    for line in (*findings, *twins):
+        print(f"{definition.name}: {line}")
+    print("wrote " + ", ".join(str(file) for file in files))
+    return 1 if findings else 0
+
+
+def _proposal(pose: HandPose) -> dict[str, Any]:
+    return {
+        "pose": pose.T_surface_hand.matrix.round(6).tolist(),
+        "preshape": pose.preshape,
+        "width": round(pose.width, 5),
+        "clearance": round(pose.clearance, 5),
+        "way": pose.way,
+        "findings": list(pose.findings),
+    }

@@ -1,0 +1,66 @@
+"""The argument ``--site``, and what other arguments change of the settings."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.io import parse_camera_pose
+from debrisgrasp.settings import Settings
+
+__all__ = ["add_site", "site_of"]
+
+_PLAIN = ("robot", "arm", "gripper", "policy", "priority_point", "seed", "deadline")
+_PATHS = ("grippers", "prototypes", "camera_file")
+
+
+def add_site(parser: argparse.ArgumentParser) -> None:
+    """Add ``--site``."""
+    parser.add_argument(
+        "--site",
+        type=Path,
+        metavar="FILE",
+        help="settings that stay the same from capture to capture; other arguments go "
+        "before them",
+    )
+
+
+def site_of(arguments: argparse.Namespace) -> Settings:
+    """Load the settings of the site, changed by the arguments that were given.
+
+    Raises
+    ------
+    ConfigError, UnknownNameError
+        As `Settings.load` does; also if the camera's pose is given twice.
+    """
+    path = getattr(arguments, "site", None)
+    settings = Settings() if path is None else Settings.load(path)
+    changes: dict[str, Any] = {}
+    for name in _PLAIN:
+        if (value := getattr(arguments, name, None)) is not None:
+            changes[name] = value
+    for name in _PATHS:
+        if (value := getattr(arguments, name, None)) is not None:
+            changes[name] = Path(value)
+    if "robot" in changes:
+        changes.setdefault("arm", None)  # arms have other names on another robot
+    return replace(settings, **changes, **_camera(arguments))
+
+
+def _camera(arguments: argparse.Namespace) -> dict[str, Any]:
+    pose = getattr(arguments, "camera_pose", None)
+    calibration = getattr(arguments, "calibration", None)
+    if pose is not None and calibration is not None:
+        raise ConfigError(
+            "camera pose",
+            got="both --camera-pose and --calibration",
+            expected="one of them",
+        )
+    if pose is not None:
+        return {"camera_pose": parse_camera_pose(pose), "calibration": None}
+    if calibration is not None:
+        return {"camera_pose": None, "calibration": Path(calibration)}
+    return {}

@@ -1,0 +1,128 @@
+"""``view``: look at a capture, plan, prototype, calibration or run in the browser."""
+
+from __future__ import annotations
+
+import argparse
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import debrisgrasp
+from debrisgrasp import api
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.executable import MotionsConfig
+from debrisgrasp.io import Capture
+
+from .commands import _add_capture, _load, _progress
+from .site_arguments import site_of
+
+__all__ = ["add"]
+
+
+def add(subparsers: Any) -> None:
+    """Add ``view``."""
+    parser = subparsers.add_parser(
+        "view",
+        help="look at a capture, plan, prototype, calibration or run in the browser",
+        description="Serve a page with the scene in three dimensions until Ctrl-C. A "
+        "plan read from a file knows how many poses were ruled out; with --plan it is "
+        "made anew and shows each of them, and what it would hit.",
+    )
+    _add_capture(parser)
+    parser.add_argument(
+        "--capture",
+        dest="of_plan",
+        type=Path,
+        metavar="FILE",
+        help="the capture that a plan (grasps.json) was made on",
+    )
+    parser.add_argument(
+        "--plan", action="store_true", help="plan on the capture, and show the plan"
+    )
+    parser.add_argument(
+        "--motion",
+        nargs="?",
+        const="",
+        metavar="FILE",
+        help="motions of a saved plan; without FILE, and with --plan, plan them",
+    )
+    parser.add_argument("--robot", help="a shipped robot, a YAML file, or 'none'")
+    parser.add_argument("--prototypes", metavar="DIR", help="folder of prototype files")
+    parser.add_argument("--grippers", metavar="DIR", help="folder of further hands")
+    parser.add_argument(
+        "--object", type=int, metavar="N", help="with --plan, plan on this object"
+    )
+    parser.add_argument(
+        "--port", type=int, default=8080, help="default: 8080; 0 takes a free one"
+    )
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        help="address to listen on; 0.0.0.0 lets other machines look (default: "
+        "127.0.0.1)",
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    viewer = import_module("debrisgrasp.viewer")  # slow to load
+    if not 0 <= arguments.port <= 65535:
+        raise ConfigError("--port", got=arguments.port, expected="0 to 65535")
+    motions = None
+    if arguments.plan:
+        thing, motions = _planned(arguments)
+    else:
+        thing = viewer.content_of(
+            arguments.capture,
+            capture=_capture(arguments),
+            robot=arguments.robot,
+            motion=arguments.motion,
+            grippers=arguments.grippers,
+        )
+    window = viewer.show(
+        thing, motions=motions, port=arguments.port, host=arguments.host
+    )
+    print(f"open {window.url} in a browser; Ctrl-C ends", flush=True)
+    window.wait()
+    return 0
+
+
+def _capture(arguments: argparse.Namespace) -> Capture | None:
+    """Capture that goes with the file, or that is the file."""
+    path = arguments.capture
+    if path.suffix.lower() in (".json", ".yaml", ".yml"):
+        if arguments.of_plan is None:
+            return None
+        plan_path, arguments.capture = path, arguments.of_plan
+        try:
+            return _load(arguments)
+        finally:
+            arguments.capture = plan_path
+    if path.is_file():
+        return _load(arguments)
+    return None
+
+
+def _planned(arguments: argparse.Namespace) -> tuple[Any, Any]:
+    if arguments.motion:
+        raise ConfigError(
+            "--motion",
+            got=arguments.motion,
+            expected="no file beside --plan",
+            mend="Motions belong to the plan that they were made for: give grasps.json "
+            "and --capture.",
+        )
+    settings = site_of(arguments)
+    pipeline = debrisgrasp.Pipeline.from_settings(settings)
+    result = pipeline.plan(
+        _load(arguments, settings),
+        object_label=arguments.object,
+        seed=settings.seed,
+        deadline=settings.deadline,
+        advise=True,
+        progress=_progress(),
+    )
+    if arguments.motion is None:
+        return result, None
+    config = MotionsConfig(speed=settings.limits.hand_speed)
+    return result, api.plan_motion(result, config=config, seed=settings.seed)

@@ -1,0 +1,185 @@
+"""See that the camera is where it is said to be, by a look at the robot's own hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp.geometry import DepthSight, Solid
+from debrisgrasp.io import Capture
+from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.motion import MotionSpace, UnknownSpace
+from debrisgrasp.robot import DepthFrame
+
+from .context import Context, LimbState
+from .drive import Drive
+from .moves import planned, reversed_motion
+from .perceive import look_of, turn_head
+from .result import Done, FaultFound, StepResult
+
+__all__ = ["calib_check"]
+
+_ASIDE = 0.12
+"""How far the head turns between the two looks [rad]."""
+_TURNED = 0.03
+"""A head that is farther than this from where it was sent does not turn [rad]."""
+_NEARER = 0.05
+"""A pixel that shows something so much nearer than before shows the arm [m]."""
+_REACH = 0.12
+"""Points of the arm lie within this of where it must be [m]."""
+_LEAST = 60
+"""Pixels on the arm, at least."""
+_MOST = 500
+_LEVEL = np.array([0.0, 0.0, 1.0, 0.0])
+
+
+def calib_check(context: Context) -> StepResult:
+    """Hold a hand before the camera, and compare where it is seen with where it is.
+
+    Without a free way for the hand this is left out, and said so; the ground, which
+    every capture is held against, still tells a camera that tilted or sank.
+    """
+    limb = next(iter(context.limbs.values()))
+    look = look_of(context)
+    fault = turn_head(context, look)
+    if fault is not None:
+        return fault
+    before = context.robot.camera.capture()
+    motion = _way_into_view(context, limb, before)
+    if isinstance(motion, FaultFound):
+        return Done({"hand_seen": False, "why": motion.message})
+    drive = Drive(context, limb.name)
+    fault = drive.follow(motion)
+    if fault is not None:
+        return fault
+    found = _seen_shift(context, limb, before)
+    turned = _turns(context, look)
+    back = drive.follow(reversed_motion(motion))
+    if back is not None:
+        return back
+    limb.limb.arm.disengage()
+    if turned is not None:
+        return turned
+    if found is None:
+        words = f"the hand of the {limb.name} arm is not seen where it must be"
+        return FaultFound("fiducial_lost", words, limb.name)
+    size = float(np.linalg.norm(found))
+    facts = {"hand_seen": True, "shift_mm": np.round(1e3 * found, 1).tolist()}
+    if size > context.settings.camera_shift:
+        words = f"the hand is seen {1e3 * size:.0f} mm from where it is, expected at "
+        words += f"most {1e3 * context.settings.camera_shift:.0f}: calibrate first"
+        return FaultFound("calibration_off", words, limb.name, {"shift": size})
+    return Done(facts)
+
+
+def _way_into_view(
+    context: Context, limb: LimbState, frame: DepthFrame
+) -> Trajectory | FaultFound:
+    """Plan to the posture before the pile, around what the image shows."""
+    spec = context.model.arm(limb.name)
+    q = limb.reach.chain.vector(context.model.posture(limb.name, spec.present))
+    T_base_camera = context.model.T_base_camera(context.joint_values())
+    capture = Capture(
+        depth=frame.depth, intrinsics=frame.intrinsics, T_base_camera=T_base_camera
+    )
+    assert capture.depth is not None
+    cloud = capture.cloud()
+    if len(cloud) < _LEAST:
+        return FaultFound("plan_collision", "nothing was seen around it", limb.name)
+    depth = np.asarray(capture.depth, dtype=np.float32)
+    sight = DepthSight(depth, frame.intrinsics, T_base_camera)
+    fault: FaultFound | None = None
+    for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
+        space = MotionSpace.build(cloud, sight, _LEVEL, unknown=unknown)
+        found = planned(context, limb, q, space)
+        if not isinstance(found, FaultFound):
+            assert found.trajectory is not None
+            return found.trajectory
+        fault = found
+    assert fault is not None
+    return fault
+
+
+def _turns(context: Context, look: Mapping[str, float]) -> FaultFound | None:
+    """Turn the head aside and back; looks that are all alike tell nothing."""
+    head = context.robot.head
+    if head is None:
+        return None
+    aside = {name: look.get(name, 0.0) - _ASIDE for name in head.joint_names}
+    for target in (aside, look):
+        fault = turn_head(context, target)
+        if fault is not None:
+            return fault
+        wanted = np.array([target.get(name, 0.0) for name in head.joint_names])
+        away = float(np.abs(np.asarray(head.read().q) - wanted).max())
+        if away > _TURNED:
+            words = f"the head is {away:.2f} rad from where it was sent: all looks "
+            return FaultFound("calibration_poses", words + "are alike")
+    return None
+
+
+def _seen_shift(
+    context: Context, limb: LimbState, before: DepthFrame
+) -> FloatArray | None:
+    """How far the arm is seen from where it is, base frame (3,); None: not seen."""
+    frame = context.robot.camera.capture()
+    values = context.joint_values()
+    T_base_camera = context.model.T_base_camera(values)
+    depth, was = np.nan_to_num(frame.depth), np.nan_to_num(before.depth)
+    if depth.shape != was.shape:
+        return None
+    is_arm: BoolArray = (depth > 0.0) & (was > 0.0) & (depth < was - _NEARER)
+    seen = frame.intrinsics.deproject(depth)[is_arm]
+    points = T_base_camera.apply(seen)
+    solids = _end_of_arm(context, limb, values)
+    points = points[_distance(points, solids) < _REACH]
+    if len(points) < _LEAST:
+        return None
+    return _fitted_shift(points[:: max(1, len(points) // _MOST)], solids)
+
+
+def _end_of_arm(
+    context: Context, limb: LimbState, values: Mapping[str, float]
+) -> list[Solid]:
+    """Solids beyond the third-last joint, fingers left out, base frame."""
+    tree, names = context.model.tree, limb.reach.chain.joint_names
+    end = tree.links_below(tree.joints[names[-3]].child)
+    rigid = {
+        link
+        for link in end
+        if all(
+            joint.kind == "fixed" or joint.name in names
+            for joint in tree.joints_above(link)
+        )
+    }
+    return [s for link, s in context.model.links_solids(values) if link in rigid]
+
+
+def _distance(points: FloatArray, solids: Sequence[Solid]) -> FloatArray:
+    """Of points (n, 3) from the nearest solid [m], shape (n,)."""
+    found: FloatArray = np.min([s.signed_distance(points) for s in solids], axis=0)
+    return found
+
+
+def _fitted_shift(points: FloatArray, solids: Sequence[Solid]) -> FloatArray:
+    """Shift after which points (n, 3) lie on the solids, robustly, shape (3,)."""
+    shift, step = np.zeros(3), 1e-3
+    for _ in range(12):
+        moved = points - shift
+        gap = _distance(moved, solids)
+        slope = np.column_stack(
+            [
+                (_distance(moved + e, solids) - _distance(moved - e, solids)) / 2e-3
+                for e in step * np.eye(3)
+            ]
+        )
+        # Fingers and edges are not where the solids are: their say is limited.
+        weight = np.sqrt(np.minimum(1.0, 0.008 / np.maximum(np.abs(gap), 1e-9)))
+        A, b = weight[:, None] * slope, weight * gap
+        change = np.linalg.lstsq(A, b, rcond=0.02)[0]
+        shift = shift + change
+        if np.linalg.norm(change) < 2e-4:
+            break
+    return np.asarray(shift)

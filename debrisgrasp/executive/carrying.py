@@ -1,0 +1,132 @@
+"""Up, and away."""
+
+from __future__ import annotations
+
+from debrisgrasp.control import (
+    Compliance,
+    LegOutcome,
+    TarePolicy,
+    identify_payload,
+)
+from debrisgrasp.errors import InputError
+from debrisgrasp.motion import MotionPlan, UnknownSpace
+
+from .context import Context, Held, LimbState
+from .drag import drag
+from .drive import Drive, mean_wrench
+from .dropoff import drop_postures
+from .moves import carrying, planned, space_of
+from .result import Done, FaultFound, StepResult
+from .triage import Way
+
+__all__ = ["lift", "transport", "verify_hold"]
+
+_STANDING = 0.4
+"""How long the arm stands while the load is averaged [s]."""
+_FREE = 0.6
+"""Share of the lift after which what lies below no longer matters."""
+
+
+def lift(context: Context) -> StepResult:
+    """Draw the object out, giving way to what resists, within absolute limits."""
+    held = context.held
+    assert held is not None
+    triage = context.cycle.triage
+    if triage is not None and triage.way is Way.DRAG:
+        return drag(context)
+    limb, settings = context.limbs[held.arm], context.settings
+    translation, rotation = settings.compliance
+    drive = Drive(context, held.arm)
+    z0 = float(limb.pose(context.posture(limb)).p[2])
+    height = _height_to_go(context, z0)
+    end = drive.leg(
+        [0.0, 0.0, height],
+        speed=settings.lift_speed * context.cycle.speed,
+        compliance=Compliance.diagonal(translation, rotation),
+        tare=TarePolicy.SESSION,
+    )
+    if isinstance(end, FaultFound):
+        return end
+    held.is_lifted = True
+    if end.outcome is LegOutcome.BLOCKED and end.share < _FREE:
+        words = f"the arm got {100 * end.share:.0f} % of the lift far"
+        return FaultFound("too_heavy", words, held.arm, {"share": end.share})
+    peak = context.cycle.peak_force
+    return Done({"peak_force": round(peak, 1), "share": round(end.share, 3)})
+
+
+def _height_to_go(context: Context, z: float) -> float:
+    """Tell what is left of the lift, if it was interrupted [m]."""
+    motion = context.cycle.motion
+    assert motion is not None
+    begun = float(motion.grasp.T_base_hand.p[2])
+    return max(context.settings.lift - max(z - begun, 0.0), 0.02)
+
+
+def verify_hold(context: Context) -> StepResult:
+    """Weigh what hangs on the hand."""
+    held, settings = context.held, context.settings
+    assert held is not None
+    limb, drive = context.limbs[held.arm], Drive(context, held.arm)
+    readings = drive.stand(_STANDING)
+    if isinstance(readings, FaultFound):
+        return readings
+    T = limb.pose(context.posture(limb))
+    raw = mean_wrench(readings)
+    try:
+        payload, _ = identify_payload(limb.loads, raw, T.R @ limb.loads.T_ee_ft.R)
+    except InputError as error:
+        return FaultFound("slip", f"nothing hangs on the hand: {error}", held.arm)
+    weight = 9.81 * payload.mass
+    values = {"mass": payload.mass}
+    if weight < 0.5 * settings.empty_load:
+        words = f"the hand carries {weight:.1f} N: the object was lost"
+        return FaultFound("slip", words, held.arm, values)
+    if payload.mass > settings.max_mass + 0.25:
+        words = f"{payload.mass:.1f} kg, over the {settings.max_mass:g} kg allowed"
+        return FaultFound("too_heavy", words, held.arm, values)
+    held.payload = payload
+    # What lay on it during the lift is gone: from now on a loss is one of this weight.
+    held.state = held.state._replace(most_carried=weight, slipping=0.0)
+    return Done({"mass": round(payload.mass, 3)})
+
+
+def transport(context: Context) -> StepResult:
+    """Carry what is held over the drop-off, around everything else."""
+    held = context.held
+    assert held is not None
+    limb, drive = context.limbs[held.arm], Drive(context, held.arm)
+    found = _way(context, limb, held)
+    if isinstance(found, FaultFound):
+        return found
+    assert found.trajectory is not None
+    context.is_in_pile = None
+    pace = context.settings.carry_speed * context.cycle.speed
+    fault = drive.follow(found.trajectory, pace=pace)
+    if fault is not None:
+        return fault
+    return Done({"seconds": round(found.trajectory.duration / pace, 3)})
+
+
+def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFound:
+    """Plan to over the drop-off: with the object's box, then with less certainty."""
+    q = context.posture(limb)
+    goals = drop_postures(context, limb, held, q)
+    if not len(goals):
+        place = context.settings.drop_off[held.arm]
+        words = f"no posture holds it over the drop-off at {place}"
+        return FaultFound("unreachable", words, held.arm)
+    planner = carrying(context, limb)
+    label = context.cycle.label
+    found: MotionPlan | FaultFound | None = None
+    for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
+        space = space_of(context, label, unknown=unknown)
+        found = planned(context, limb, goals, space, planner)
+        if not isinstance(found, FaultFound):
+            return found
+    # The box around what was seen may touch what the object itself does not.
+    bare = planned(context, limb, goals, space)
+    if not isinstance(bare, FaultFound):
+        return bare
+    assert found is not None
+    return found

@@ -1,0 +1,241 @@
+"""Which object, which hand, which grasp, which way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from debrisgrasp._reasons import is_ground, too_small
+from debrisgrasp.executable import MotionsConfig, first_executable
+from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.perception import Perception
+from debrisgrasp.planning import Grasp
+from debrisgrasp.segmentation import Segment
+
+from .context import Context
+from .moves import space_of
+from .result import Done, FaultFound, StepResult
+from .states import State
+from .triage import Triage, Way, judge
+
+__all__ = ["plan_grasp", "plan_motion", "select"]
+
+_SPECK = 20
+"""Fewer cells of surface than this are noise, wherever they are."""
+
+
+def select(context: Context) -> StepResult:
+    """Take the first object of the order that is worth a try, or find the way clear."""
+    seen = context.cycle.seen
+    assert seen is not None
+    if seen.is_marked is not None:
+        return _select_marked(context, seen)
+    if context.settings.is_object_specific:
+        return Done({"cleared": True}, State.CLEARED)
+    left: dict[str, str] = {}
+    failed: list[str] = []
+    for candidate in seen.order(context.pipeline.policy):
+        segment = seen.segmentation.segment(candidate.label)
+        name = _named(segment)
+        reason = _not_in_the_way(context, seen, segment)
+        if reason:
+            continue
+        triage = _triage(context, seen, segment)
+        if triage.way in (Way.DRIVE_OVER, Way.LEAVE):
+            left[name] = f"{triage.way.value}: {triage.reason}"
+            continue
+        why = context.marks.why_left(
+            segment.centroid, context.n_removed, context.settings.tries
+        )
+        if triage.way is Way.DRAG:
+            mark = context.marks.of(segment.centroid)
+            is_done = mark is not None and mark.tries > context.settings.tries
+            why = why if is_done else ""
+        if why:
+            left[name] = why
+            failed.append(name)
+            continue
+        context.left = left
+        return _chosen(context, segment, triage, candidate.reason)
+    context.left = left
+    if failed:
+        return _nothing_more(context, left, failed)
+    if seen.segmentation.ground.plane is None:
+        return FaultFound("empty_cloud", "no ground was seen: nothing says it is clear")
+    return Done({"cleared": True, "left": left}, State.CLEARED)
+
+
+def _select_marked(context: Context, seen: Perception) -> StepResult:
+    """Take the marked object, whatever it was divided into."""
+    marked = seen.is_marked
+    assert marked is not None
+    if not marked.any():
+        return Done({"cleared": True}, State.CLEARED)
+    own = seen.segmentation.labels[marked]
+    label = int(np.bincount(own[own > 0]).argmax()) if (own > 0).any() else 0
+    if not label:
+        return Done({"cleared": True}, State.CLEARED)
+    segment = seen.segmentation.segment(label)
+    why = context.marks.why_left(
+        segment.centroid, context.n_removed, context.settings.tries
+    )
+    if why:
+        return _nothing_more(context, {_named(segment): why}, [_named(segment)])
+    triage = replace(_triage(context, seen, segment), way=Way.PINCH, arms=())
+    return _chosen(context, segment, triage, "it is the marked object")
+
+
+def _chosen(
+    context: Context, segment: Segment, triage: Triage, reason: str
+) -> StepResult:
+    cycle = context.cycle
+    cycle.label, cycle.triage = segment.label, triage
+    x, y, z = segment.centroid.tolist()
+    cycle.centroid = (x, y, z)
+    facts: dict[str, object] = {
+        "object": segment.label,
+        "centroid": np.round(segment.centroid, 4).tolist(),
+        "way": triage.way.value,
+        "arms": list(triage.arms),
+        "why_it": reason,
+        "why_so": triage.reason,
+        "left": dict(context.left),
+    }
+    return Done(facts)
+
+
+def _nothing_more(
+    context: Context, left: dict[str, str], failed: list[str]
+) -> FaultFound:
+    """Objects remain, and none is worth another try: not clear, and honest about it."""
+    context.left = left
+    words = "; ".join(f"{name}: {left[name]}" for name in failed)
+    return FaultFound("no_grasp", f"no candidate is left to try: {words}")
+
+
+def _named(segment: Segment) -> str:
+    x, y, z = segment.centroid
+    size = " x ".join(f"{100 * e:.0f}" for e in segment.extents)
+    return f"object {segment.label} of {size} cm at ({x:.2f}, {y:.2f}, {z:.2f})"
+
+
+def _not_in_the_way(context: Context, seen: Perception, segment: Segment) -> str:
+    """Why something that was divided off is no object in the way, or nothing."""
+    config = context.pipeline.config
+    if not context.settings.bounds.contains(segment.centroid):
+        return "outside the workspace"
+    points = seen.cloud.points[seen.segmentation.points_of(segment.label)]
+    ground = seen.segmentation.ground
+    is_low = _triage(context, seen, segment).way is Way.DRIVE_OVER
+    least = config.min_object_points if is_low else _SPECK
+    return (
+        is_ground(points, ground, config.segmentation.ground)
+        or too_small(points, config.planner.scene.spacing, least)
+        or ""
+    )
+
+
+def _triage(context: Context, seen: Perception, segment: Segment) -> Triage:
+    plane = seen.segmentation.ground.plane
+    x, y, _ = segment.centroid
+    height = 0.0
+    if plane is not None:
+        a, b, c, d = plane
+        height = float(-(a * x + b * y + d) / c)
+    mark = context.marks.of(segment.centroid)
+    return judge(
+        segment,
+        height,
+        {name: limb.hand for name, limb in context.limbs.items()},
+        context.settings,
+        is_too_heavy=mark is not None and mark.is_heavy,
+        can_drag=context.robot.base is not None,
+    )
+
+
+def plan_grasp(context: Context) -> StepResult:
+    """Seek grasps on the chosen object; the preferred hand's come first."""
+    cycle = context.cycle
+    assert cycle.seen is not None
+    assert cycle.triage is not None
+    label = None if cycle.seen.is_marked is not None else cycle.label
+    seed = int(context.rng.integers(2**31))
+    found = context.pipeline.plan(cycle.seen, object_label=label, seed=seed)
+    grasps = [g for g in found.plan.grasps if g.arm in context.limbs]
+    if not grasps:
+        why = found.plan.why_empty or "no hand in use takes any of the grasps"
+        unreached = found.plan.rejections.get("out of reach", 0)
+        name = (
+            "unreachable"
+            if unreached and _mostly(found.plan.rejections)
+            else ("no_grasp")
+        )
+        return FaultFound(name, why)
+    cycle.plan = replace(
+        found, plan=replace(found.plan, grasps=_ordered(grasps, cycle.triage))
+    )
+    best = cycle.plan.plan.grasps[0]
+    return Done({"seed": seed, "grasps": len(grasps), "best": _grasp_facts(best)})
+
+
+def _mostly(rejections: Mapping[str, int]) -> bool:
+    return 2 * rejections.get("out of reach", 0) > sum(rejections.values())
+
+
+def _ordered(grasps: list[Grasp], triage: Triage) -> tuple[Grasp, ...]:
+    """Put the preferred hand first among grasps that are about as good."""
+    if not triage.arms:
+        return tuple(grasps)
+    preferred = triage.arms[0]
+
+    def worth(grasp: Grasp) -> float:
+        return grasp.score * (1.0 if grasp.arm == preferred else 0.8)
+
+    return tuple(sorted(grasps, key=worth, reverse=True))
+
+
+def _grasp_facts(grasp: Grasp) -> dict[str, object]:
+    return {
+        "prototype": grasp.prototype,
+        "arm": grasp.arm,
+        "score": round(grasp.score, 4),
+        "width": round(grasp.width, 4),
+        "gripper": grasp.gripper,
+        "preshape": grasp.preshape,
+        "opening": round(grasp.opening, 4),
+        "pose": np.round(grasp.T_base_hand.matrix, 5).tolist(),
+    }
+
+
+def plan_motion(context: Context) -> StepResult:
+    """Find the first grasp whose whole chain of motions is feasible."""
+    cycle = context.cycle
+    assert cycle.plan is not None
+    assert cycle.seen is not None
+    settings = context.settings
+    config = MotionsConfig(lift=(0.0, 0.0, settings.lift), tries=6)
+    found = first_executable(
+        cycle.plan.plan,
+        context.model,
+        space_of(context, unknown=UnknownSpace.HIDDEN),
+        present=context.joint_values(),
+        config=config,
+        rng=context.rng,
+    )
+    if found.chosen is None:
+        reasons = [reason for _, reason in found.passed_over]
+        is_far = all("reach" in r and "posture" in r for r in reasons)
+        name = "unreachable" if is_far else "plan_collision"
+        return FaultFound(name, found.why_none)
+    cycle.motion = found.chosen
+    seconds = {k: round(v.duration, 3) for k, v in found.chosen.trajectories.items()}
+    return Done(
+        {
+            "grasp": found.chosen.index,
+            "passed_over": [list(p) for p in found.passed_over],
+            "seconds": seconds,
+            **_grasp_facts(found.chosen.grasp),
+        }
+    )

@@ -1,0 +1,179 @@
+"""What a run knows while it goes on: devices, what was seen, what is held."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp.control import (
+    Body,
+    GripController,
+    GripState,
+    LoadModel,
+    PostureKinematics,
+)
+from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import ArmReach, LimitFamily, RobotModel
+from debrisgrasp.motion import MotionPlanner
+from debrisgrasp.prototypes import GripperModel
+from debrisgrasp.robot import Arm, Head, Limb, Robot
+
+from .marks import Marks
+from .settings import TaskSettings
+from .states import State
+
+if TYPE_CHECKING:
+    from debrisgrasp.executable import GraspMotion
+    from debrisgrasp.io import Capture
+    from debrisgrasp.perception import Perception
+    from debrisgrasp.pipeline import Pipeline, PlanningResult
+
+    from .triage import Triage
+
+__all__ = ["FINGER_TICKS", "Context", "Cycle", "Held", "LimbState", "Recorder"]
+
+FINGER_TICKS = 10
+"""Periods between two looks at the fingers while the arm moves."""
+
+
+class Recorder(Protocol):
+    """Takes down what happens."""
+
+    def write(self, kind: str, facts: Mapping[str, object]) -> None:
+        """Add one line."""
+        ...
+
+    def keep(self, capture: Capture, name: str) -> None:
+        """Store a capture."""
+        ...
+
+
+@dataclass(eq=False, kw_only=True)
+class LimbState:
+    """One arm with its hand, and what is known about it."""
+
+    name: str
+    limb: Limb
+    reach: ArmReach
+    limits: LimitFamily
+    hand: GripperModel
+    kinematics: PostureKinematics
+    loads: LoadModel
+    """With the bias of the last verified baseline."""
+    baseline_time: float = 0.0
+    """When that was, by the robot's clock [s]."""
+    commissioned_bias: FloatArray = field(default_factory=lambda: np.zeros(6))
+
+    def pose(self, q: FloatArray) -> SE3:
+        """Pose of the palm in base."""
+        R, p = self.kinematics.pose(q.tolist())
+        return SE3.from_parts(np.array(R).reshape(3, 3), np.array(p))
+
+    @cached_property
+    def planner(self) -> MotionPlanner:
+        """Of motions with nothing in the hand."""
+        return MotionPlanner.of_arm(self.reach, limits=self.limits.planner)
+
+    @property
+    def rest_of(self) -> str:
+        """Name of the idle posture."""
+        return self.reach.robot.arm(self.name).idle
+
+
+@dataclass(eq=False, kw_only=True)
+class Held:
+    """What a hand holds, or is about to."""
+
+    arm: str
+    grip: GripController
+    """Ticked at every period, while the arm stands."""
+    watch: GripController
+    """The same, ticked every `FINGER_TICKS`, while it moves."""
+    state: GripState
+    is_lifted: bool = False
+    is_watched: bool = True
+    """Whether a loss counts as a fault; not while it is put back for one."""
+    payload: Body = field(default_factory=Body)
+    points_hand: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    """Visible points of the object, in the frame of the palm [m], shape (n, 3)."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Cycle:
+    """One try at one object."""
+
+    number: int
+    reached: list[State] = field(default_factory=list)
+    capture: Capture | None = None
+    seen: Perception | None = None
+    label: int | None = None
+    triage: Triage | None = None
+    plan: PlanningResult | None = None
+    motion: GraspMotion | None = None
+    is_removed: bool = False
+    speed: float = 1.0
+    """Share of the usual speed; lower after something swung."""
+    peak_force: float = 0.0
+    peak_torque: float = 0.0
+    centroid: tuple[float, float, float] | None = None
+
+
+@dataclass(eq=False, kw_only=True)
+class Context:
+    """Everything that passes from step to step of one run."""
+
+    robot: Robot
+    model: RobotModel
+    settings: TaskSettings
+    pipeline: Pipeline
+    record: Recorder
+    rng: Rng
+    limbs: Mapping[str, LimbState]
+    state: State = State.SELF_TEST
+    cycle: Cycle = field(default_factory=lambda: Cycle(number=1))
+    held: Held | None = None
+    released: Held | None = None
+    """What was let go last, until that is verified."""
+    is_in_pile: str | None = None
+    """Arm whose hand is at, or in front of, an object; None: all hands are away."""
+    is_closed: bool = False
+    """Whether its fingers were sent to close."""
+    marks: Marks = field(default_factory=Marks)
+    n_removed: int = 0
+    dropped: list[FloatArray] = field(default_factory=list)
+    """Points of what was put down, base frame [m], each (n, 3)."""
+    dragged: SE3 | None = None
+    """How far the base has moved with an object, ``T_before_now``; None: not at all."""
+    trace: list[tuple[float, float, float]] = field(default_factory=list)
+    """Time, force and torque at the hand [s, N, N m], since the state began."""
+    left: dict[str, str] = field(default_factory=dict)
+    """Objects that stay, and why, by the last look."""
+
+    def now(self) -> float:
+        """Time by the robot's clock [s]."""
+        return self.robot.clock.now()
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass."""
+        clock = self.robot.clock
+        clock.wait_until(clock.now() + seconds)
+
+    def joint_values(self) -> dict[str, float]:
+        """Measured joints of all arms and the head, by name [rad or m]."""
+        devices: list[Arm | Head] = [s.limb.arm for s in self.limbs.values()]
+        if self.robot.head is not None:
+            devices.append(self.robot.head)
+        values: dict[str, float] = {}
+        for device in devices:
+            q = np.asarray(device.read().q, dtype=np.float64).tolist()
+            values.update(zip(device.joint_names, q, strict=True))
+        return values
+
+    def posture(self, limb: LimbState) -> FloatArray:
+        """Measured joints of one arm, shape (d,)."""
+        return np.asarray(limb.limb.arm.read().q, dtype=np.float64)

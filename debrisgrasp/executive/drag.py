@@ -1,0 +1,124 @@
+"""Pull what can't be lifted out of the way with the tracks, the arm giving way."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+
+from debrisgrasp.control import Compliance, LegOutcome, TarePolicy
+from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.robot import Base
+
+from .context import Context
+from .drive import Drive
+from .result import Done, FaultFound, StepResult
+from .states import State
+
+__all__ = ["drag", "drive_back"]
+
+_SPEED = 0.08
+"""Of the base while it pulls [m/s]."""
+_RATE = 0.15
+"""At which it turns what it pulls out of the way [rad/s]."""
+_TURN = 1.1
+"""By which it turns [rad]."""
+_SHARE = 0.8
+"""Share of the limit of the force at which pulling ends."""
+_CREEP = 1e-3
+"""Way of the hand meanwhile: a leg of no length would be done at once [m]."""
+_BRAKING = 1.5
+"""Within which the base stands after a stop [s]."""
+
+
+def drag(context: Context) -> StepResult:
+    """Back off with the object in the hand, and turn it aside.
+
+    The arm gives way to what resists; the base goes only as long as the hand bears it.
+    """
+    held, base = context.held, context.robot.base
+    assert held is not None
+    if base is None:
+        return FaultFound("too_heavy", "there is no base to drag with", held.arm)
+    drive, settings = Drive(context, held.arm), context.settings
+    side = -1.0 if held.arm == "right" else 1.0
+    phases = [
+        (-_SPEED, 0.0, settings.drag_distance / _SPEED),
+        (0.0, side * _RATE, _TURN / _RATE),
+    ]
+    seconds = sum(phase[2] for phase in phases)
+    begun = base.read()
+    pull = _Pull(context, base, phases, _SHARE * drive.limb.limits.controller.force)
+    translation, rotation = settings.compliance
+    end = drive.leg(
+        [0.0, 0.0, _CREEP],
+        speed=_CREEP / (seconds + 1.0),
+        compliance=Compliance.diagonal(translation, rotation),
+        tare=TarePolicy.SESSION,
+        until=pull,
+    )
+    base.stop()
+    context.wait(_BRAKING)
+    context.dragged = begun.inverse() @ base.read()
+    context.cycle.seen = None  # what was seen was seen from elsewhere
+    if isinstance(end, FaultFound):
+        return end
+    facts = {
+        "way": np.round(context.dragged.p[:2], 3).tolist(),
+        "peak_force": round(pull.peak, 1),
+    }
+    if pull.is_too_much or end.outcome is not LegOutcome.CONTACT:
+        words = f"{pull.peak:.0f} N while it was dragged by "
+        words += f"{np.linalg.norm(context.dragged.p[:2]):.2f} m"
+        return FaultFound("too_heavy", words, held.arm, {"force": pull.peak})
+    return Done(facts, State.RELEASE)
+
+
+class _Pull:
+    """Sends the base through its phases, tick by tick; says when they are over."""
+
+    def __init__(
+        self,
+        context: Context,
+        base: Base,
+        phases: list[tuple[float, float, float]],
+        most: float,
+    ) -> None:
+        self.peak, self.is_too_much = 0.0, False
+        self._context, self._base, self._most = context, base, most
+        self._phases, self._until = list(phases), context.now()
+
+    def __call__(self, load: Wrench) -> bool:
+        """Whether to end, by the load on the hand."""
+        force = hypot(*load[:3])
+        self.peak = max(self.peak, force)
+        if force > self._most:
+            self.is_too_much = True
+            return True
+        if self._context.now() < self._until:
+            return False
+        if not self._phases:
+            return True
+        forward, turn, seconds = self._phases.pop(0)
+        self._base.drive(forward, turn)
+        self._until = self._context.now() + seconds
+        return False
+
+
+def drive_back(context: Context) -> FaultFound | None:
+    """Bring the base back to where it was before it dragged something."""
+    base, moved = context.robot.base, context.dragged
+    context.dragged = None
+    if base is None or moved is None:
+        return None
+    yaw = float(np.arctan2(moved.R[1, 0], moved.R[0, 0]))
+    distance = float(np.linalg.norm(moved.p[:2]))
+    for forward, turn, seconds in (
+        (0.0, -np.sign(yaw) * _RATE, abs(yaw) / _RATE),
+        (_SPEED, 0.0, distance / _SPEED),
+    ):
+        base.drive(forward, float(turn))
+        context.wait(seconds)
+        base.stop()
+        context.wait(_BRAKING)
+    return None

@@ -1,0 +1,383 @@
+"""Control loops of one limb: every tick reads, judges, and only then commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import hypot
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import (
+    CartesianLeg,
+    Compliance,
+    ContactGuard,
+    ControllerConfig,
+    FingerReading,
+    GripPhase,
+    LegController,
+    LegOutcome,
+    LegState,
+    Reading,
+    SafetyConfig,
+    SafetyState,
+    Stop,
+    Supervisor,
+    TarePolicy,
+)
+from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import Trajectory
+
+from .context import FINGER_TICKS, Context
+from .noticed import fault_of_stop, refused
+from .result import FaultFound
+from .states import State
+
+__all__ = ["Drive", "LegEnd"]
+
+_ZERO = (0.0,) * 6
+_SAFETY = SafetyConfig(jump_force=80.0, jump_torque=25.0)
+"""Pieces of a pile that come free let the load change by more than a sensor's noise."""
+_AMONG = replace(_SAFETY, jump_force=400.0, jump_torque=60.0)
+"""Fingers that meet on an object push the wrist no more, from one tick to the next;
+what slides in a pile may fall onto the hand. The absolute limits hold all the same."""
+_TOUCHING = (State.APPROACH, State.CLOSE, State.VERIFY_GRASP, State.RECOVER)
+_SPARE = 0.95
+"""Share of a planned speed that is used: between its knots a motion, and more so one
+that is run backwards, may exceed its acceleration by a few percent."""
+_AT_START = 0.03
+"""A trajectory begins where the arm stands, within this [rad or m]."""
+_BRAKING = 0.1
+"""[s]."""
+_RUN_OUT = 1.5
+"""A leg that is done has come to rest within so long [s]."""
+_BLEND = 1.0
+"""[s]."""
+_ENGAGES_WITHIN = 0.5
+"""[s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegEnd:
+    """How a leg ended."""
+
+    outcome: LegOutcome
+    share: float
+    """How much of it was done, in [0, 1]."""
+    length: float
+    """Of the whole leg [m]."""
+
+    @property
+    def left(self) -> float:
+        """What was not done [m]."""
+        return (1.0 - self.share) * self.length
+
+
+class Drive:
+    """Moves one limb; each method returns the fault that ended it, or what it did."""
+
+    def __init__(self, context: Context, arm: str) -> None:
+        self.context, self.limb = context, context.limbs[arm]
+        self.devices = self.limb.limb
+        self.clock = context.robot.clock
+        self.period = context.settings.period
+        self._tick = 0
+        self.load: Wrench = _ZERO
+        """Latest load at the hand, absolute, in its axes [N, N m]."""
+
+    def read(self) -> Reading:
+        """Measure joints and wrench."""
+        joints = self.devices.arm.read()
+        wrench = self.devices.sensor.read()
+        return Reading(self.clock.now(), joints.q, wrench.wrench_ft, wrench.time)
+
+    def engage(self) -> FaultFound | None:
+        """Have the drives follow, as a transaction: read back, or else undone."""
+        arm, name = self.devices.arm, self.limb.name
+        if arm.is_stopped:
+            return FaultFound("controller_refuses", "a stop is latched", name)
+        if not arm.is_engaged:
+            arm.engage()
+            end = self.clock.now() + _ENGAGES_WITHIN
+            while not arm.is_engaged and self.clock.now() < end:
+                self.context.wait(self.period)
+        if not arm.is_engaged:
+            arm.disengage()
+            words = f"not engaged after {_ENGAGES_WITHIN:g} s; rolled back"
+            return FaultFound("controller_refuses", words, name)
+        q = np.asarray(arm.read().q, dtype=np.float64)
+        broken = self.limb.limits.controller.violation(q, tolerance=1e-3)
+        if broken:
+            return FaultFound("start_outside_limits", broken, name)
+        return None
+
+    def stand(self, seconds: float) -> list[Reading] | FaultFound:
+        """Stand, and return all readings."""
+        supervisor, begun = self.supervised()
+        if isinstance(begun, FaultFound):
+            return begun
+        state, q = begun, tuple(np.asarray(begun.q).tolist())
+        readings = []
+        for _ in range(int(np.ceil(seconds / self.period))):
+            # Without a command an arm holds by itself.
+            fault, state, reading = self.ticked(supervisor, state, q, is_moving=False)
+            if fault is not None:
+                return fault
+            readings.append(reading)
+        return readings
+
+    def follow(self, trajectory: Trajectory, *, pace: float = 1.0) -> FaultFound | None:
+        """Follow a planned motion at a share of its speed, supervised."""
+        limits = self.limb.limits.planner
+        try:
+            limits.require_same(trajectory.limits_hash, "a trajectory")
+        except ConfigError as error:
+            return FaultFound("limit_mismatch", str(error), self.limb.name)
+        engaged = self.engage()
+        if engaged is not None:
+            return engaged
+        supervisor, begun = self.supervised()
+        if isinstance(begun, FaultFound):
+            return begun
+        state, gap = begun, float(np.abs(np.array(begun.q) - trajectory.q[0]).max())
+        if gap > _AT_START:
+            words = f"{gap:.3f} rad from the start of the motion"
+            return FaultFound("plan_collision", words, self.limb.name)
+        step = _SPARE * pace * self.period
+        n = int(np.ceil(trajectory.duration / step))
+        path = trajectory.at(step * np.arange(1, n + 1))[0]
+        # The plan began within the planner's limits, the arm perhaps a little outside.
+        share = np.minimum(self.period * np.arange(1, n + 1) / _BLEND, 1.0)
+        fade = 1.0 - share * share * (3.0 - 2.0 * share)
+        path = path + fade[:, None] * (np.array(begun.q) - trajectory.q[0])
+        rows = path.tolist()
+        arm = self.devices.arm
+        # The last leg may have commanded in this very tick.
+        fault, state, _ = self.ticked(supervisor, state, begun.q, is_moving=False)
+        if fault is not None:
+            return fault
+        for q in rows:
+            arm.command(q)
+            fault, state, _ = self.ticked(supervisor, state, q, is_moving=True)
+            if fault is not None:
+                arm.stop()
+                return fault
+        return self._settle(supervisor, state, rows[-1] if rows else list(begun.q))
+
+    def _settle(
+        self, supervisor: Supervisor, state: SafetyState, q: list[float]
+    ) -> FaultFound | None:
+        """Wait until the arm has come to where it was sent."""
+        fault = None
+        for _ in range(int(0.4 / self.period)):
+            self.devices.arm.command(q)
+            fault, state, _ = self.ticked(supervisor, state, q, is_moving=False)
+            gap = max(abs(a - b) for a, b in zip(state.q, q, strict=True))
+            if fault is not None or gap < 1e-3:
+                return fault
+        return None
+
+    def leg(
+        self,
+        goal: SE3 | ArrayLike,
+        *,
+        speed: float,
+        guard: ContactGuard | None = None,
+        compliance: Compliance | None = None,
+        tare: TarePolicy = TarePolicy.MOTION,
+        until: Callable[[Wrench], bool] | None = None,
+    ) -> LegEnd | FaultFound:
+        """Go straight to a pose, or by an offset in base (3,) [m], until a touch.
+
+        Parameters
+        ----------
+        until
+            Ends the leg as a touch does, by what it is told of the load.
+        """
+        engaged = self.engage()
+        if engaged is not None:
+            return engaged
+        for attempt in range(4):
+            found = self._begun(goal, speed * 0.5**attempt, guard, compliance, tare)
+            is_slow_enough = isinstance(found, tuple) or "brake" not in found.message
+            if is_slow_enough:
+                break
+        if isinstance(found, FaultFound):
+            return found
+        controller, state = found
+        arm, clock = self.devices.arm, self.clock
+        while True:
+            clock.wait_until(clock.now() + self.period)
+            reading = self.read()
+            state, command = controller.step(state, reading)
+            self._note(reading.time, command.load)
+            if command.stop is not None:
+                arm.stop()
+                return self._fault(command.stop, reading)
+            arm.command(command.q)
+            fault = self._watched_fingers(command.load)
+            if fault is not None:
+                arm.stop()
+                return fault
+            if until is not None and until(command.load):
+                arm.disengage()  # the drives brake by themselves
+                self.context.wait(_BRAKING)
+                length = controller.leg.length
+                return LegEnd(LegOutcome.CONTACT, state.share, length)
+            if command.outcome is not LegOutcome.RUNNING:
+                break
+        for _ in range(int(_RUN_OUT / self.period)):
+            if not state.servo.is_moving:
+                break
+            clock.wait_until(clock.now() + self.period)
+            state, command = controller.step(state, self.read())
+            if command.stop is not None:
+                arm.stop()
+                return self._fault(command.stop, reading)
+            arm.command(command.q)
+        return LegEnd(state.outcome, state.share, controller.leg.length)
+
+    def _begun(
+        self,
+        goal: SE3 | ArrayLike,
+        speed: float,
+        guard: ContactGuard | None,
+        compliance: Compliance | None,
+        tare: TarePolicy,
+    ) -> tuple[LegController, LegState] | FaultFound:
+        limb = self.limb
+        reading = self.read()
+        try:
+            start = limb.pose(np.asarray(reading.q, dtype=np.float64))
+            if isinstance(goal, SE3):
+                leg = CartesianLeg(start, goal)
+            else:
+                leg = CartesianLeg.along(start, goal)
+            controller = LegController(
+                limb.reach.chain,
+                limb.limits.controller,
+                limb.loads,
+                leg,
+                ControllerConfig(
+                    period=self.period, speed=speed, tare=tare, safety=self._safety
+                ),
+                compliance=compliance,
+                guard=guard,
+                baseline_time=limb.baseline_time,
+            )
+            engagement = controller.engage(reading)
+        except InputError as error:
+            return refused(str(error), reading, limb.name)
+        if engagement.state is None:
+            return refused("; ".join(engagement.refusals), reading, limb.name)
+        return controller, engagement.state
+
+    def fingers(self) -> FingerReading:
+        """Measure the fingers."""
+        read = self.devices.gripper.read()
+        return FingerReading(read.openings, read.forces)
+
+    @property
+    def _safety(self) -> SafetyConfig:
+        return _AMONG if self.context.state in _TOUCHING else _SAFETY
+
+    def supervised(self) -> tuple[Supervisor, SafetyState | FaultFound]:
+        """Begin to watch the arm: who watches, and its state, or why not."""
+        limb = self.limb
+        supervisor = Supervisor(
+            limb.kinematics,
+            limb.limits.controller,
+            limb.loads,
+            self.period,
+            self._safety,
+            limb.baseline_time,
+        )
+        reading = self.read()
+        try:
+            return supervisor, supervisor.start(reading)
+        except InputError as error:
+            return supervisor, refused(str(error), reading, limb.name)
+
+    def ticked(
+        self,
+        supervisor: Supervisor,
+        state: SafetyState,
+        commanded: tuple[float, ...] | list[float],
+        *,
+        is_moving: bool,
+        with_fingers: bool = True,
+    ) -> tuple[FaultFound | None, SafetyState, Reading]:
+        """Wait one period, read, and judge."""
+        clock = self.clock
+        clock.wait_until(clock.now() + self.period)
+        reading = self.read()
+        state, verdict = supervisor.step(
+            state, reading, commanded, _ZERO, is_moving=is_moving
+        )
+        self._note(reading.time, verdict.load)
+        if state.stop is not None:
+            self.devices.arm.stop()
+            return self._fault(state.stop, reading), state, reading
+        if with_fingers:
+            return self._watched_fingers(verdict.load), state, reading
+        return None, state, reading
+
+    def _watched_fingers(self, load: tuple[float, ...]) -> FaultFound | None:
+        """While something is held: go on squeezing, and notice when it is lost."""
+        held = self.context.held
+        if held is None or held.arm != self.limb.name or not held.is_watched:
+            return None
+        if self._tick % FINGER_TICKS:
+            return None
+        fingers = self.fingers()
+        carried = self.carried(load) if held.is_lifted else None
+        held.state, command = held.watch.step(
+            held.state, fingers._replace(carried=carried)
+        )
+        self.devices.gripper.command(command)
+        if held.state.phase in (GripPhase.SLIPPED, GripPhase.LOST):
+            what = held.state.phase.value
+            words = f"{what}: fingers at "
+            words += ", ".join(f"{1e3 * x:.0f}" for x in fingers.openings) + " mm"
+            fault = "slip" if held.state.phase is GripPhase.SLIPPED else "finger_jammed"
+            return FaultFound(fault, words, self.limb.name)
+        return None
+
+    def carried(self, load: tuple[float, ...]) -> float:
+        """Weight that a load at the hand amounts to [N]."""
+        R, _ = self.limb.kinematics.pose(self._q)
+        return -(R[6] * load[0] + R[7] * load[1] + R[8] * load[2])
+
+    @property
+    def _q(self) -> list[float]:
+        q: list[float] = np.asarray(self.devices.arm.read().q, dtype=float).tolist()
+        return q
+
+    def push(self) -> FloatArray:
+        """Latest force on the hand in the axes of base [N], shape (3,)."""
+        R, _ = self.limb.kinematics.pose(self._q)
+        return np.asarray(np.reshape(R, (3, 3)) @ np.array(self.load[:3]))
+
+    def _note(self, time: float, load: tuple[float, ...]) -> None:
+        self._tick += 1
+        self.load = load
+        cycle = self.context.cycle
+        force, torque = hypot(*load[:3]), hypot(*load[3:])
+        cycle.peak_force = max(cycle.peak_force, force)
+        cycle.peak_torque = max(cycle.peak_torque, torque)
+        if not self._tick % FINGER_TICKS:
+            self.context.trace.append((time, force, torque))
+
+    def _fault(self, stop: Stop, reading: Reading) -> FaultFound:
+        return fault_of_stop(stop, reading, self.context.state, self.limb.name)
+
+
+def mean_wrench(readings: list[Reading]) -> FloatArray:
+    """Mean of the raw wrenches, shape (6,)."""
+    raw = np.array([np.asarray(r.wrench_ft, dtype=np.float64) for r in readings])
+    mean: FloatArray = raw.mean(axis=0)
+    return mean

@@ -1,0 +1,103 @@
+"""Loops of the fingers: close until they meet, open, or loosen a little."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+
+from debrisgrasp.control import GripCommand, GripPhase
+
+from .context import FINGER_TICKS, Held
+from .drive import Drive
+from .result import FaultFound
+
+__all__ = ["loosen", "open_hand", "run_grip"]
+
+_LOOSENED = 0.03
+"""How far fingers open to let go [m] ..."""
+_OPENING_FORCE = 30.0
+"""... and with how much force [N]."""
+
+
+def run_grip(
+    drive: Drive,
+    held: Held,
+    until: tuple[GripPhase, ...],
+    most_force: float = np.inf,
+) -> FaultFound | None:
+    """Tick the fingers until their grip is in one of some phases, arm standing.
+
+    Ends before that, the fingers halted, when the hand is pushed by more than
+    ``most_force`` [N]; `load` tells where to.
+    """
+    supervisor, begun = drive.supervised()
+    if isinstance(begun, FaultFound):
+        return begun
+    state, q = begun, tuple(np.asarray(begun.q).tolist())
+    gripper = drive.devices.gripper
+    for _ in range(int(12.0 / drive.period)):
+        held.state, command = held.grip.step(held.state, drive.fingers())
+        # No finger squeezes before all have met the object, or it is pushed away.
+        command = command._replace(force=held.grip.config.resistance)
+        gripper.command(command)
+        if held.state.phase in until:
+            return None
+        fault, state, _ = drive.ticked(
+            supervisor, state, q, is_moving=False, with_fingers=False
+        )
+        if fault is not None:
+            return fault
+        if hypot(*drive.load[:3]) > most_force:
+            halted = GripCommand(tuple(drive.fingers().openings), command.force)
+            gripper.command(halted)
+            return None
+    words = f"the fingers are still {held.state.phase.value} after 12 s"
+    return FaultFound("finger_jammed", words, drive.limb.name)
+
+
+def open_hand(drive: Drive, preshape: str, opening: float) -> FaultFound | None:
+    """Open to a preshape, and see that the fingers got there.
+
+    Whatever presses on the hand, opening it is the way out; no load forbids it.
+    """
+    gripper = drive.devices.gripper
+    gripper.preshape(preshape, opening)
+    end = drive.clock.now() + 6.0
+    widest: tuple[float, ...] = ()
+    while drive.clock.now() < end:
+        openings = gripper.read().openings
+        if len(openings) and min(openings) >= opening - 0.006:
+            drive.context.is_closed = False
+            return None
+        drive.context.wait(FINGER_TICKS * drive.period)
+        widest = openings
+    words = f"fingers at {', '.join(f'{1e3 * x:.0f}' for x in widest)} mm of "
+    words += f"{1e3 * opening:.0f} mm after 6 s"
+    return FaultFound("finger_jammed", words, drive.limb.name)
+
+
+def loosen(drive: Drive, most: float) -> FaultFound | None:
+    """Open every finger a little, until none feels anything to hold."""
+    gripper = drive.devices.gripper
+    before = gripper.read().openings
+    goals = tuple(min(x + _LOOSENED, max(most, x)) for x in before)
+    end = drive.clock.now() + 3.0
+    while drive.clock.now() < end:
+        gripper.command(GripCommand(goals, _OPENING_FORCE))
+        drive.context.wait(FINGER_TICKS * drive.period)
+        hand = gripper.read()
+        is_there = all(
+            x > goal - 0.004 for x, goal in zip(hand.openings, goals, strict=True)
+        )
+        if is_there:
+            break
+    hand = gripper.read()
+    gone = [x - y for x, y in zip(hand.openings, before, strict=True)]
+    wanted = [x - y for x, y in zip(goals, before, strict=True)]
+    stuck = [i for i, (x, y) in enumerate(zip(gone, wanted, strict=True))
+             if x < min(0.004, 0.5 * y)]  # fmt: skip
+    if stuck:
+        words = f"finger {stuck[0] + 1} opened by {1e3 * gone[stuck[0]]:.1f} mm"
+        return FaultFound("finger_jammed", words, drive.limb.name)
+    return None

@@ -1,0 +1,267 @@
+"""To the object, and around it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import (
+    ContactGuard,
+    GripConfig,
+    GripController,
+    GripPhase,
+    LegOutcome,
+    TarePolicy,
+    reference_wrench,
+)
+from debrisgrasp.errors import InputError
+from debrisgrasp.executable import GraspMotion
+from debrisgrasp.geometry import voxel_downsample
+from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.planning import Grasp
+
+from .context import FINGER_TICKS, Context, Held, LimbState
+from .drive import Drive
+from .fingers import open_hand, run_grip
+from .moves import planned, space_of
+from .result import Done, FaultFound, StepResult
+
+__all__ = ["approach", "close", "pregrasp", "switch", "verify_grasp"]
+
+_AT_GRASP = 0.02
+"""A touch so near to the end of the approach is the object between the fingers [m]."""
+_STANDING = 0.24
+"""How long the arm stands while forces are averaged [s]."""
+_GENTLE = 100.0
+"""A claw could crush; so much is enough to hold what may be carried [N]."""
+_PUSHED = 45.0
+"""Pushed by more while it closes, the hand gives way [N] ..."""
+_GIVE = 0.0015
+"""... by so much [m] ..."""
+_GIVES = 30
+"""... so many times."""
+_RESISTANCE = 10.0
+"""A finger that feels so much stops until the others do, too [N]."""
+_CLOSING = 0.04
+"""Speed of the pads [m/s]."""
+_SETTLING = 40
+"""Steps in which the force of the fingers grows, and settles."""
+_SQUEEZED = 0.015
+"""What gives way by more when squeezed was not between the fingers [m]."""
+
+
+def pregrasp(context: Context) -> StepResult:
+    """Take the preshape, and go to where the approach begins."""
+    motion = _motion(context)
+    limb, drive = context.limbs[motion.arm], Drive(context, motion.arm)
+    grasp = motion.grasp
+    fault = open_hand(drive, grasp.preshape, _opening(limb, grasp))
+    if fault is not None:
+        return fault
+    reach = motion.reach.trajectory
+    assert reach is not None
+    q = context.posture(limb)
+    if np.abs(q - reach.q[0]).max() > 0.01:
+        # Something happened on the way: the motion is planned anew from here.
+        space = space_of(context, unknown=UnknownSpace.HIDDEN)
+        found = planned(context, limb, reach.q[-1], space)
+        if isinstance(found, FaultFound):
+            return found
+        assert found.trajectory is not None
+        reach = found.trajectory
+    fault = drive.follow(reach, pace=context.cycle.speed)
+    if fault is not None:
+        return fault
+    context.is_in_pile = motion.arm
+    return Done({"seconds": round(reach.duration, 3)})
+
+
+def switch(context: Context) -> StepResult:
+    """Hand the arm over to force control: read back, standing, and unloaded."""
+    motion = _motion(context)
+    limb, drive = context.limbs[motion.arm], Drive(context, motion.arm)
+    arm = limb.limb.arm
+    arm.disengage()
+    fault = drive.engage()
+    if fault is not None:
+        return fault
+    before = context.posture(limb)
+    readings = drive.stand(_STANDING)
+    if isinstance(readings, FaultFound):
+        return readings
+    moved = float(np.abs(context.posture(limb) - before).max())
+    if moved > 0.01 or not arm.is_engaged:
+        arm.disengage()
+        words = f"the arm moved by {moved:.3f} rad while it was handed over"
+        return FaultFound("controller_refuses", words, limb.name)
+    loads = []
+    for reading in readings:
+        q = np.asarray(reading.q, dtype=np.float64).tolist()
+        wrench = np.asarray(reading.wrench_ft, dtype=np.float64).tolist()
+        loads.append(limb.loads.load_ee(wrench, limb.kinematics.pose(q)[0]))
+    try:
+        # At the palm, noise of the force is noise of the torque by the lever between.
+        lever = float(np.linalg.norm(limb.loads.T_ee_ft.p))
+        reference = reference_wrench(loads, max_sigma_torque=0.02 + 0.6 * lever)
+    except InputError as error:
+        return FaultFound("controller_refuses", str(error), limb.name)
+    force = float(np.linalg.norm(reference[:3]))
+    if force > context.settings.empty_load + 4.0:
+        words = f"an empty hand in free space bears {force:.1f} N"
+        return FaultFound("bias_drift", words, limb.name, {"force": force})
+    return Done({"force": round(force, 2)})
+
+
+def approach(context: Context) -> StepResult:
+    """Go straight in; stop at the first touch."""
+    motion = _motion(context)
+    drive, settings = Drive(context, motion.arm), context.settings
+    goal = motion.grasp.T_base_hand
+    end = drive.leg(goal, speed=settings.approach_speed, guard=ContactGuard())
+    if isinstance(end, FaultFound):
+        return end
+    facts = {"outcome": end.outcome.value, "left": round(end.left, 4)}
+    if end.outcome is LegOutcome.DONE or end.left <= _AT_GRASP:
+        return Done(facts)
+    words = f"{end.outcome.value} {1000 * end.left:.0f} mm before the grasp"
+    name = "early_contact" if end.outcome is LegOutcome.CONTACT else "unreachable"
+    return FaultFound(name, words, motion.arm, {"left": end.left})
+
+
+def close(context: Context) -> StepResult:
+    """Close the fingers until all of them feel the object."""
+    motion = _motion(context)
+    limb, drive = context.limbs[motion.arm], Drive(context, motion.arm)
+    held = _grip_of(context, limb, motion)
+    fault = run_grip(drive, held, (GripPhase.READY, GripPhase.JAMMED, GripPhase.LOST))
+    if fault is not None:
+        return fault
+    if held.state.phase is not GripPhase.READY:
+        return FaultFound("finger_jammed", held.state.phase.value, limb.name)
+    held.state = held.grip.close(held.state)
+    context.held, context.is_closed = held, True
+    ends = (GripPhase.HOLDING, GripPhase.EMPTY, GripPhase.JAMMED, GripPhase.LOST)
+    n_gives = 0
+    while held.state.phase not in ends:
+        fault = run_grip(drive, held, ends, most_force=_PUSHED)
+        if fault is None and held.state.phase not in ends:
+            fault = _given_way(context, held, drive, n_gives)
+            n_gives += 1
+        if fault is not None:
+            return fault
+    phase, openings = held.state.phase, drive.fingers().openings
+    words = f"{phase.value}: fingers at "
+    words += ", ".join(f"{1e3 * x:.0f}" for x in openings)
+    words += f" mm, {1e3 * held.grip.config.width:.0f} mm expected"
+    if phase is GripPhase.HOLDING:
+        return _squeezed(context, held, drive)
+    fault_name = "empty_grip" if phase is GripPhase.EMPTY else "finger_jammed"
+    return FaultFound(fault_name, words, limb.name)
+
+
+def _given_way(
+    context: Context, held: Held, drive: Drive, n_before: int
+) -> FaultFound | None:
+    """Let the arm yield to what pushes the closing hand: an edge, or the ground."""
+    push = drive.push()
+    force = float(np.linalg.norm(push))
+    if n_before >= _GIVES:
+        words = f"{force:.0f} N push the hand after it gave way {n_before} times"
+        return FaultFound("early_contact", words, held.arm, {"force": force})
+    context.held = None  # the fingers wait
+    end = drive.leg(_GIVE / force * push, speed=0.02, tare=TarePolicy.SESSION)
+    context.held = held
+    return end if isinstance(end, FaultFound) else None
+
+
+def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
+    """Squeeze until the fingers have settled; from there on a travel means slip."""
+    gripper, first = drive.limb.limb.gripper, held.state
+    context.held = None
+    config = held.grip.config
+    least, most = config.resistance, config.squeeze
+    for k in range(1, _SETTLING + 1):
+        _, command = held.grip.step(first, drive.fingers())
+        force = least + (most - least) * min(k / (_SETTLING - 8), 1.0)
+        gripper.command(command._replace(force=force))
+        stood = drive.stand(4 * context.settings.period)
+        if isinstance(stood, FaultFound):
+            return stood
+    context.held = held
+    openings = tuple(drive.fingers().openings)
+    travel = max(a - b for a, b in zip(first.held_openings, openings, strict=True))
+    if travel > _SQUEEZED:
+        words = f"squeezing closed the fingers by {1e3 * travel:.0f} mm"
+        return FaultFound("empty_grip", words, held.arm, {"travel": travel})
+    held.state = first._replace(held_openings=openings)
+    return Done({"openings": [round(x, 4) for x in openings]})
+
+
+def verify_grasp(context: Context) -> StepResult:
+    """Squeeze for a moment; what is really held does not give way."""
+    held = context.held
+    assert held is not None
+    drive = Drive(context, held.arm)
+    before = drive.fingers().openings
+    stood = drive.stand(_STANDING)
+    if isinstance(stood, FaultFound):
+        return stood
+    fingers = drive.fingers()
+    travel = max(a - b for a, b in zip(before, fingers.openings, strict=True))
+    least = min(fingers.forces)
+    if travel > held.grip.config.slip_travel or least < 1.0:
+        words = f"closed by {1e3 * travel:.1f} mm more, the weakest finger feels "
+        words += f"{least:.1f} N"
+        return FaultFound("empty_grip", words, held.arm)
+    held.points_hand = _object_in_hand(context, held)
+    return Done({"travel": round(travel, 5), "least_force": round(least, 2)})
+
+
+def _motion(context: Context) -> GraspMotion:
+    assert context.cycle.motion is not None
+    return context.cycle.motion
+
+
+def _opening(limb: LimbState, grasp: Grasp) -> float:
+    widest = limb.hand.preshape(grasp.preshape).widths[1]
+    return float(min(grasp.opening, widest))
+
+
+def _grip_of(context: Context, limb: LimbState, motion: GraspMotion) -> Held:
+    grasp = motion.grasp
+    opening = _opening(limb, grasp)
+    most = limb.hand.max_force
+    squeeze = min(0.9 * most, _GENTLE)
+
+    def config(period: float) -> GripConfig:
+        return GripConfig(
+            opening=opening,
+            width=min(grasp.width, opening),
+            resistance=min(_RESISTANCE, squeeze),
+            speed=_CLOSING,
+            squeeze=squeeze,
+            empty_margin=opening,
+            tolerance=0.006,
+            period=period,
+            max_force=most,
+        )
+
+    period = context.settings.period
+    grip = GripController(config(period))
+    return Held(
+        arm=motion.arm,
+        grip=grip,
+        watch=GripController(config(FINGER_TICKS * period)),
+        state=grip.preshape(Drive(context, motion.arm).fingers()),
+    )
+
+
+def _object_in_hand(context: Context, held: Held) -> FloatArray:
+    """Visible points of the object in the frame of the palm that holds it."""
+    cycle = context.cycle
+    assert cycle.seen is not None
+    assert cycle.label is not None
+    limb = context.limbs[held.arm]
+    points = cycle.seen.cloud.points[cycle.seen.segmentation.points_of(cycle.label)]
+    T = limb.pose(context.posture(limb))
+    return T.inverse().apply(points[voxel_downsample(points, 0.01)])

@@ -1,0 +1,79 @@
+"""Arms with their hands, as the task uses them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp.control import PostureKinematics
+from debrisgrasp.errors import InputError, UnknownNameError
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.kinematics import ArmReach
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.robot import Robot
+
+from .context import LimbState
+from .settings import TaskSettings
+
+__all__ = ["limbs_of"]
+
+_HEIGHT = 0.35
+"""Of the palm over a drop-off at which it must be able to be [m]."""
+_TILTS, _YAWS = (0.0, np.pi / 4.0), 8
+
+
+def limbs_of(
+    robot: Robot, settings: TaskSettings, pipeline: Pipeline
+) -> dict[str, LimbState]:
+    """Prepare the arms that the settings name.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        If an arm is not the robot's, or has no drop-off within its reach.
+    """
+    names = settings.arms or tuple(robot.limbs)
+    for name in names:
+        if name not in robot.limbs:
+            raise UnknownNameError("arm", name, robot.limbs)
+        if name not in settings.drop_off:
+            raise InputError(
+                f"drop-off of the {name} arm",
+                got="none",
+                expected="a place (x, y) in the base frame [m]",
+                mend="Give one in TaskSettings.drop_off.",
+            )
+    hands = {**load_grippers(), **pipeline.grippers}
+    limbs = {}
+    for name in names:
+        limb = robot.limbs[name]
+        reach = ArmReach(robot.model, name)
+        _require_reach(reach, settings.drop_off[name])
+        limbs[name] = LimbState(
+            name=name,
+            limb=limb,
+            reach=reach,
+            limits=robot.model.limits(name, reach.chain),
+            hand=hands[robot.model.arm(name).gripper],
+            kinematics=PostureKinematics(reach.chain),
+            loads=limb.loads,
+            commissioned_bias=np.array(limb.loads.bias),
+        )
+    return limbs
+
+
+def _require_reach(reach: ArmReach, place: tuple[float, float]) -> None:
+    """Raise `InputError` if no palm that faces down can be over a place."""
+    poses = []
+    for tilt in _TILTS:
+        for yaw in np.linspace(0.0, 2.0 * np.pi, _YAWS, endpoint=False):
+            R = so3.from_rpy(np.array([np.pi, tilt, yaw]))
+            poses.append(SE3.from_parts(R, [*place, _HEIGHT]).matrix)
+    rng = np.random.default_rng(0)  # only whether there is a posture is asked
+    if not reach.solves(SE3(np.array(poses)), rng=rng).any():
+        raise InputError(
+            f"drop-off of the {reach.name} arm",
+            got=f"({place[0]:g}, {place[1]:g})",
+            expected=f"a place that the hand reaches {_HEIGHT:g} m above the ground",
+            mend="Give one nearer to the robot, on the side of the arm.",
+        )

@@ -1,0 +1,256 @@
+"""Motions that several steps share: to rest, out of the pile, down to the ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import CartesianLeg, LegPlanner, TarePolicy
+from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.geometry import SE3, PointCloud
+from debrisgrasp.kinematics import ArmReach, Trajectory
+from debrisgrasp.kinematics.urdf import UrdfShape
+from debrisgrasp.motion import MotionPlan, MotionPlanner, MotionSpace, UnknownSpace
+
+from .context import Context, LimbState
+from .drive import Drive, LegEnd
+from .fingers import loosen, open_hand
+from .result import FaultFound
+
+__all__ = [
+    "back_out",
+    "carrying",
+    "planned",
+    "put_down",
+    "reversed_motion",
+    "space_of",
+    "to_rest",
+]
+
+_BACK = 0.12
+"""How far a hand backs out of the pile [m]."""
+_LOWERING = 0.03
+"""Speed of the hand while it lowers what it holds [m/s]."""
+_FIRST = 10
+"""Looks at the weight before any may count as less."""
+_BARE = np.array([0.0, 0.0, 1.0, 0.0])
+
+
+def reversed_motion(trajectory: Trajectory) -> Trajectory:
+    """Return the same motion from its end to its start."""
+    return replace(
+        trajectory,
+        times=trajectory.times[-1] - trajectory.times[::-1],
+        q=trajectory.q[::-1],
+        dq=-trajectory.dq[::-1],
+    )
+
+
+def space_of(
+    context: Context, without: int | None = None, *, unknown: UnknownSpace
+) -> MotionSpace:
+    """Obstacles by the last look, and what was put down since.
+
+    Parameters
+    ----------
+    without
+        Label of an object that is no obstacle, because the hand holds it.
+    """
+    seen = context.cycle.seen
+    if seen is None:
+        return MotionSpace(measured=None, unknown=None, ground_plane=_BARE)
+    cloud = seen.cloud
+    if without is not None:
+        cloud = cloud.selected(np.flatnonzero(seen.segmentation.labels != without))
+    points = np.concatenate([cloud.points, *context.dropped])
+    normals = np.full(points.shape, np.nan)
+    everything = PointCloud(points, normals, cloud.viewpoint)
+    plane = seen.ground_plane
+    return MotionSpace.build(
+        everything, seen.sight, _BARE if plane is None else plane, unknown=unknown
+    )
+
+
+def planned(
+    context: Context,
+    limb: LimbState,
+    goal: SE3 | FloatArray,
+    space: MotionSpace,
+    planner: MotionPlanner | None = None,
+) -> MotionPlan | FaultFound:
+    """Plan from where the arm stands.
+
+    Parameters
+    ----------
+    planner
+        For an arm with something in its hand; None: for the arm alone.
+    """
+    planner = planner or limb.planner
+    q = _inside(limb, context.posture(limb))
+    if isinstance(q, str):
+        return FaultFound("start_outside_limits", q, limb.name)
+    plan = planner.plan(q, goal, space, rng=context.rng)
+    if plan.is_solved:
+        return plan
+    return FaultFound("plan_collision", plan.reason, limb.name)
+
+
+def _inside(limb: LimbState, q: FloatArray) -> FloatArray | str:
+    """Posture within the planner's limits, unless it is far outside."""
+    limits = limb.limits.planner
+    nearest = np.clip(q, limits.lower, limits.upper)
+    if np.abs(nearest - q).max() > 0.02 + 1e-9:
+        return limits.violation(q)
+    return nearest
+
+
+def carrying(context: Context, limb: LimbState) -> MotionPlanner:
+    """Make a planner for the arm with a box around what its hand holds."""
+    held, model = context.held, context.model
+    if held is None or len(held.points_hand) < 10:
+        return limb.planner
+    spec = model.arm(limb.name)
+    shapes = dict(model.tree.shapes)
+    shapes[spec.tip] = (*shapes[spec.tip], _box_around(held.points_hand))
+    loaded = replace(model, tree=replace(model.tree, shapes=shapes))
+    arm = ArmReach(loaded, limb.name)
+    return MotionPlanner.of_arm(arm, limits=limb.limits.planner)
+
+
+def _box_around(points: FloatArray) -> UrdfShape:
+    """Box along the principal axes of points (n, 3), in their frame."""
+    middle = points.mean(axis=0)
+    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
+    if np.linalg.det(axes) < 0.0:
+        axes[2] = -axes[2]
+    along = (points - middle) @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    center = middle + 0.5 * (low + high) @ axes
+    size = np.maximum(high - low, 0.01)
+    return UrdfShape(
+        kind="box",
+        size=tuple(size.tolist()),
+        T_link_shape=SE3.from_parts(axes.T, center),
+    )
+
+
+def back_out(context: Context, arm: str) -> FaultFound | None:
+    """Draw a hand straight back, the way it came, as far as the arm can."""
+    limb = context.limbs[arm]
+    q = context.posture(limb)
+    T = limb.pose(q)
+    motion = context.cycle.motion
+    shift = -_BACK * T.R[:, 2]
+    if motion is not None and motion.arm == arm:
+        came_from = motion.grasp.T_base_pregrasp.p - T.p
+        if float(came_from @ shift) > 0.0 and np.linalg.norm(came_from) < 0.3:
+            shift = came_from
+    if np.linalg.norm(shift) < 5e-3:
+        return None
+    legs = LegPlanner(limb.reach.chain, limb.limits.controller)
+    plan = legs.plan(
+        np.clip(q, limb.limits.controller.lower, limb.limits.controller.upper),
+        CartesianLeg.along(T, shift).goal,
+    )
+    if plan.share < 0.1:
+        return None
+    way = plan.share * shift
+    end = Drive(context, arm).leg(way, speed=0.08, tare=TarePolicy.SESSION)
+    return end if isinstance(end, FaultFound) else None
+
+
+def to_rest(context: Context, arm: str) -> FaultFound | None:
+    """Bring an arm back to its posture of rest."""
+    limb, drive = context.limbs[arm], Drive(context, arm)
+    rest = context.settings.rest or limb.rest_of
+    q_rest = limb.reach.chain.vector(context.model.posture(arm, rest))
+    q = context.posture(limb)
+    if np.abs(q - q_rest).max() < 0.01:
+        return None
+    motion = context.cycle.motion
+    if motion is not None and motion.arm == arm:
+        reach = motion.reach.trajectory
+        assert reach is not None
+        is_there = np.abs(q - reach.q[-1]).max() < 0.01
+        is_from_rest = np.abs(reach.q[0] - q_rest).max() < 0.01
+        if is_there and is_from_rest:
+            return drive.follow(reversed_motion(reach))
+    fault: FaultFound | None = None
+    for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
+        space = space_of(context, unknown=unknown)
+        found = planned(context, limb, q_rest, space)
+        if not isinstance(found, FaultFound):
+            assert found.trajectory is not None
+            return drive.follow(found.trajectory)
+        fault = found
+    return fault
+
+
+def put_down(context: Context, most: float) -> FaultFound | None:
+    """Lower what a hand holds until it lies on something, and let go."""
+    held = context.held
+    if held is None:
+        return None
+    limb, drive = context.limbs[held.arm], Drive(context, held.arm)
+    if held.is_lifted:
+        T = limb.pose(context.posture(limb))
+        legs = LegPlanner(limb.reach.chain, limb.limits.controller)
+        plan = legs.plan(
+            np.clip(
+                context.posture(limb),
+                limb.limits.controller.lower,
+                limb.limits.controller.upper,
+            ),
+            CartesianLeg.along(T, [0.0, 0.0, -most]).goal,
+        )
+        depth = plan.share * most
+        if depth > 2e-3:
+            end = _lowered(drive, depth)
+            # Loaded to its limit already, the hand can't go down: it lets go here.
+            if isinstance(end, FaultFound) and end.fault != "ratchet":
+                return end
+    return let_go(context)
+
+
+def _lowered(drive: Drive, depth: float) -> LegEnd | FaultFound:
+    """Lower until something else bears a good part of the weight."""
+    least: list[float] = []
+
+    def lies(load: Wrench) -> bool:
+        least.append(drive.carried(load))
+        if len(least) < _FIRST:
+            return False
+        weight = sum(least[:_FIRST]) / _FIRST
+        return sum(least[-5:]) < 5.0 * (weight - max(4.0, 0.3 * weight))
+
+    way = [0.0, 0.0, -depth]
+    return drive.leg(way, speed=_LOWERING, tare=TarePolicy.SESSION, until=lies)
+
+
+def let_go(context: Context, opening: float | None = None) -> FaultFound | None:
+    """Open the hand that holds something, and hold nothing.
+
+    Parameters
+    ----------
+    opening
+        To open to [m]; None: just far enough to be free, for there may be no more
+        room.
+    """
+    held = context.held
+    if held is None:
+        return None
+    drive = Drive(context, held.arm)
+    motion = context.cycle.motion
+    preshape = next(iter(drive.limb.hand.preshapes))
+    if motion is not None and motion.arm == held.arm:
+        preshape = motion.grasp.preshape
+    context.held = None
+    if opening is None:
+        fault = loosen(drive, held.grip.config.opening)
+    else:
+        fault = open_hand(drive, preshape, opening)
+    if fault is not None:
+        context.held = held
+    return fault

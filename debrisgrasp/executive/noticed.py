@@ -1,0 +1,77 @@
+"""From what control noticed to the faults of the task."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import Fault, Reading, SafetyConfig, Stop
+
+from .result import FaultFound
+from .states import State
+
+__all__ = ["fault_of_stop", "refused"]
+
+_NAMES = {
+    Fault.WRENCH_FROZEN: "wrench_frozen",
+    Fault.WRENCH_SATURATED: "sensor_saturated",
+    Fault.WRENCH_JUMP: "bias_jump",
+    Fault.MOTION_OVERLOAD: "ratchet",
+    Fault.JOINT_STUCK: "joint_stuck",
+    Fault.ENCODER_JUMP: "encoder_jump",
+    Fault.ENCODER_INVALID: "encoder_jump",
+    Fault.CLOCK_GAP: "clock_disorder",
+    Fault.COMMAND_INVALID: "encoder_jump",
+    Fault.OSCILLATION: "oscillation",
+}
+_SENSOR = SafetyConfig()
+_EMPTY_HANDED = (State.PREGRASP, State.SWITCH, State.APPROACH, State.CLOSE)
+
+
+def fault_of_stop(stop: Stop, reading: Reading, state: State, arm: str) -> FaultFound:
+    """Name what stopped a motion."""
+    if stop.fault is Fault.WRENCH_LOST:
+        is_number = np.isfinite(np.asarray(reading.wrench_ft, dtype=np.float64)).all()
+        name = "clock_disorder" if is_number else "wrench_nan"
+    elif stop.fault is Fault.OVERLOAD:
+        name = _overload(stop, state)
+    else:
+        name = _NAMES[stop.fault]
+    return FaultFound(name, stop.message, arm, {"time": stop.time})
+
+
+def _overload(stop: Stop, state: State) -> str:
+    """Tell why the limit was met, by the state."""
+    if state in _EMPTY_HANDED:
+        return "early_contact"
+    if state is State.TRANSPORT and "torque" in stop.message:
+        return "object_swings"
+    return "too_heavy"
+
+
+def _is_saturated(wrench: FloatArray) -> bool:
+    most = np.repeat([_SENSOR.sensor_force, _SENSOR.sensor_torque], 3)
+    return bool((np.abs(wrench) >= 0.98 * most).any())
+
+
+def refused(words: str, reading: Reading, arm: str) -> FaultFound:
+    """Name why a motion was refused before it began."""
+    q = np.asarray(reading.q, dtype=np.float64)
+    wrench = np.asarray(reading.wrench_ft, dtype=np.float64)
+    if not np.isfinite(wrench).all():
+        name = "wrench_nan"
+    elif not np.isfinite(q).all():
+        name = "encoder_jump"
+    elif _is_saturated(wrench):
+        name = "sensor_saturated"
+    elif "age of the first wrench" in words:
+        name = "clock_disorder"
+    elif "start posture" in words or "outside" in words:
+        name = "start_outside_limits"
+    elif "baseline" in words:
+        name = "bias_drift"
+    elif "already" in words:
+        name = "ratchet"
+    else:
+        name = "controller_refuses"
+    return FaultFound(name, words, arm)

@@ -1,0 +1,200 @@
+"""From the camera to objects, believing nothing that was not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray
+from debrisgrasp.errors import DebrisGraspError, DriverError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.io import Capture
+from debrisgrasp.robot import DepthFrame
+
+from .context import Context
+from .result import Done, FaultFound, StepResult
+
+__all__ = ["capture", "look_of", "segment", "turn_head"]
+
+_OLDEST = 0.2
+"""An image may be so much older than the wish for it [s]."""
+_HEAD_TIME = 6.0
+_LEAST_SEEN = 0.02
+"""Share of the image of the workspace with depth below which nothing was seen."""
+_DROP_ROOM = 0.2
+"""Around a drop-off nothing of the pile may lie [m]."""
+
+
+def capture(context: Context) -> StepResult:
+    """Take an image, and refuse what is old, empty or full of holes."""
+    turned = turn_head(context, look_of(context))
+    if turned is not None:
+        return turned
+    wanted = context.now()
+    frame = context.robot.camera.capture()
+    T_base_camera = context.model.T_base_camera(context.joint_values())
+    wrong = _wrong_image(context, frame, wanted, T_base_camera)
+    if wrong is not None:
+        return wrong
+    try:
+        taken = Capture(
+            depth=frame.depth,
+            intrinsics=frame.intrinsics,
+            T_base_camera=T_base_camera,
+            rgb=None if frame.rgb is None else np.asarray(frame.rgb, dtype=np.uint8),
+            name=f"capture_{context.cycle.number:03d}",
+        )
+    except DriverError:
+        raise
+    except DebrisGraspError as error:
+        return FaultFound("stale_cloud", f"the image can't be used: {error}")
+    taken = _marked(context, taken)
+    context.cycle.capture = taken
+    context.record.keep(taken, taken.name)
+    share = float(np.mean(np.isfinite(np.asarray(taken.depth))))
+    return Done({"time": frame.time, "measured_share": round(share, 4)})
+
+
+def look_of(context: Context) -> Mapping[str, float]:
+    """Joints of the head for a capture."""
+    return context.settings.look or context.model.rest
+
+
+def turn_head(context: Context, look: Mapping[str, float]) -> FaultFound | None:
+    """Turn the head, and wait until it is still."""
+    head = context.robot.head
+    if head is None:
+        return None
+    head.move_to([float(look.get(name, 0.0)) for name in head.joint_names])
+    end = context.now() + _HEAD_TIME
+    context.wait(context.settings.period)
+    while not head.is_still:
+        if context.now() > end:
+            words = f"the head is not still after {_HEAD_TIME:g} s"
+            return FaultFound("joint_stuck", words)
+        context.wait(0.02)
+    return None
+
+
+def _wrong_image(
+    context: Context, frame: DepthFrame, wanted: float, T_base_camera: SE3
+) -> FaultFound | None:
+    """Say why an image can't be believed."""
+    known = ("camera", context.model.camera)
+    if frame.frame not in known:
+        words = f"frame {frame.frame!r}, expected {context.model.camera!r}"
+        return FaultFound("stale_cloud", words)
+    age = wanted - frame.time
+    if not abs(age) <= _OLDEST:
+        words = f"the image is {age:.2f} s older than asked for"
+        return FaultFound("stale_cloud", words, None, {"age": age})
+    depth = np.asarray(frame.depth)
+    camera = frame.intrinsics
+    if depth.shape != (camera.height, camera.width):
+        words = f"{depth.shape} pixels, expected {(camera.height, camera.width)}"
+        return FaultFound("stale_cloud", words)
+    is_measured = np.isfinite(depth) & (depth > 0.0)
+    inside = _on_workspace(context, frame, T_base_camera)
+    share = float(is_measured[inside].mean()) if inside.any() else 0.0
+    values = {"measured_share": share}
+    if share < _LEAST_SEEN:
+        words = f"{100 * share:.1f} % of the workspace was measured"
+        return FaultFound("empty_cloud", words, None, values)
+    if share < 1.0 - context.settings.max_dropout:
+        words = f"{100 * share:.0f} % of the workspace was measured, expected "
+        words += f"{100 * (1.0 - context.settings.max_dropout):.0f} % or more"
+        return FaultFound("depth_dropout", words, None, values)
+    return None
+
+
+def _on_workspace(context: Context, frame: DepthFrame, T_base_camera: SE3) -> BoolArray:
+    """Pixels that look at the ground of the workspace, shape (h, w)."""
+    camera = frame.intrinsics
+    rays = camera.deproject(np.ones((camera.height, camera.width)))
+    rays = T_base_camera.rotate(rays.reshape(-1, 3))
+    eye = T_base_camera.p
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(rays[:, 2] < -1e-6, -eye[2] / rays[:, 2], np.inf)
+        ground = (
+            eye[:2] + np.where(np.isfinite(reach), reach, 0.0)[:, None] * (rays[:, :2])
+        )
+    (x0, y0, _), (x1, y1, _) = context.settings.workspace
+    inside = np.isfinite(reach) & (ground[:, 0] > x0) & (ground[:, 0] < x1)
+    inside &= (ground[:, 1] > y0) & (ground[:, 1] < y1)
+    found: BoolArray = inside.reshape(camera.height, camera.width)
+    return found
+
+
+def _marked(context: Context, taken: Capture) -> Capture:
+    """Add the mask of an object of interest, if one is sought."""
+    settings = context.settings
+    if settings.mark is not None:
+        mask = settings.mark(taken)
+        return taken if mask is None else replace(taken, mask=np.asarray(mask, bool))
+    if settings.region is None or taken.depth is None or taken.intrinsics is None:
+        return taken
+    points = taken.intrinsics.deproject(np.nan_to_num(taken.depth))
+    assert taken.T_base_camera is not None
+    base = taken.T_base_camera.apply(points.reshape(-1, 3)).reshape(points.shape)
+    inside = settings.region.contains(base) & np.isfinite(taken.depth)
+    return replace(taken, mask=inside)
+
+
+def segment(context: Context) -> StepResult:
+    """Divide what was seen into objects; see that the ground and the drop-off are."""
+    taken = context.cycle.capture
+    assert taken is not None
+    seen = context.pipeline.perceive(taken)
+    context.cycle.seen = seen
+    ground = seen.segmentation.ground
+    if ground.pose_doubt:
+        return FaultFound("calibration_off", ground.pose_doubt)
+    taken_place = _drop_off_in_pile(context)
+    if taken_place is not None:
+        return taken_place
+    facts: dict[str, object] = {
+        "objects": len(seen.segmentation.segments),
+        "ground": ground.status,
+        "centroids": [
+            np.round(s.centroid, 3).tolist() for s in seen.segmentation.segments
+        ],
+    }
+    if ground.status == "skipped" and not _is_bare(context):
+        return FaultFound("plane_eats_pile", ground.reason)
+    return Done(facts)
+
+
+def _is_bare(context: Context) -> bool:
+    """Whether the ground was left in the cloud because there is nothing else."""
+    seen = context.cycle.seen
+    assert seen is not None
+    ground = seen.segmentation.ground
+    config = context.pipeline.config.segmentation.ground
+    return (
+        ground.plane is not None
+        and ground.inlier_share > 0.8
+        and ground.tilt <= config.max_tilt
+        and abs(ground.height) <= config.max_height
+    )
+
+
+def _drop_off_in_pile(context: Context) -> FaultFound | None:
+    """Say that the pile reaches where things are to be put down."""
+    seen = context.cycle.seen
+    assert seen is not None
+    if context.n_removed:
+        return None  # what lies there now was put there
+    labels = seen.segmentation.labels
+    points = seen.cloud.points[labels > 0]
+    for arm in context.limbs:
+        place = np.array(context.settings.drop_off[arm])
+        away = np.linalg.norm(points[:, :2] - place, axis=1)
+        n = int(np.count_nonzero(away < _DROP_ROOM))
+        if n > 50:
+            words = f"the drop-off of the {arm} arm at ({place[0]:g}, {place[1]:g}) "
+            words += f"lies in the pile: {n} points within {_DROP_ROOM:g} m of it. "
+            words += "Give a place beside the pile."
+            return FaultFound("plan_collision", words, arm)
+    return None

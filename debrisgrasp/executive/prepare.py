@@ -1,0 +1,191 @@
+"""See that the devices say the truth, before anything is touched."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import BaselineLook, BiasBound, LoadModel, judge_baseline
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import LimitFamily
+from debrisgrasp.motion import UnknownSpace
+
+from .context import Context, LimbState
+from .drive import Drive
+from .fingers import open_hand
+from .moves import planned, space_of, to_rest
+from .result import Done, FaultFound, StepResult
+
+__all__ = ["self_test"]
+
+_LOOK = 1.02
+"""Duration of a look at free space [s]; the sensor's noise is judged over it."""
+_TURN = np.pi / 2
+"""By which a joint of the wrist turns between the looks [rad]."""
+_LEAST_TURN = np.deg2rad(50.0)
+_INITIALISING = 8.0
+"""A hand has found its zero within so long [s]."""
+_FIRST_AGE = 3600.0
+"""How old the configured bias is taken to be when the robot starts [s]."""
+
+
+def self_test(context: Context) -> StepResult:
+    """See that limits, grippers, signs and zeros are what they are said to be."""
+    facts: dict[str, object] = {}
+    for limb in context.limbs.values():
+        fault = _limits(limb) or _gripper(context, limb)
+        if fault is not None:
+            return fault
+    for limb in context.limbs.values():
+        fault = Drive(context, limb.name).engage() or to_rest(context, limb.name)
+        if fault is not None:
+            return fault
+        found = _baseline(context, limb)
+        if isinstance(found, FaultFound):
+            return found
+        limb.limb.arm.disengage()
+        facts[limb.name] = {
+            "bias": np.round(found, 3).tolist(),
+            "limits": limb.limits.controller.hash,
+        }
+    return Done(facts)
+
+
+def _limits(limb: LimbState) -> FaultFound | None:
+    """Compare the drives' limits with those that everything is planned with."""
+    arm, family = limb.limb.arm, limb.limits
+    try:
+        LimitFamily(
+            hardware=arm.limits, controller=family.controller, planner=family.planner
+        )
+    except ConfigError as error:
+        return FaultFound("limit_mismatch", str(error), limb.name)
+    q = np.asarray(arm.read().q, dtype=np.float64)
+    if q.shape != (family.planner.n_joints,) or not np.isfinite(q).all():
+        return FaultFound("encoder_jump", f"joints read {q.tolist()}", limb.name)
+    broken = family.controller.violation(q, tolerance=1e-3)
+    if broken:
+        return FaultFound("start_outside_limits", broken, limb.name)
+    return None
+
+
+def _gripper(context: Context, limb: LimbState) -> FaultFound | None:
+    """Let the hand find its zero, once."""
+    gripper = limb.limb.gripper
+    if gripper.is_initialised:
+        return None
+    gripper.initialise()
+    end = context.now() + _INITIALISING
+    while not gripper.is_initialised:
+        if context.now() > end:
+            words = f"{gripper.name} has not found its zero in {_INITIALISING:g} s"
+            return FaultFound("gripper_uninitialised", words, limb.name)
+        context.wait(0.05)
+    return None
+
+
+def _baseline(context: Context, limb: LimbState) -> FloatArray | FaultFound:
+    """Find the bias in free space, with gravity from two sides."""
+    drive = Drive(context, limb.name)
+    preshape = next(iter(limb.hand.preshapes))
+    widest = limb.hand.preshape(preshape).widths[1]
+    fault = open_hand(drive, preshape, widest)
+    if fault is not None:
+        return fault
+    first = _look(context, drive, widest)
+    if isinstance(first, FaultFound):
+        return first
+    turned = _turn(context, limb)
+    if turned is not None:
+        return turned
+    second = _look(context, drive, widest)
+    if isinstance(second, FaultFound):
+        return second
+    looks = (first, second)
+    wrong = _sign(limb.loads, looks)
+    if wrong:
+        return FaultFound("wrench_sign", wrong, limb.name)
+    age = context.now() - limb.baseline_time if limb.baseline_time else _FIRST_AGE
+    verdict = judge_baseline(
+        looks, limb.loads, limb.commissioned_bias, age=age, drift=BiasBound()
+    )
+    words = "; ".join(verdict.refusals)
+    if verdict.bias is None:
+        is_drift = "jump since" in words or "shift since" in words
+        name = (
+            "bias_drift"
+            if is_drift and "differ by" not in words
+            else ("baseline_contact")
+        )
+        return FaultFound(name, words, limb.name)
+    limb.loads = limb.loads.with_bias(verdict.bias)
+    limb.baseline_time = context.now()
+    back = to_rest(context, limb.name)
+    return verdict.bias if back is None else back
+
+
+def _look(context: Context, drive: Drive, widest: float) -> BaselineLook | FaultFound:
+    """Read the sensor while the arm stands."""
+    limb = drive.limb
+    before = context.posture(limb)
+    readings = drive.stand(_LOOK)
+    if isinstance(readings, FaultFound):
+        return readings
+    q = context.posture(limb)
+    openings = limb.limb.gripper.read().openings
+    T = limb.pose(q)
+    return BaselineLook(
+        raw=np.array([np.asarray(r.wrench_ft, dtype=np.float64) for r in readings]),
+        R_base_ft=T.R @ limb.loads.T_ee_ft.R,
+        duration=readings[-1].time - readings[0].time,
+        clearance=_height(limb, T, widest),
+        is_open_and_empty=len(openings) > 0 and min(openings) > widest - 0.01,
+        is_standing=bool(np.abs(q - before).max() < 2e-3),
+    )
+
+
+def _height(limb: LimbState, T_base_hand: SE3, opening: float) -> float:
+    """Of the hand over the ground [m]."""
+    preshape = next(iter(limb.hand.preshapes))
+    solids = limb.hand.solids(preshape, opening)
+    return min(float(s.moved(T_base_hand).bounds.lower[2]) for s in solids)
+
+
+def _turn(context: Context, limb: LimbState) -> FaultFound | None:
+    """Turn the hand so that gravity comes from another side."""
+    q = context.posture(limb)
+    down = limb.pose(q).R.T @ np.array([0.0, 0.0, -1.0])
+    limits = limb.limits.planner
+    for joint in range(len(q) - 1, 0, -1):
+        for step in (_TURN, -_TURN):
+            other = q.copy()
+            other[joint] += step
+            if limits.violation(other):
+                continue
+            turned = limb.pose(other).R.T @ np.array([0.0, 0.0, -1.0])
+            if np.arccos(np.clip(down @ turned, -1.0, 1.0)) < _LEAST_TURN:
+                continue
+            space = space_of(context, unknown=UnknownSpace.IGNORED)
+            found = planned(context, limb, other, space)
+            if not isinstance(found, FaultFound):
+                assert found.trajectory is not None
+                return Drive(context, limb.name).follow(found.trajectory)
+    words = "no free turn of the wrist shows the sensor gravity from another side"
+    return FaultFound("baseline_contact", words, limb.name)
+
+
+def _sign(loads: LoadModel, looks: tuple[BaselineLook, BaselineLook]) -> str:
+    """Say whether the tool's weight changes the readings the wrong way round."""
+    weights = [look.R_base_ft.T @ (loads.tool.mass * loads.gravity) for look in looks]
+    expected = weights[1] - weights[0]
+    raw = [loads.wrench_sign * look.raw[:, :3].mean(axis=0) for look in looks]
+    seen = raw[1] - raw[0]
+    size = float(np.linalg.norm(expected))
+    along = float(expected @ seen) / max(size, 1e-9)
+    if size < 3.0 or along > -0.5 * size:
+        return ""
+    return (
+        f"a turn of the hand changed the force by {along:.1f} N along the way in which "
+        f"the tool's weight of {loads.tool.mass:g} kg changes it by {size:.1f} N"
+    )

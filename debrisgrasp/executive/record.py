@@ -1,0 +1,200 @@
+"""The record of a run: a folder that tells everything, and can be replayed.
+
+``inputs.json`` says what was asked for, ``events.jsonl`` what happened, a line each,
+and ``captures/`` what was seen. A line is written whole or not at all, so that a record
+can be read whenever a run ends: by an end, by a person, or by a full disk.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp._files import read_json, read_text, write_atomic
+from debrisgrasp.errors import ConfigError, OutputError
+from debrisgrasp.io import Capture
+
+__all__ = ["MemoryRecord", "NoRecord", "RunRecord", "StoredRun", "load_run"]
+
+SCHEMA = "debrisgrasp/run/1"
+_INPUTS, _EVENTS, _CAPTURES = "inputs.json", "events.jsonl", "captures"
+
+
+@dataclass(eq=False)
+class MemoryRecord:
+    """A record that is kept in memory: for tests, replays and pages."""
+
+    inputs: Mapping[str, Any] = field(default_factory=dict)
+    events: list[dict[str, Any]] = field(default_factory=list)
+    captures: dict[str, Capture] = field(default_factory=dict)
+
+    def write(self, kind: str, facts: Mapping[str, object]) -> None:
+        """Add an event."""
+        self.events.append({"event": kind, **plain(facts)})
+
+    def keep(self, capture: Capture, name: str) -> None:
+        """Store a capture."""
+        self.captures[name] = capture
+
+    def capture(self, name: str) -> Capture | None:
+        """Capture by its name, if there was one."""
+        return self.captures.get(name)
+
+
+class NoRecord:
+    """A record that keeps nothing."""
+
+    def write(self, kind: str, facts: Mapping[str, object]) -> None:
+        """Forget it."""
+
+    def keep(self, capture: Capture, name: str) -> None:
+        """Forget it."""
+
+
+class RunRecord:
+    """A record in a folder, written as the run goes on.
+
+    Parameters
+    ----------
+    folder
+        A new or an empty folder.
+    inputs
+        What the run was asked for: enough to do it again.
+
+    Raises
+    ------
+    OutputError
+        If the folder can't be written, or holds a run already.
+    """
+
+    def __init__(
+        self, folder: str | os.PathLike[str], inputs: Mapping[str, object]
+    ) -> None:
+        self.folder = Path(folder)
+        if (self.folder / _EVENTS).exists():
+            raise OutputError(self.folder, "it holds the record of another run")
+        try:
+            (self.folder / _CAPTURES).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(folder, error.strerror or str(error)) from error
+        content = {"schema": SCHEMA, **plain(inputs)}
+        write_atomic(self.folder / _INPUTS, json.dumps(content, indent=1) + "\n")
+        write_atomic(self.folder / _EVENTS, "")
+        self._size = 0
+        self.fault = ""
+        """Why the record ends early, if it does; the run goes on without it."""
+
+    def write(self, kind: str, facts: Mapping[str, object]) -> None:
+        """Add a line, or, if the disk is full, keep those before it whole."""
+        if self.fault:
+            return
+        line = json.dumps({"event": kind, **plain(facts)}) + "\n"
+        path, data = self.folder / _EVENTS, line.encode()
+        try:
+            with path.open("r+b", buffering=0) as stream:
+                stream.seek(self._size)
+                written = stream.write(data)
+                if written != len(data):
+                    stream.truncate(self._size)
+                    self.fault = "the disk is full"
+                    return
+        except OSError as error:
+            self.fault = error.strerror or str(error)
+            self._cut(path)
+            return
+        self._size += len(data)
+
+    def keep(self, capture: Capture, name: str) -> None:
+        """Store a capture, whole or not at all."""
+        if self.fault:
+            return
+        try:
+            capture.save(self.folder / _CAPTURES / f"{name}.npz")
+        except OSError as error:
+            self.fault = f"capture {name}: {error}"
+
+    def _cut(self, path: Path) -> None:
+        """Take back what a failed write may have left of a line."""
+        try:
+            os.truncate(path, self._size)
+        except OSError:
+            return  # the reader leaves out a last line that is not whole
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StoredRun:
+    """A record that was read."""
+
+    folder: Path
+    inputs: Mapping[str, Any]
+    events: Sequence[Mapping[str, Any]]
+    is_whole: bool
+    """Whether it has an end; a run that was killed has none."""
+
+    @property
+    def end(self) -> Mapping[str, Any] | None:
+        """The last line of a run that came to an end."""
+        return self.events[-1] if self.is_whole else None
+
+    def capture(self, name: str) -> Capture | None:
+        """Capture by its name, if it was stored."""
+        path = self.folder / _CAPTURES / f"{name}.npz"
+        return Capture.load(path) if path.exists() else None
+
+
+def load_run(folder: str | os.PathLike[str]) -> StoredRun:
+    """Read a record.
+
+    Raises
+    ------
+    ConfigError
+        If the folder holds none, or a line other than the last is damaged.
+    """
+    folder = Path(folder)
+    inputs = read_json(folder / _INPUTS)
+    if not isinstance(inputs, dict) or inputs.get("schema") != SCHEMA:
+        got = inputs.get("schema") if isinstance(inputs, dict) else type(inputs)
+        raise ConfigError(
+            f"{folder / _INPUTS}, field schema", got=got, expected=repr(SCHEMA)
+        )
+    events = list(_lines(folder / _EVENTS))
+    is_whole = bool(events) and events[-1].get("event") == "end"
+    return StoredRun(folder=folder, inputs=inputs, events=events, is_whole=is_whole)
+
+
+def _lines(path: Path) -> Iterator[dict[str, Any]]:
+    lines = read_text(path).splitlines()
+    for number, line in enumerate(lines, start=1):
+        try:
+            event = json.loads(line)
+        except json.JSONDecodeError as error:
+            if number == len(lines):
+                return  # cut off while it was written
+            raise ConfigError(
+                f"{path}, line {number}", got=error.msg, expected="well-formed JSON"
+            ) from error
+        if isinstance(event, dict):
+            yield event
+
+
+def plain(value: Any) -> Any:
+    """Return the same as JSON has it; numbers that are none become null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, (bool, str)) or value is None:
+        return value
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return str(value)

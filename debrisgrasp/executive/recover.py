@@ -1,0 +1,158 @@
+"""Carries an answer out: what is moved, and where the task goes on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp.errors import DriverError
+
+from .context import Context
+from .drag import drive_back
+from .drive import Drive
+from .faults import Action
+from .fingers import loosen
+from .moves import back_out, let_go, put_down, to_rest
+from .outcome import FaultEvent
+from .result import Done, FaultFound, StepResult
+from .table import Answer
+
+__all__ = ["clear_up", "recover", "reset_stops", "stop_all"]
+
+_RECONNECT = 2.0
+"""How long a device that does not answer is asked again [s]."""
+_CALM = 1.0
+"""How long to stand after something swung [s]."""
+_STANDS_WITHIN, _STILL = 2.0, 0.05
+"""[s]."""
+_LOWERED = 0.3
+"""How far what is held is lowered at most, to put it back [m]."""
+
+
+def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
+    """Do what an answer asks for; `Done.next` says where to go on."""
+    if event.fault == "connection_lost":
+        fault = _reconnected(context)
+        if fault is not None:
+            return fault
+    reset_stops(context)
+    if event.fault == "start_outside_limits":
+        fault = _moved_inside(context, event)
+        if fault is not None:
+            return fault
+    if answer.action is Action.HOLD:
+        context.wait(_CALM)
+        context.cycle.speed *= 0.5
+    if answer.is_cleared_up:
+        fault = clear_up(context)
+        if fault is not None:
+            return fault
+    return Done({"resume": answer.resume.value if answer.resume else ""}, answer.resume)
+
+
+def clear_up(context: Context) -> FaultFound | None:
+    """Put down what is held, back out, and bring every arm to rest."""
+    held = context.held
+    if held is not None:
+        held.is_watched = False
+        fault = put_down(context, _LOWERED) if held.is_lifted else let_go(context)
+        if fault is not None:
+            return fault
+    elif context.is_in_pile is not None and context.is_closed:
+        fault = _opened(context, context.is_in_pile)
+        if fault is not None:
+            return fault
+    # A trunk that both arms share must be back before the idle arm is at rest again.
+    busy = context.is_in_pile if held is None else held.arm
+    for name, limb in sorted(context.limbs.items(), key=lambda item: item[0] != busy):
+        if name == busy:
+            fault = back_out(context, name)
+            if fault is not None:
+                return fault
+        fault = to_rest(context, name) or drive_back(context)
+        if fault is not None:
+            return fault
+        limb.limb.arm.disengage()
+    context.is_in_pile = None
+    return None
+
+
+def stop_all(context: Context) -> list[str]:
+    """Latch a stop on every arm and the base; returns what did not answer."""
+    silent = []
+    for name, limb in context.limbs.items():
+        try:
+            limb.limb.arm.stop()
+        except Exception as error:  # noqa: BLE001 - the others must still be stopped
+            silent.append(f"{name} arm: {error}")
+    if context.robot.base is not None:
+        try:
+            context.robot.base.stop()
+        except Exception as error:  # noqa: BLE001 - as above
+            silent.append(f"base: {error}")
+    return silent
+
+
+def reset_stops(context: Context) -> None:
+    """End latched stops, once the arms stand: the answer says to go on."""
+    for limb in context.limbs.values():
+        arm = limb.limb.arm
+        if not arm.is_stopped:
+            continue
+        for _ in range(int(_STANDS_WITHIN / _STILL)):
+            before = context.posture(limb)
+            context.wait(_STILL)
+            if np.abs(context.posture(limb) - before).max() < 1e-4:
+                break
+        arm.reset()
+
+
+def _reconnected(context: Context) -> FaultFound | None:
+    """Ask every device again until all answer."""
+    end, words = context.now() + _RECONNECT, ""
+    while context.now() < end:
+        try:
+            for limb in context.limbs.values():
+                limb.limb.arm.read()
+                limb.limb.sensor.read()
+                limb.limb.gripper.read()
+        except DriverError as error:
+            words = str(error)
+            context.wait(0.1)
+            continue
+        return None
+    return FaultFound("connection_lost", f"{words} Asked for {_RECONNECT:g} s.")
+
+
+def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
+    """Move joints that stand outside their limits straight back inside."""
+    for name, limb in context.limbs.items():
+        limits = limb.limits.planner
+        q = context.posture(limb)
+        inside = np.clip(q, limits.lower, limits.upper)
+        away = float(np.abs(inside - q).max())
+        if not np.isfinite(away) or away > 0.2:
+            return FaultFound("start_outside_limits", event.message, name)
+        if away < 1e-9:
+            continue
+        arm = limb.limb.arm
+        arm.engage()
+        context.wait(0.1)
+        # So long that the joints begin and end with half of their acceleration.
+        time = np.sqrt(12.0 * away / float(limits.acceleration.min()))
+        n = int(np.ceil(time / context.settings.period)) + 1
+        for k in range(1, n + 1):
+            share = (k / n) ** 2 * (3.0 - 2.0 * k / n)
+            arm.command((q + (inside - q) * share).tolist())
+            context.wait(context.settings.period)
+        context.wait(0.1)
+    return None
+
+
+def _opened(context: Context, arm: str) -> FaultFound | None:
+    """Loosen a hand that holds nothing, before it is drawn back.
+
+    Opened wide it would push against whatever lies around it.
+    """
+    limb = context.limbs[arm]
+    widest = max(shape.widths[1] for shape in limb.hand.preshapes.values())
+    return loosen(Drive(context, arm), widest)

@@ -1,0 +1,108 @@
+"""Down, open, and see that the hand is empty."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp.control import TarePolicy
+from debrisgrasp.geometry import voxel_downsample
+
+from .context import Context
+from .drag import drive_back
+from .drive import Drive, mean_wrench
+from .moves import back_out, let_go, put_down, to_rest
+from .result import Done, FaultFound, StepResult
+
+__all__ = ["release", "retreat", "verify_release"]
+
+_LOWERED = 0.12
+"""How far an object is lowered at most [m]."""
+_STANDING = 0.24
+_SHAKE = 0.03
+"""How far a hand that does not come free is shaken up and down [m]."""
+
+
+def release(context: Context) -> StepResult:
+    """Lower the object until it lies, and open."""
+    held = context.held
+    if held is None:
+        return Done({"already": True})
+    limb = context.limbs[held.arm]
+    points = held.points_hand
+    tries = sum(state is context.state for state in context.cycle.reached)
+    fault = _shaken_open(context) if tries > 1 else put_down(context, _LOWERED)
+    if fault is not None:
+        return fault
+    T = limb.pose(context.posture(limb))
+    if len(points):
+        lying = T.apply(points)
+        if context.dragged is not None:
+            lying = context.dragged.apply(lying)
+        context.dropped.append(lying[voxel_downsample(lying, 0.02)])
+    context.cycle.is_removed = False
+    context.released = held
+    return Done({"place": np.round(T.p, 3).tolist()})
+
+
+def _shaken_open(context: Context) -> FaultFound | None:
+    """Open as wide as the hand goes, and shake once."""
+    held = context.held
+    assert held is not None
+    limb = context.limbs[held.arm]
+    motion = context.cycle.motion
+    preshape = (
+        next(iter(limb.hand.preshapes)) if motion is None else (motion.grasp.preshape)
+    )
+    fault = let_go(context, limb.hand.preshape(preshape).widths[1])
+    drive = Drive(context, limb.name)
+    for way in (_SHAKE, -_SHAKE):
+        if fault is not None:
+            return fault
+        end = drive.leg([0.0, 0.0, way], speed=0.1, tare=TarePolicy.SESSION)
+        fault = end if isinstance(end, FaultFound) else None
+    return fault
+
+
+def verify_release(context: Context) -> StepResult:
+    """Rise a little, and weigh: nothing may hang on the hand."""
+    held = context.released
+    assert held is not None
+    limb, drive = context.limbs[held.arm], Drive(context, held.arm)
+    T = limb.pose(context.posture(limb))
+    backed = drive.leg(-0.04 * T.R[:, 2], speed=0.05, tare=TarePolicy.SESSION)
+    if isinstance(backed, FaultFound):
+        return backed
+    readings = drive.stand(_STANDING)
+    if isinstance(readings, FaultFound):
+        return readings
+    q = context.posture(limb).tolist()
+    load = limb.loads.load_ee(
+        mean_wrench(readings).tolist(), limb.kinematics.pose(q)[0]
+    )
+    weight = drive.carried(load)
+    openings = drive.fingers().openings
+    is_open = min(openings) >= min(held.state.held_openings or (0.0,))
+    values = {"weight": weight, "opening": min(openings)}
+    if not is_open or weight > 0.5 * context.settings.empty_load:
+        words = f"{weight:.1f} N still hang on the hand"
+        if not is_open:
+            words = f"a finger is open by {1e3 * min(openings):.0f} mm only; {words}"
+        context.held = held
+        return FaultFound("not_released", words, held.arm, values)
+    context.cycle.is_removed = True
+    context.n_removed += 1
+    return Done({"weight": round(weight, 2)})
+
+
+def retreat(context: Context) -> StepResult:
+    """Draw the hand back, and bring the arm to rest."""
+    arm = context.cycle.motion.arm if context.cycle.motion else None
+    if arm is None:
+        return Done()
+    limb = context.limbs[arm]
+    fault = back_out(context, arm) or to_rest(context, arm) or drive_back(context)
+    if fault is not None:
+        return fault
+    limb.limb.arm.disengage()
+    context.is_in_pile = None
+    return Done({"removed": context.n_removed})

@@ -1,0 +1,393 @@
+"""The executive: runs the states, answers faults, and always comes to an end."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from debrisgrasp._arrays import Rng
+from debrisgrasp.errors import (
+    DebrisGraspError,
+    DriverError,
+)
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import Robot
+
+from . import carrying, choose, grasping, perceive, prepare, releasing
+from .calibrated import calib_check
+from .context import Context, Cycle, Recorder
+from .faults import Action
+from .limbs import limbs_of
+from .outcome import Attempt, FaultEvent, RunEnd, RunResult
+from .record import NoRecord
+from .recover import clear_up, recover, reset_stops, stop_all
+from .result import Done, FaultFound, StepResult
+from .settings import TaskSettings
+from .states import STAGES, State
+from .table import FOLLOWING, HOLDING, Answer, answer_to
+
+__all__ = ["STEPS", "Executive", "Observer"]
+
+STEPS: Mapping[State, Callable[[Context], StepResult]] = {
+    State.SELF_TEST: prepare.self_test,
+    State.CALIB_CHECK: calib_check,
+    State.CAPTURE: perceive.capture,
+    State.SEGMENT: perceive.segment,
+    State.SELECT: choose.select,
+    State.PLAN_GRASP: choose.plan_grasp,
+    State.PLAN_MOTION: choose.plan_motion,
+    State.PREGRASP: grasping.pregrasp,
+    State.SWITCH: grasping.switch,
+    State.APPROACH: grasping.approach,
+    State.CLOSE: grasping.close,
+    State.VERIFY_GRASP: grasping.verify_grasp,
+    State.LIFT: carrying.lift,
+    State.VERIFY_HOLD: carrying.verify_hold,
+    State.TRANSPORT: carrying.transport,
+    State.RELEASE: releasing.release,
+    State.VERIFY_RELEASE: releasing.verify_release,
+    State.RETREAT: releasing.retreat,
+}
+"""What each state does."""
+
+_MOVING = (*HOLDING, *STAGES[STAGES.index(State.PREGRASP) :])
+_UNEXPECTED = {
+    State.SELF_TEST: "limit_mismatch",
+    State.CALIB_CHECK: "stale_cloud",
+    State.CAPTURE: "stale_cloud",
+    State.SEGMENT: "stale_cloud",
+    State.SELECT: "no_grasp",
+    State.PLAN_GRASP: "no_grasp",
+    State.PLAN_MOTION: "no_grasp",
+}
+"""What an error counts as that no step foresaw; while moving, the controller's."""
+
+
+class Observer(Protocol):
+    """Hears which state the task is in."""
+
+    def on_state(self, state: State) -> None:
+        """Take note of the state that begins."""
+        ...
+
+
+class Executive:
+    """Clears a pile with a robot, or says why not.
+
+    Parameters
+    ----------
+    robot
+        Devices; see `debrisgrasp.robot.Robot`.
+    settings
+        What is to be done.
+    pipeline
+        Plans the grasps; None: one for the robot's model.
+    observers
+        Hear of every state.
+    record
+        Takes down every decision; see `RunRecord`.
+    rng
+        The same state, and the same robot, give the same run.
+
+    Raises
+    ------
+    UnknownNameError
+        If an arm is not the robot's.
+    InputError
+        If the robot has no arm in use, or a drop-off is out of reach.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        settings: TaskSettings | None = None,
+        *,
+        pipeline: Pipeline | None = None,
+        observers: Sequence[Observer] = (),
+        record: Recorder | None = None,
+        rng: Rng,
+    ) -> None:
+        settings = settings or TaskSettings()
+        pipeline = pipeline or Pipeline(robot=robot.model)
+        limbs = limbs_of(robot, settings, pipeline)
+        self.context = Context(
+            robot=robot,
+            model=robot.model,
+            settings=settings,
+            pipeline=pipeline,
+            record=record or NoRecord(),
+            rng=rng,
+            limbs=limbs,
+        )
+        self._observers = tuple(observers)
+        self._used: Counter[tuple[State, str]] = Counter()
+        self._attempts: list[Attempt] = []
+        self._faults: list[FaultEvent] = []
+        self._of_attempt = 0
+
+    def run(self) -> RunResult:
+        """Run to an end; raises nothing, whatever the robot does.
+
+        A `KeyboardInterrupt` in any state stops the arms and ends the run in order.
+        """
+        try:
+            end = self._run()
+        except KeyboardInterrupt:
+            silent = stop_all(self.context)
+            self._write("stop", {"why": "interrupted", "silent": silent})
+            end = RunEnd.INTERRUPTED
+        return self._result(end)
+
+    def _run(self) -> RunEnd:
+        state = State.SELF_TEST
+        while True:
+            n_most = self.context.settings.max_attempts
+            if len(self._attempts) >= n_most and state in STAGES:
+                self._note(state, _given_up(self.context), Action.ABORT)
+                state = State.ABORT
+            self._enter(state)
+            if state is State.CLEARED:
+                return RunEnd.CLEARED
+            if state is State.SAFE_STOP:
+                return self._stopped()
+            if state is State.ABORT:
+                return self._aborted()
+            result = self._stepped(state)
+            self._flush_trace(state)
+            if isinstance(result, FaultFound):
+                state = self._answered(state, result)
+                continue
+            self._write("done", {"state": state.value, **result.facts})
+            if state is State.RETREAT:
+                self._finish_attempt()
+                if self.context.n_removed == self.context.settings.max_removals:
+                    return RunEnd.FINISHED
+            state = result.next or FOLLOWING[state]
+
+    def _enter(self, state: State) -> None:
+        context = self.context
+        context.state = state
+        if state in STAGES:
+            context.cycle.reached.append(state)
+        self._write("state", {"state": state.value, "time": round(context.now(), 4)})
+        for observer in self._observers:
+            observer.on_state(state)
+
+    def _stepped(self, state: State) -> StepResult:
+        """Run one step; whatever it raises becomes a fault."""
+        return _guarded(lambda: STEPS[state](self.context), state)
+
+    def _answered(self, state: State, found: FaultFound) -> State:
+        """Do what the table says about a fault; returns where to go on."""
+        context = self.context
+        used = self._used[state, found.fault]
+        self._used[state, found.fault] += 1
+        answer = answer_to(state, found.fault, used)
+        if "unexpected" in found.values:
+            final = Action.STOP if state in _MOVING else Action.ABORT
+            answer = replace(answer, action=final)
+        too_many = 10 * context.settings.max_attempts
+        if len(self._faults) >= too_many and answer.action is not Action.STOP:
+            answer = replace(answer, action=Action.ABORT)  # nothing goes round for ever
+        event = self._note(state, found, answer.action)
+        if answer.action is Action.STOP:
+            return State.SAFE_STOP
+        if answer.action is Action.ABORT:
+            return State.ABORT
+        if context.cycle.centroid is not None and answer.action in (
+            Action.NEXT,
+            Action.RETRY,
+        ):
+            context.marks.add(
+                context.cycle.centroid, found.fault, found.message, context.n_removed
+            )
+        if answer.action is Action.SKIP:
+            assert answer.resume is not None
+            return answer.resume
+        self._enter(State.RECOVER)
+        result = self._recovered(event, answer)
+        if isinstance(result, State):
+            return result
+        resume = answer.resume or state
+        self._write("recovered", {"resume": resume.value})
+        is_new = resume in (State.SELECT, State.CAPTURE, State.SELF_TEST)
+        if is_new and context.cycle.label is not None:
+            self._finish_attempt(keeps_look=resume is State.SELECT)
+        return resume
+
+    def _recovered(self, event: FaultEvent, answer: Answer) -> State | None:
+        """Carry an answer out; a state if that failed, and the run must end there."""
+        context = self.context
+        for n_left in (1, 0):
+            result = _guarded(lambda: recover(context, event, answer), State.RECOVER)
+            self._flush_trace(State.RECOVER)
+            if not isinstance(result, FaultFound):
+                return None
+            again = answer_to(State.RECOVER, result.fault)
+            is_stop = again.action is Action.STOP or "unexpected" in result.values
+            if is_stop or n_left == 0 or result.fault == "connection_lost":
+                action = Action.STOP if is_stop else Action.ABORT
+                self._note(State.RECOVER, result, action)
+                return State.SAFE_STOP if is_stop else State.ABORT
+            self._note(State.RECOVER, result, Action.RETRY)
+        return None
+
+    def _stopped(self) -> RunEnd:
+        """Latch the stop, and move nothing any more."""
+        silent = stop_all(self.context)
+        self._write("stop", {"why": "safe stop", "silent": silent})
+        return RunEnd.STOPPED
+
+    def _aborted(self) -> RunEnd:
+        """End in order, as far as the robot lets us."""
+        context = self.context
+        last = self._faults[-1] if self._faults else None
+        is_silent = last is not None and last.fault == "connection_lost"
+        is_busy = context.held is not None or context.is_in_pile is not None
+        if is_silent:
+            return self._stopped()
+        if not is_busy:
+            return RunEnd.ABORTED
+        result = _guarded(lambda: _cleared_up(context), State.ABORT)
+        self._flush_trace(State.ABORT)
+        if isinstance(result, FaultFound):
+            self._write("fault", {"state": "abort", "fault": result.fault,
+                                  "message": result.message})  # fmt: skip
+            return self._stopped()
+        return RunEnd.ABORTED
+
+    def _note(self, state: State, found: FaultFound, action: Action) -> FaultEvent:
+        event = FaultEvent(
+            time=self.context.now(),
+            state=state,
+            fault=found.fault,
+            message=found.message,
+            action=action,
+            arm=found.arm,
+            values=dict(found.values),
+        )
+        self._faults.append(event)
+        self._write(
+            "fault",
+            {
+                "state": state.value,
+                "fault": event.fault,
+                "class": event.fault_class.value,
+                "message": event.message,
+                "action": action.value,
+                "arm": event.arm,
+                "values": dict(event.values),
+                "time": round(event.time, 4),
+            },
+        )
+        return event
+
+    def _finish_attempt(self, *, keeps_look: bool = False) -> None:
+        """Close the present attempt, and begin the next."""
+        cycle = self.context.cycle
+        faults = tuple(self._faults[self._of_attempt :])
+        if cycle.label is None and not faults:
+            return
+        motion = cycle.motion
+        attempt = Attempt(
+            number=len(self._attempts) + 1,
+            reached=tuple(dict.fromkeys(cycle.reached)),
+            is_removed=cycle.is_removed,
+            faults=faults,
+            object_label=cycle.label,
+            centroid=cycle.centroid,
+            arm=motion.arm if motion else None,
+            prototype=motion.grasp.prototype if motion else None,
+            score=float(motion.grasp.score) if motion else None,
+            peak_force=cycle.peak_force,
+            peak_torque=cycle.peak_torque,
+        )
+        self._attempts.append(attempt)
+        self._of_attempt = len(self._faults)
+        self._write("attempt", _attempt_facts(attempt))
+        following = Cycle(number=len(self._attempts) + 1)
+        if keeps_look:
+            following.capture, following.seen = cycle.capture, cycle.seen
+        self.context.cycle = following
+
+    def _flush_trace(self, state: State) -> None:
+        trace = self.context.trace
+        if trace:
+            rows = np.round(np.array(trace), 3).tolist()
+            self._write("trace", {"state": state.value, "rows": rows})
+            trace.clear()
+
+    def _write(self, kind: str, facts: Mapping[str, object]) -> None:
+        self.context.record.write(kind, facts)
+
+    def _result(self, end: RunEnd) -> RunResult:
+        if self.context.cycle.reached:
+            self._finish_attempt()
+        result = RunResult(
+            end=end,
+            attempts=tuple(self._attempts),
+            faults=tuple(self._faults),
+            left=dict(self.context.left),
+            duration=self.context.now(),
+        )
+        first = result.first_fault
+        self._write(
+            "end",
+            {
+                "end": end.value,
+                "removed": result.n_removed,
+                "class": result.fault_class.value if result.fault_class else "success",
+                "first_fault": first.fault if first else None,
+                "left": dict(result.left),
+                "time": round(result.duration, 4),
+            },
+        )
+        return result
+
+
+def _guarded(step: Callable[[], StepResult], state: State) -> StepResult:
+    """Run something; whatever it raises becomes a fault with evidence."""
+    try:
+        return step()
+    except DriverError as error:
+        return FaultFound("connection_lost", str(error))
+    except DebrisGraspError as error:
+        words = f"{type(error).__name__}: {error}"
+        return FaultFound(_name_for(state), words, None, {"unexpected": 0.0})
+    except Exception as error:  # noqa: BLE001 - a robot must survive its software
+        words = f"unexpected {type(error).__name__}: {error}"
+        return FaultFound(_name_for(state), words, None, {"unexpected": 1.0})
+
+
+def _cleared_up(context: Context) -> StepResult:
+    reset_stops(context)
+    return clear_up(context) or Done()
+
+
+def _name_for(state: State) -> str:
+    return _UNEXPECTED.get(state, "controller_refuses")
+
+
+def _given_up(context: Context) -> FaultFound:
+    n = context.settings.max_attempts
+    return FaultFound("no_grasp", f"{n} attempts were made, as many as allowed")
+
+
+def _attempt_facts(attempt: Attempt) -> dict[str, object]:
+    return {
+        "number": attempt.number,
+        "reached": [state.value for state in attempt.reached],
+        "removed": attempt.is_removed,
+        "faults": [event.fault for event in attempt.faults],
+        "object": attempt.object_label,
+        "centroid": attempt.centroid,
+        "arm": attempt.arm,
+        "prototype": attempt.prototype,
+        "score": attempt.score,
+        "peak_force": round(attempt.peak_force, 2),
+        "peak_torque": round(attempt.peak_torque, 3),
+    }

@@ -1,0 +1,134 @@
+"""Settings of the whole task."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, require_range
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import Bounds
+from debrisgrasp.io import Capture
+
+__all__ = ["Marker", "TaskSettings"]
+
+Marker = Callable[[Capture], BoolArray | None]
+"""Says of a capture which pixels belong to the object of interest: a detector, or a
+person. None: it is not in the picture, and the task is done."""
+
+_FARTHEST = 20.0
+"""Coordinates beyond this [m] can only be millimetres."""
+
+
+def _beside() -> Mapping[str, tuple[float, float]]:
+    return {"right": (0.25, -0.75), "left": (0.25, 0.75)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskSettings:
+    """What is to be done, and how carefully."""
+
+    arms: tuple[str, ...] = ()
+    """Arms in use; empty: all that the robot has."""
+    max_removals: int | None = None
+    """Stop after so many; None: when nothing that can be removed is left."""
+    max_attempts: int = 60
+    """Give up after so many tries."""
+    tries: int = 2
+    """At one object, before it is left."""
+    workspace: tuple[tuple[float, float, float], tuple[float, float, float]] = (
+        (0.45, -0.62, -0.1),
+        (1.9, 0.62, 1.3),
+    )
+    """Box of the way that is to be cleared, lower and upper corner, base frame [m].
+    Objects with their middle outside are not in the way."""
+    drop_off: Mapping[str, tuple[float, float]] = field(default_factory=_beside)
+    """Where each arm puts things down: (x, y) in the base frame [m]."""
+    drop_height: float = 0.04
+    """Of an object's lowest seen point over the ground before it is lowered [m]."""
+    drive_over: float = 0.10
+    """Lower things than this need not be removed [m]: the tracks drive over them."""
+    max_mass: float = 8.0
+    """Heavier things are not carried [kg]."""
+    rest: str | None = None
+    """Posture between removals; None: the arm's idle one."""
+    look: Mapping[str, float] | None = None
+    """Joints of the head for a capture; None: those of the robot's file at rest."""
+    lift: float = 0.15
+    """How far an object is lifted before it is carried [m]."""
+    approach_speed: float = 0.015
+    """Of the hand, until it touches [m/s]."""
+    lift_speed: float = 0.03
+    """Of the hand [m/s]."""
+    carry_speed: float = 0.6
+    """Share of the planned speed while something is carried."""
+    compliance: tuple[float, float] = (5e-5, 3e-4)
+    """How far the hand gives way while it lifts, [m/N] and [rad/(N m)]."""
+    empty_load: float = 6.0
+    """A hand that carries less is empty [N]."""
+    camera_shift: float = 0.02
+    """A hand seen farther than this from where it must be means that the camera has
+    moved [m]."""
+    max_dropout: float = 0.4
+    """Share of the image of the workspace that may lack depth."""
+    mark: Marker | None = None
+    """Object-specific task: only what this marks is gripped, with the prototypes for
+    special objects."""
+    region: Bounds | None = None
+    """Object-specific task: the object of interest lies in this box, base frame."""
+    drag_distance: float = 0.5
+    """How far the base pulls what can't be lifted [m]."""
+    period: float = 0.004
+    """Of the control loop [s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("max_attempts", "tries"):
+            require_range(f"TaskSettings.{name}", getattr(self, name), 1, 10_000)
+        if self.max_removals is not None:
+            require_range("TaskSettings.max_removals", self.max_removals, 1, 10_000)
+        for name in ("drive_over", "drop_height", "max_dropout"):
+            require_range(f"TaskSettings.{name}", getattr(self, name), 0.0, 1.0)
+        for name in ("lift", "approach_speed", "lift_speed", "drag_distance"):
+            require_range(f"TaskSettings.{name}", getattr(self, name), 1e-3, 2.0)
+        require_range("TaskSettings.carry_speed", self.carry_speed, 0.05, 1.0)
+        require_range("TaskSettings.period [s]", self.period, 5e-4, 0.02)
+        require_range("TaskSettings.max_mass [kg]", self.max_mass, 0.1, 1e3)
+        low, high = np.array(self.workspace)
+        if not (np.isfinite([low, high]).all() and (low < high).all()):
+            raise ConfigError(
+                "TaskSettings.workspace",
+                got=self.workspace,
+                expected="a lower corner below an upper one",
+            )
+        for arm, place in self.drop_off.items():
+            self._require_place(arm, place)
+
+    def _require_place(self, arm: str, place: tuple[float, float]) -> None:
+        if not np.all(np.abs(place) <= _FARTHEST):
+            raise ConfigError(
+                f"drop-off of the {arm} arm",
+                got=place,
+                expected=f"coordinates within {_FARTHEST:g} m",
+                mend="Lengths are in metres: 750 mm is 0.75.",
+            )
+        (x0, y0, _), (x1, y1, _) = self.workspace
+        if x0 <= place[0] <= x1 and y0 <= place[1] <= y1:
+            raise ConfigError(
+                f"drop-off of the {arm} arm",
+                got=f"({place[0]:g}, {place[1]:g}), in the way that is to be cleared",
+                expected=f"a place outside x {x0:g} to {x1:g}, y {y0:g} to {y1:g} m",
+                mend="Put things down beside the robot, or make the workspace smaller.",
+            )
+
+    @property
+    def bounds(self) -> Bounds:
+        """The workspace as a box."""
+        low, high = self.workspace
+        return Bounds(np.array(low), np.array(high))
+
+    @property
+    def is_object_specific(self) -> bool:
+        """Whether only a marked object is sought."""
+        return self.mark is not None or self.region is not None

@@ -1,0 +1,181 @@
+"""The whole task with the robot in memory: from a few words to a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp._arrays import require_range
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import (
+    FakeConfig,
+    FakeTruth,
+    InjectedRobot,
+    Injection,
+    fake_robot,
+    inject,
+)
+from debrisgrasp.worlds import SCENES, PileConfig, World, generate_pile, let_down
+from debrisgrasp.worlds import named_scene as scene_named
+
+from .context import Recorder
+from .outcome import RunResult
+from .run import Executive
+from .settings import TaskSettings
+from .states import State
+
+__all__ = ["Simulated", "SimulatedTask", "injections_of"]
+
+_CENTER = (0.98, 0.0)
+"""Middle of a pile that both arms reach [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulated:
+    """A run, and what was true of it."""
+
+    result: RunResult
+    truth: FakeTruth
+    happened: tuple[str, ...]
+    """Injected faults that were really brought about."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedTask:
+    """A pile, a robot in memory, and what is to be done: equal tasks, equal runs."""
+
+    scene: str | None = None
+    """Name of a scene; None: a pile drawn by the seed."""
+    objects: int | None = None
+    """Bodies of a drawn pile; None: 3 to 8."""
+    seed: int = 0
+    robot: str = "roman"
+    arms: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    """Faults to inject, each ``name`` or ``name@state``."""
+    max_removals: int | None = None
+    drive_over: float = 0.10
+    """See `TaskSettings` [m]."""
+
+    def __post_init__(self) -> None:
+        if self.scene is not None and self.scene not in SCENES:
+            raise UnknownNameError("scene", self.scene, SCENES)
+        if self.scene is not None and self.objects is not None:
+            raise ConfigError(
+                "objects", got=self.objects, expected="none, with a named scene"
+            )
+        if self.objects is not None:
+            require_range("objects", self.objects, 1, 50)
+        if self.seed < 0:
+            raise ConfigError("seed", got=self.seed, expected="an integer of 0 or more")
+        injections_of(self.faults)
+
+    def to_json(self) -> dict[str, Any]:
+        """Content for the record of a run."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> SimulatedTask:
+        """Read what `to_json` wrote, or raise `ConfigError`."""
+        known = {field.name for field in fields(cls)}
+        given: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value
+            for key, value in content.items()
+            if key in known
+        }
+        missing = known - set(given)
+        if missing:
+            raise ConfigError(
+                "inputs of a run",
+                got=f"no {', '.join(sorted(missing))}",
+                expected="a run of the robot in memory",
+            )
+        return cls(**given)
+
+    def world(self) -> World:
+        """Bodies at rest."""
+        if self.scene is not None:
+            return let_down(scene_named(self.scene)).world
+        fewest, most = (3, 8) if self.objects is None else (self.objects,) * 2
+        config = PileConfig(
+            n_bodies=(fewest, most), center=_CENTER, uneven_share=0.0, large_share=0.0
+        )
+        rng = np.random.default_rng([self.seed, 1])
+        return let_down(generate_pile(rng=rng, config=config)).world
+
+    def run(
+        self,
+        record: Recorder | None = None,
+        *,
+        pipeline: Pipeline | None = None,
+        settings: TaskSettings | None = None,
+    ) -> Simulated:
+        """Run it.
+
+        Parameters
+        ----------
+        record
+            Takes down what happens.
+        pipeline
+            To plan with; None: the default one for the robot.
+        settings
+            Of the task; None: the defaults, with what this task says.
+        """
+        robot_rng, fault_rng, task_rng = np.random.default_rng(self.seed).spawn(3)
+        pipeline = pipeline or Pipeline(robot=RobotModel.load(self.robot))
+        model = pipeline.robot
+        assert model is not None
+        fake = fake_robot(
+            model, self.world(), rng=robot_rng, config=FakeConfig(is_initialised=True)
+        )
+        faults = injections_of(self.faults)
+        injected = inject(fake.robot, faults, rng=fault_rng, world=fake)
+        settings = settings or TaskSettings(
+            arms=self.arms,
+            max_removals=self.max_removals,
+            drive_over=self.drive_over,
+        )
+        executive = Executive(
+            injected.robot,
+            settings,
+            pipeline=pipeline,
+            observers=(_Teller(injected),),
+            record=record,
+            rng=task_rng,
+        )
+        result = executive.run()
+        return Simulated(result, fake.truth(), injected.happened)
+
+
+class _Teller:
+    """Tells the injected faults which state begins."""
+
+    def __init__(self, injected: InjectedRobot) -> None:
+        self._injected = injected
+
+    def on_state(self, state: State) -> None:
+        """Pass the state on."""
+        self._injected.on_state(state.value)
+
+
+def injections_of(faults: Sequence[str]) -> tuple[Injection, ...]:
+    """Read faults written as ``name`` or ``name@state``.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such fault, or no such state.
+    """
+    found = []
+    for text in faults:
+        name, _, state = text.strip().partition("@")
+        known = [s.value for s in State]
+        if state and state not in known:
+            raise UnknownNameError("state", state, known)
+        found.append(Injection(fault=name, state=state or None))
+    return tuple(found)

@@ -1,0 +1,94 @@
+"""Which poses were ruled out, and why: what a plan says when it says no."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+
+__all__ = ["Ledger", "Rejections"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rejections:
+    """Poses that were ruled out, one row each."""
+
+    reasons: tuple[str, ...] = ()
+    """The different reasons."""
+    code: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """Which of them ruled a pose out, shape (n,)."""
+    Ts: FloatArray = field(default_factory=lambda: np.zeros((0, 4, 4)))
+    """Palm poses, base frame, shape (n, 4, 4)."""
+    prototype: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """Index of the prototype of each, shape (n,)."""
+    amount: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """By how much: points in the way or between the fingers, S C reached, or load over
+    limit; NaN where the reason knows no amount; shape (n,)."""
+
+    def __len__(self) -> int:
+        return len(self.code)
+
+    def counts(self) -> dict[str, int]:
+        """How many poses each reason ruled out."""
+        found = np.bincount(self.code, minlength=len(self.reasons))
+        return {
+            reason: int(n)
+            for reason, n in zip(self.reasons, found, strict=True)
+            if n > 0
+        }
+
+    def because(self, *words: str) -> IntArray:
+        """Rows whose reason contains any of some words."""
+        codes = [
+            i
+            for i, reason in enumerate(self.reasons)
+            if any(word in reason for word in words)
+        ]
+        rows: IntArray = np.flatnonzero(np.isin(self.code, codes))
+        return rows
+
+
+class Ledger:
+    """Takes note of the poses that a search rules out."""
+
+    def __init__(self) -> None:
+        self._entries: list[tuple[str, FloatArray, IntArray, FloatArray]] = []
+
+    def add(
+        self,
+        reason: str,
+        Ts: FloatArray,
+        prototype: IntArray,
+        rejected: BoolArray | IntArray,
+        amount: FloatArray | IntArray | None = None,
+    ) -> None:
+        """Note the rejected ones of some poses (k, 4, 4) of prototypes (k,).
+
+        Parameters
+        ----------
+        amount
+            By how much each of them fails, shape (k,); None if that is no number.
+        """
+        Ts, prototype = Ts[rejected], prototype[rejected]
+        if not len(Ts):
+            return
+        by = np.full(len(Ts), np.nan)
+        if amount is not None:
+            by = np.asarray(amount, dtype=np.float64)[rejected]
+        self._entries.append((reason, Ts, prototype, by))
+
+    def closed(self) -> Rejections:
+        """Everything noted so far."""
+        if not self._entries:
+            return Rejections()
+        names, Ts, prototype, amount = zip(*self._entries, strict=True)
+        reasons = tuple(dict.fromkeys(names))
+        return Rejections(
+            reasons,
+            np.repeat([reasons.index(n) for n in names], [len(T) for T in Ts]),
+            np.concatenate(Ts),
+            np.concatenate(prototype),
+            np.concatenate(amount),
+        )

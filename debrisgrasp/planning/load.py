@@ -1,0 +1,271 @@
+"""What a grasp has to carry: the wrench at lift, and what holds it.
+
+All loads are proportional to the mass, which is known to about an order of magnitude
+(`mass`), unless an operator knows it better.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp.prototypes import GripperModel
+
+from .mass import Build, Interval, LoadConfig, ObjectMass
+
+__all__ = ["GripLevers", "LoadForecast", "LoadModel", "Loads"]
+
+_FLOOR = 1e-9
+"""Keeps quotients finite; far below every load and limit."""
+_MOST = 1e3
+"""Margins are cut here: the load is nothing to speak of."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GripLevers:
+    """Where the pads of p closed hands are, and how they hold torque."""
+
+    middle: FloatArray
+    """Middle between the pads [m], palm frame, shape (p, 3)."""
+    lever: FloatArray
+    """Lever of the contacts about x, y and z of the palm frame [m], shape (p, 3)."""
+    max_force: FloatArray
+    """Largest force at the fingers [N], shape (p,)."""
+
+    @classmethod
+    def of(
+        cls, hands: list[tuple[GripperModel, str, float]], config: LoadConfig
+    ) -> GripLevers:
+        """Collect hands, each at a preshape, closed to a width [m].
+
+        Torque about the closing axis twists the contacts; that about y and z is held
+        by the pads of one side, and by the palm, pressing unevenly.
+        """
+        middle, lever, force = [], [], []
+        for gripper, preshape, width in hands:
+            pads = gripper.pad_positions(preshape, width)
+            sides = np.array([finger.side for finger in gripper.fingers])
+            grip = np.mean([pads[sides == side].mean(axis=0) for side in (-1, 1)], 0)
+            span = float(np.ptp(pads[:, 1])) / 2
+            depth = max(float(grip[2]), 0.0)
+            middle.append([0.0, grip[1], grip[2]])
+            patch = config.patch
+            lever.append([0.67 * patch + span / 2, patch + depth / 2, patch + span])
+            force.append(gripper.max_force)
+        return cls(np.array(middle), np.array(lever), np.array(force))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadForecast:
+    """What lifting the object will demand of hand and arm; (least, greatest) each."""
+
+    build: str
+    """``solid``, ``hollow`` or ``sheet``."""
+    mass: Interval
+    """[kg]."""
+    force: Interval
+    """Weight at the wrist [N]."""
+    torque: Interval
+    """Moment of the weight about the palm [N m]."""
+    grip: Interval
+    """Squeeze that holds it [N]; the least trusts in fingers that reach around it."""
+    lever: float
+    """Horizontal distance from the middle of the grip to the centre of mass [m]."""
+    lever_error: float
+    """How far that may be off [m]."""
+    tilt: float
+    """Angle between the palm's axis and the vertical [rad]; 0 grips from above."""
+    margin: float
+    """Smallest limit over its load, at the mass expected: below 1 is too heavy."""
+    margins: Interval
+    """The same at worst and at best."""
+    limit: str
+    """What limits it: ``grip``, ``wrist force``, ``wrist torque`` or
+    ``joint torque``."""
+
+    @property
+    def in_words(self) -> str:
+        """Say what is known of the object's weight."""
+        low, high = self.mass
+        if low == high:
+            return f"the object weighs {low:.3g} kg, as stated"
+        return f"the object looks {self.build}: {low:.2g} to {high:.2g} kg"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loads:
+    """Loads of k grasps; columns of bounds are least, expected, greatest."""
+
+    mass: FloatArray
+    """[kg], shape (3,)."""
+    build: Build
+    torque: FloatArray
+    """About the palm [N m], shape (k, 3)."""
+    grip: FloatArray
+    """Squeeze needed [N], shape (k, 3)."""
+    demand: FloatArray
+    """Load over limit, the largest of all limits, shape (k, 3)."""
+    limit: np.ndarray
+    """Which limit that is, a word for each, shape (k,)."""
+    lever: FloatArray
+    """[m], shape (k,)."""
+    lever_error: float
+    tilt: FloatArray
+    """[rad], shape (k,)."""
+    weight: FloatArray
+    """[N], shape (3,)."""
+    wrench: FloatArray
+    """Expected wrench on the hand, force and then torque about the palm, palm frame
+    [N, N m], shape (k, 6)."""
+
+    @property
+    def preference(self) -> FloatArray:
+        """Factor in (0, 1] that prefers small loads, shape (k,)."""
+        factor: FloatArray = 1.0 / (1.0 + self.demand[:, 1])
+        return factor
+
+    @property
+    def is_too_heavy(self) -> BoolArray:
+        """Which grasps can't hold even the least load, shape (k,)."""
+        heavy: BoolArray = self.demand[:, 0] > 1.0
+        return heavy
+
+    def limited(self, load: FloatArray, limit: float, name: str) -> Loads:
+        """Take one more limit into account: loads (3,) or (k, 3) against it."""
+        demand = np.broadcast_to(load / max(limit, _FLOOR), self.demand.shape)
+        is_worse = demand[:, 1] > self.demand[:, 1]
+        changed = {
+            "demand": np.maximum(self.demand, demand),
+            "limit": np.where(is_worse, name, self.limit),
+        }
+        return self._with(changed)
+
+    def __getitem__(self, rows: IntArray | BoolArray) -> Loads:
+        """Pick some of the grasps."""
+        per_grasp = ("torque", "grip", "demand", "limit", "lever", "tilt", "wrench")
+        return self._with({name: getattr(self, name)[rows] for name in per_grasp})
+
+    def _with(self, changed: dict[str, np.ndarray]) -> Loads:
+        own = {item.name: getattr(self, item.name) for item in fields(self)}
+        return Loads(**{**own, **changed})
+
+    def forecast(self, row: int) -> LoadForecast:
+        """Record of one grasp."""
+        worst, expected, best = _margin(self.demand[row, ::-1])
+        return LoadForecast(
+            build=self.build.value,
+            mass=_ends(self.mass),
+            force=_ends(self.weight),
+            torque=_ends(self.torque[row]),
+            grip=_ends(self.grip[row]),
+            lever=float(self.lever[row]),
+            lever_error=self.lever_error,
+            tilt=float(self.tilt[row]),
+            margin=expected,
+            margins=(worst, best),
+            limit=str(self.limit[row]),
+        )
+
+
+def _ends(bounds: FloatArray) -> Interval:
+    return float(bounds[0]), float(bounds[2])
+
+
+def _margin(demand: FloatArray) -> list[float]:
+    found: list[float] = np.minimum(1.0 / np.maximum(demand, _FLOOR), _MOST).tolist()
+    return found
+
+
+class LoadModel:
+    """Forecasts the loads of grasps of one object."""
+
+    def __init__(self, what: ObjectMass, config: LoadConfig) -> None:
+        self._object, self._config = what, config
+
+    def __call__(
+        self, Ts_base_hand: FloatArray, which: IntArray, levers: GripLevers
+    ) -> Loads:
+        """Forecast what the hands have to hold.
+
+        Parameters
+        ----------
+        Ts_base_hand
+            Palm poses, base frame (z up), shape (k, 4, 4).
+        which
+            Row of ``levers`` that each pose's hand is, shape (k,).
+        levers
+            The hands.
+        """
+        what, config = self._object, self._config
+        R, p = Ts_base_hand[:, :3, :3], Ts_base_hand[:, :3, 3]
+        grip = (R @ levers.middle[which][..., None])[..., 0] + p
+        mass = np.array([what.mass[0], what.expected_mass, what.mass[1]])
+        weight = mass * config.gravity
+        down = -R[:, 2]
+        arm_palm = ((what.com - p)[:, None] @ R)[:, 0]
+        arm_grip = ((what.com - grip)[:, None] @ R)[:, 0]
+        level = np.linalg.norm((what.com - p)[:, :2], axis=1)
+        error = what.level_error
+        reach = np.stack([np.maximum(level - error, 0.0), level, level + error], 1)
+        torque = reach * weight
+        grip_force = _grip_needed(
+            down, np.cross(arm_grip, down), what.com_error, levers.lever[which], config
+        )
+        grip_force = grip_force * weight
+        expected = np.concatenate([down, np.cross(arm_palm, down)], axis=1)
+        loads = Loads(
+            mass=mass,
+            build=what.build,
+            torque=torque,
+            grip=grip_force,
+            demand=grip_force / levers.max_force[which, None],
+            limit=np.full(len(p), "grip", dtype=object),
+            lever=np.linalg.norm((what.com - grip)[:, :2], axis=1),
+            lever_error=error,
+            tilt=np.arccos(np.clip(down[:, 2], -1.0, 1.0)),
+            weight=weight,
+            wrench=expected * weight[1],
+        )
+        return loads
+
+
+def _grip_needed(
+    down: FloatArray,
+    moment: FloatArray,
+    error: float,
+    lever: FloatArray,
+    config: LoadConfig,
+) -> FloatArray:
+    """Squeeze per weight: least, expected and greatest, shape (k, 3).
+
+    Force across the closing axis and torque about it are held by friction, whose limit
+    surface is taken as an ellipsoid; the rest by one side pressing harder. The least
+    lets the object swing about the closing axis, and fingers reach around it.
+
+    Parameters
+    ----------
+    down
+        Direction of the weight, palm frame, shape (k, 3).
+    moment
+        Torque per weight about the middle of the grip, palm frame [m], shape (k, 3).
+    error
+        How far the torque may be off [m].
+    lever
+        See `GripLevers`, shape (k, 3).
+    """
+    # What presses into the palm needs no grip.
+    out = np.maximum(down[:, 2], 0.0)
+    across = np.hypot(down[:, 1], out)
+    along = np.abs(down[:, 0])
+    low, high = config.friction
+    columns = []
+    for off, friction in ((0.0, np.sqrt(low * high)), (error, low)):
+        turn = (np.abs(moment) + off) / lever
+        held = np.hypot(across, turn[:, 0]) / (2.0 * friction)
+        columns.append(held + along + turn[:, 1] + turn[:, 2])
+    turn = np.maximum(np.abs(moment) - error, 0.0) / lever
+    held = np.hypot(down[:, 1] / (2.0 * high), out / (2.0 * max(high, 1.0)))
+    least = np.maximum(np.maximum(held, along), turn[:, 2])
+    return np.stack([least, *columns], axis=1)

@@ -1,0 +1,204 @@
+"""What an object may weigh, and where its middle is, by what was seen of it.
+
+A depth image weighs nothing. What it shows is how much surface there is, how thick the
+object can be, and whether one looks into it; with the densities of debris this bounds
+the mass to about one order of magnitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from debrisgrasp._arrays import FloatArray, require_finite, require_range
+from debrisgrasp.errors import ConfigError, InputError
+
+__all__ = ["Build", "LoadConfig", "ObjectMass"]
+
+Interval = tuple[float, float]
+"""Lower and upper bound."""
+
+_OUTLIERS = 0.02
+"""Share of the points at each end of an axis that the extent leaves out."""
+_FLOOR = 1e-9
+"""Keeps quotients finite; far below every length."""
+
+
+class Build(Enum):
+    """How an object is made, as far as its surface tells."""
+
+    SOLID = "solid"
+    """Closed on all sides seen: massive, or a closed shell."""
+    HOLLOW = "hollow"
+    """One looks into it or through it: vessels, tubes, frames, pallets."""
+    SHEET = "sheet"
+    """Flat and thin."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadConfig:
+    """What debris may weigh, and what fingers hold."""
+
+    density: Interval = (300.0, 2200.0)
+    """Mass per volume of massive objects: light wood, and concrete [kg/m^3]."""
+    shell: float = 5.0
+    """Least mass per seen surface of a closed object, which may be empty [kg/m^2]."""
+    walls: Interval = (2.5, 60.0)
+    """Mass per seen surface of hollow objects: a plastic crate, and a cinder block
+    [kg/m^2]."""
+    sheet: Interval = (4.0, 40.0)
+    """Mass per seen surface of sheets: plywood, and steel plate [kg/m^2]."""
+    thin: float = 0.03
+    """Objects are sheets if they are no thicker than this [m]."""
+    inward: float = 0.12
+    """Objects are hollow if so much of their surface faces their own middle."""
+    friction: Interval = (0.4, 0.8)
+    """Coefficient of friction between pads and object."""
+    patch: float = 0.02
+    """Half the size of a finger's contact [m]; larger holds more torque."""
+    gravity: float = 9.81
+    """Acceleration of free fall [m/s^2]."""
+
+    def __post_init__(self) -> None:
+        for name in ("density", "walls", "sheet", "friction"):
+            low, high = getattr(self, name)
+            if not 0 < low <= high < np.inf:
+                raise ConfigError(
+                    f"LoadConfig.{name}",
+                    got=(low, high),
+                    expected="0 < least <= greatest",
+                )
+        for name in ("shell", "thin", "inward", "patch", "gravity"):
+            require_range(f"LoadConfig.{name}", getattr(self, name), 1e-6, 1e6)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ObjectMass:
+    """Mass and centre of mass of one object, each with bounds."""
+
+    build: Build
+    mass: Interval
+    """[kg]."""
+    com: FloatArray
+    """Estimated centre of mass [m], base frame, shape (3,)."""
+    spread: FloatArray
+    """How far it may be off: columns are the half axes of an ellipsoid [m], base
+    frame, shape (3, 3)."""
+
+    @classmethod
+    def from_surface(
+        cls,
+        points: FloatArray,
+        normals: FloatArray,
+        viewpoint: FloatArray,
+        config: LoadConfig,
+        *,
+        spacing: float,
+        mass: float | None = None,
+    ) -> ObjectMass:
+        """Estimate from the visible surface.
+
+        Parameters
+        ----------
+        points, normals
+            One for each cell of the surface, shapes (n, 3); normals may be NaN.
+        viewpoint
+            Where the camera is, shape (3,).
+        spacing
+            Edge of the cells [m].
+        mass
+            What it weighs [kg], if that is known.
+
+        Raises
+        ------
+        InputError
+            If there is no point, a value is not finite, or the mass is not above zero.
+        """
+        if len(points) == 0:
+            raise InputError("points of the object", got=0, expected="at least one")
+        require_finite(points, "points of the object")
+        if mass is not None and not 0 < mass < np.inf:
+            raise InputError("mass of the object [kg]", got=mass, expected="above zero")
+        mean = points.mean(axis=0)
+        offsets = points - mean
+        axes = np.linalg.eigh(offsets.T @ offsets)[1][:, ::-1]
+        along = offsets @ axes
+        low, high = np.quantile(along, [_OUTLIERS, 1 - _OUTLIERS], axis=0)
+        middle, extents = mean + axes @ (low + high) / 2, high - low
+        build = _build(points - middle, normals, float(extents[2]), config)
+        if mass is not None:
+            bounds = (float(mass), float(mass))
+        else:
+            inside = ((along >= low) & (along <= high)).all(axis=1)
+            area = len(points) * spacing**2
+            bounds = _mass_bounds(build, points[inside], extents, area, config, spacing)
+        # The side that was not seen is farther from the camera.
+        sight = middle - viewpoint
+        sight = sight / max(float(np.linalg.norm(sight)), _FLOOR)
+        return cls(
+            build=build,
+            mass=bounds,
+            com=middle + 0.2 * extents[2] * sight,
+            spread=axes * (np.array([0.15, 0.2, 0.35]) * extents + 0.01),
+        )
+
+    @property
+    def expected_mass(self) -> float:
+        """Geometric mean of the bounds [kg]."""
+        return float(np.sqrt(self.mass[0] * self.mass[1]))
+
+    @property
+    def com_error(self) -> float:
+        """How far the centre of mass may be off in the worst direction [m]."""
+        return float(np.linalg.norm(self.spread, 2))
+
+    @property
+    def level_error(self) -> float:
+        """How far it may be off horizontally [m]."""
+        return float(np.linalg.norm(self.spread[:2], 2))
+
+
+def _build(
+    offsets: FloatArray, normals: FloatArray, thickness: float, config: LoadConfig
+) -> Build:
+    """Class of an object by its surface, given relative to its middle (n, 3)."""
+    is_known = np.isfinite(normals[:, 0])
+    away = np.linalg.norm(offsets[is_known], axis=1)
+    facing = (offsets[is_known] * normals[is_known]).sum(axis=1)
+    if is_known.any() and np.mean(facing < -0.2 * away) > config.inward:
+        return Build.HOLLOW
+    return Build.SHEET if thickness <= config.thin else Build.SOLID
+
+
+def _mass_bounds(
+    build: Build,
+    points: FloatArray,
+    extents: FloatArray,
+    area: float,
+    config: LoadConfig,
+    spacing: float,
+) -> Interval:
+    """Bounds on the mass [kg] from the extent of the visible surface."""
+    size = np.maximum(extents, spacing)
+    most = config.density[1] * float(size.prod())
+    if build is Build.HOLLOW:
+        low, high = config.walls[0] * area, config.walls[1] * area
+    elif build is Build.SHEET:
+        low, high = config.sheet[0] * area, config.sheet[1] * area
+    else:
+        hull = _hull_volume(points)
+        low = min(config.shell * area, config.density[0] * hull)
+        # Of a convex body of which two sides are seen, the hull holds at least half.
+        high = config.density[1] * max(2.0 * hull, 0.5 * float(size.prod()))
+        return low, max(low, high)
+    return min(low, most), max(min(high, most), low)
+
+
+def _hull_volume(points: FloatArray) -> float:
+    try:
+        return float(ConvexHull(points).volume)
+    except (QhullError, ValueError):
+        return 0.0

@@ -1,0 +1,360 @@
+"""The settings of a site: one file that says which robot works where, and how."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from dataclasses import fields as dataclass_fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from debrisgrasp._arrays import FloatArray, frozen, require_range
+from debrisgrasp._files import read_yaml
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.io import CameraPose, Capture, parse_camera_pose
+from debrisgrasp.io.calibration_json import load_calibration
+from debrisgrasp.kinematics import ArmSpec, RobotModel
+from debrisgrasp.prototypes._fields import Fields
+from debrisgrasp.segmentation import (
+    DEFAULT_POINT,
+    PriorityPoint,
+    SelectionPolicy,
+    SupportAware,
+)
+
+__all__ = ["POLICIES", "Settings", "SiteLimits"]
+
+_SCHEMA = "debrisgrasp/site/1"
+_FARTHEST = 20.0
+"""Coordinates beyond this [m] can only be millimetres."""
+POLICIES = ("support", "priority")
+"""Names of the policies: `SupportAware`, and `PriorityPoint` (Eq. 1)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiteLimits:
+    """What this site allows of what the robot could do; None: all of it."""
+
+    force: float | None = None
+    """Largest force at the hand, absolute [N]."""
+    torque: float | None = None
+    """Largest torque at the hand, absolute [N m]."""
+    joint_speed: float = 1.0
+    """Share of the speed of each joint, in (0, 1]."""
+    acceleration: float = 1.0
+    """Share of the acceleration of each joint, in (0, 1]."""
+    hand_speed: float = 0.1
+    """Of the hand on approach and lift [m/s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("force", "torque"):
+            if (value := getattr(self, name)) is not None:
+                require_range(f"limits.{name}", value, 1e-3, 1e5)
+        for name in ("joint_speed", "acceleration"):
+            require_range(f"limits.{name}", getattr(self, name), 1e-3, 1.0)
+        require_range("limits.hand_speed [m/s]", self.hand_speed, 1e-3, 2.0)
+
+    def of_robot(self, robot: RobotModel) -> RobotModel:
+        """Return a robot that allows no more than this.
+
+        Raises
+        ------
+        ConfigError
+            If more force or torque is asked for than the robot's file allows.
+        """
+        joints = {
+            name: replace(joint, velocity=self.joint_speed * joint.velocity)
+            for name, joint in robot.tree.joints.items()
+        }
+        arms = {name: self._of_arm(spec, robot) for name, spec in robot.arms.items()}
+        return replace(robot, tree=replace(robot.tree, joints=joints), arms=arms)
+
+    def _of_arm(self, spec: ArmSpec, robot: RobotModel) -> ArmSpec:
+        limits = dict(spec.limits)
+        limits["acceleration"] *= self.acceleration
+        for name in ("force", "torque"):
+            if (value := getattr(self, name)) is None:
+                continue
+            if value > limits[name]:
+                raise ConfigError(
+                    f"limits.{name}",
+                    got=value,
+                    expected=f"at most {limits[name]:g}, the limit of the "
+                    f"{spec.name} arm of {robot.name}",
+                    mend="A site may only lower limits; those of the robot are in its "
+                    "own file.",
+                )
+            limits[name] = value
+        return replace(spec, limits=limits)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Settings:
+    """Everything that stays the same from capture to capture."""
+
+    robot: str = "roman"
+    """A shipped robot, the path of a robot's file, or ``"none"``: a floating hand."""
+    arm: str | None = None
+    """Use only this arm."""
+    gripper: str | None = None
+    """Use only this hand."""
+    grippers: Path | None = None
+    """Folder of files of further hands."""
+    prototypes: Path | None = None
+    """Folder of prototype files; None for the shipped ones."""
+    calibration: Path | None = None
+    """Result of ``debrisgrasp calibrate`` that says where the camera is."""
+    camera_pose: CameraPose | None = None
+    """Pose of the camera in the base frame, where there is no calibration."""
+    camera_file: Path | None = None
+    """Intrinsics of depth images that have none beside them."""
+    policy: str = "support"
+    """Which objects come first, one of `POLICIES`."""
+    priority_point: FloatArray = field(default_factory=lambda: np.array(DEFAULT_POINT))
+    """Objects near it are preferred, base frame [m], shape (3,)."""
+    drop_off: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Where an arm puts things down, by its name: (x, y) in the base frame [m]."""
+    limits: SiteLimits = SiteLimits()
+    seed: int = 0
+    deadline: float | None = None
+    """Seconds after which a search settles for what it has."""
+    path: Path | None = None
+    """The file that they come from."""
+
+    def __post_init__(self) -> None:
+        point = frozen(self.priority_point, "priority_point", (3,))
+        object.__setattr__(self, "priority_point", point)
+        _require_metres("priority_point", point)
+        for arm, place in self.drop_off.items():
+            _require_metres(f"drop_off.{arm}", frozen(place, f"drop_off.{arm}", (2,)))
+        if self.policy not in POLICIES:
+            raise UnknownNameError("selection.policy", self.policy, POLICIES)
+        if self.seed < 0:
+            raise ConfigError("seed", got=self.seed, expected="an integer of 0 or more")
+        if self.deadline is not None and not self.deadline > 0:
+            raise ConfigError(
+                "deadline",
+                got=f"{self.deadline} s",
+                expected="a positive number of seconds, or none",
+            )
+        if self.calibration is not None and self.camera_pose is not None:
+            raise ConfigError(
+                "camera pose",
+                got="both a calibration and a pose",
+                expected="one of them",
+            )
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Settings:
+        """Read a site's file (docs/configuration.md); paths in it are relative to it.
+
+        Raises
+        ------
+        ConfigError
+            Naming file, field and range; also for files and folders that are not there.
+        UnknownNameError
+            For a field or a word that means nothing; near ones are named.
+        """
+        path = Path(path)
+        fields = Fields(read_yaml(path), str(path))
+        fields.choice("schema", (_SCHEMA,))
+        values = _top(fields) | _camera(fields) | _selection(fields)
+        try:
+            settings = cls(**values, **_limits(fields), path=path)
+        except UnknownNameError as error:
+            kind = f"{error.kind} in {path}"
+            raise UnknownNameError(kind, error.name, error.known) from error
+        except ConfigError as error:
+            raise ConfigError(
+                f"{path}, field {error.what}",
+                got=error.got,
+                expected=error.expected,
+                mend=error.mend,
+            ) from error
+        fields.finish()
+        return settings
+
+    def robot_model(self) -> RobotModel | None:
+        """Load the robot with the limits of the site; None for a floating hand.
+
+        Raises
+        ------
+        ConfigError, UnknownNameError
+            As `RobotModel.load` and `SiteLimits.of_robot` do.
+        """
+        if self.robot == "none":
+            return None
+        return self.limits.of_robot(RobotModel.load(self.robot))
+
+    def pose_of_camera(self) -> CameraPose | None:
+        """Pose of the camera in the base frame; None if captures bring their own.
+
+        Raises
+        ------
+        ConfigError
+            If the calibration can't be read, or was refused.
+        """
+        if self.calibration is None:
+            return self.camera_pose
+        stored = load_calibration(self.calibration)
+        stored.require_accepted()
+        return stored.T_base_camera
+
+    def capture(
+        self, path: str | os.PathLike[str], *, viewpoint: ArrayLike | None = None
+    ) -> Capture:
+        """Read a capture with the pose and the intrinsics of this site's camera.
+
+        Parameters
+        ----------
+        path, viewpoint
+            As for `Capture.load`.
+
+        Raises
+        ------
+        CaptureError, ConfigError
+            As `Capture.load` and `pose_of_camera` do.
+        """
+        return Capture.load(
+            path,
+            camera_pose=self.pose_of_camera(),
+            camera_file=self.camera_file,
+            viewpoint=viewpoint,
+        )
+
+    def selection(self, openings: tuple[float, ...] = ()) -> SelectionPolicy:
+        """Policy that orders objects.
+
+        Parameters
+        ----------
+        openings
+            Widest opening of each hand in use [m]; none given: those of RoMan's hands.
+        """
+        if self.policy == "priority":
+            return PriorityPoint(self.priority_point)
+        if not openings:
+            return SupportAware(point=self.priority_point)
+        return SupportAware(point=self.priority_point, openings=openings)
+
+
+def _require_metres(name: str, point: FloatArray) -> None:
+    if not (np.abs(point) <= _FARTHEST).all():
+        raise ConfigError(
+            name,
+            got=point.tolist(),
+            expected=f"coordinates within {_FARTHEST:g} m",
+            mend="Lengths are in metres: 50 mm is 0.05.",
+        )
+
+
+def _top(fields: Fields) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for name in ("robot", "arm", "gripper"):
+        if name in fields:
+            values[name] = fields.text(name)
+    if Path(values.get("robot", "")).suffix in (".yaml", ".yml"):
+        values["robot"] = str(_file(fields, "robot"))
+    for name in ("grippers", "prototypes"):
+        if name in fields:
+            values[name] = _folder(fields, name)
+    if "drop_off" in fields:
+        places = fields.child("drop_off")
+        values["drop_off"] = {
+            arm: tuple(places.numbers(arm, 2).tolist()) for arm in places.names()
+        }
+    if "deadline" in fields:
+        values["deadline"] = fields.number("deadline", -np.inf, np.inf)
+    if "seed" in fields:
+        seed = fields.number("seed", 0, 2**63 - 1)
+        if seed != int(seed):
+            raise ConfigError(fields.where("seed"), got=seed, expected="an integer")
+        values["seed"] = int(seed)
+    return values
+
+
+def _camera(fields: Fields) -> dict[str, Any]:
+    if "camera" not in fields:
+        return {}
+    camera = fields.child("camera")
+    values: dict[str, Any] = {}
+    if "calibration" in camera:
+        values["calibration"] = _file(camera, "calibration")
+    if "file" in camera:
+        values["camera_file"] = _file(camera, "file")
+    if "pose" in camera:
+        values["camera_pose"] = _pose(camera)
+    camera.finish()
+    return values
+
+
+def _pose(camera: Fields) -> CameraPose:
+    """Six numbers, or a file with the 4x4 matrix."""
+    given = camera.raw("pose")
+    if isinstance(given, str):
+        return parse_camera_pose(
+            "level" if given == "level" else str(_file(camera, "pose"))
+        )
+    numbers = camera.numbers("pose", 6)
+    try:
+        return parse_camera_pose(",".join(map(repr, numbers.tolist())))
+    except ConfigError as error:
+        raise ConfigError(
+            camera.where("pose"),
+            got=error.got,
+            expected=error.expected,
+            mend=error.mend,
+        ) from error
+
+
+def _selection(fields: Fields) -> dict[str, Any]:
+    if "selection" not in fields:
+        return {}
+    selection = fields.child("selection")
+    values: dict[str, Any] = {}
+    if "policy" in selection:
+        values["policy"] = selection.choice("policy", POLICIES)
+    if "priority_point" in selection:
+        values["priority_point"] = selection.numbers("priority_point", 3)
+    selection.finish()
+    return values
+
+
+def _limits(fields: Fields) -> dict[str, Any]:
+    if "limits" not in fields:
+        return {}
+    limits = fields.child("limits")
+    given = {
+        item.name: limits.number(item.name, -np.inf, np.inf)
+        for item in dataclass_fields(SiteLimits)
+        if item.name in limits
+    }
+    limits.finish()
+    return {"limits": SiteLimits(**given)}
+
+
+def _file(fields: Fields, name: str) -> Path:
+    path = Path(fields.file).parent / fields.text(name)
+    if not path.is_file():
+        raise ConfigError(
+            fields.where(name),
+            got=str(path),
+            expected="an existing file",
+            mend="Paths are relative to the file of settings.",
+        )
+    return path
+
+
+def _folder(fields: Fields, name: str) -> Path:
+    path = Path(fields.file).parent / fields.text(name)
+    if not path.is_dir():
+        raise ConfigError(
+            fields.where(name),
+            got=str(path),
+            expected="an existing folder",
+            mend="Paths are relative to the file of settings.",
+        )
+    return path

@@ -1,0 +1,305 @@
+"""One trial: a scene from a seed, the planner's first grasp, and whether it holds.
+
+`run_trial` is a plain function of a record and returns a record, so that any
+``concurrent.futures.Executor`` can map it over thousands of seeds.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import Compliance
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.io import Capture
+from debrisgrasp.pipeline import Pipeline, PlanningResult
+from debrisgrasp.planning import Grasp
+from debrisgrasp.segmentation import DEFAULT_POINT, PriorityPoint
+from debrisgrasp.sim import (
+    Flight,
+    FlightConfig,
+    SceneConfig,
+    TierScene,
+    Verdict,
+    fly,
+    tier_scene,
+)
+
+__all__ = [
+    "NO_GRASP",
+    "Trial",
+    "TrialRecord",
+    "TrialSpec",
+    "pipeline_of",
+    "run_trial",
+    "trial",
+]
+
+NO_GRASP = "no_grasp"
+"""Outcome of a trial whose plan is empty."""
+_ORDERS = ("support_aware", "priority_point")
+_PULLS = ("up", "retreat")
+_YIELD = ((1e-3, 1e-3, 1e-3), (0.05, 0.05, 0.05))
+"""Compliance of a reactive lift: 5 cm under 50 N, 14 degrees under 5 N m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialSpec:
+    """What is tried; equal specs give equal records but for the seconds."""
+
+    tier: str
+    """One of `debrisgrasp.sim.TIERS`."""
+    seed: int
+    robot: str = "roman"
+    """Robot of the pipeline; ``"none"`` plans for floating hands."""
+    order: str = "support_aware"
+    """In which order objects are taken: or ``"priority_point"`` (Eq. 1)."""
+    pull: str = "up"
+    """Way of the object out of the scene: straight up, or as the plan advises
+    (``"retreat"``)."""
+    is_lift_reactive: bool = False
+    """Whether the hand gives way to the wrench during the lift."""
+    scene: SceneConfig = SceneConfig()
+
+    def __post_init__(self) -> None:
+        if self.order not in _ORDERS:
+            raise ConfigError(
+                "order", got=repr(self.order), expected=" or ".join(_ORDERS)
+            )
+        if self.pull not in _PULLS:
+            raise ConfigError("pull", got=repr(self.pull), expected=" or ".join(_PULLS))
+        if self.seed < 0:
+            raise ConfigError("seed", got=self.seed, expected="an integer of 0 or more")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRecord:
+    """What came of a trial, in plain numbers and words."""
+
+    tier: str
+    seed: int
+    outcome: str
+    """Value of a `Verdict`, or ``"no_grasp"``."""
+    kind: str
+    """Kind of the body that the grasp was for, or that was gripped; "" if neither."""
+    is_as_intended: bool
+    """Whether what was gripped is what the grasp was for."""
+    mass: float
+    """Of that body [kg]."""
+    n_bodies: int
+    why_empty: str = ""
+    prototype: str = ""
+    gripper: str = ""
+    preshape: str = ""
+    arm: str = ""
+    score: float = 0.0
+    Q: float = 0.0
+    S: float = 0.0
+    C: float = 0.0
+    expected: float = 0.0
+    coverage: float = 0.0
+    support: int = 0
+    opening: float = 0.0
+    width: float = 0.0
+    steepness: float = 0.0
+    """How far downwards the hand approaches: 1 straight down, 0 level."""
+    load_margin: float = 0.0
+    """Smallest limit over its load that the planner forecasts."""
+    lift_overlap: float = 0.0
+    """Neighbours over the object that the planner sees, as a share of its size."""
+    lever: float = 0.0
+    """Horizontal distance from the palm to the body's true centre of mass [m]."""
+    n_grasps: int = 0
+    rise: float = 0.0
+    turn: float = 0.0
+    slide: float = 0.0
+    short_of_goal: float = 0.0
+    shift_before: float = 0.0
+    peak_force: float = 0.0
+    peak_torque: float = 0.0
+    deepest: float = 0.0
+    is_through: bool = False
+    moved_others: int = 0
+    plan_seconds: float = 0.0
+    """Computing time of the plan [s]."""
+    flight_seconds: float = 0.0
+    """Computing time of the flight [s]."""
+
+    @property
+    def is_success(self) -> bool:
+        """Whether the object was held."""
+        return self.outcome == Verdict.HELD.value
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON can take it."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Trial:
+    """A trial with all that led to its record, for pictures."""
+
+    scene: TierScene
+    planned: PlanningResult
+    grasp: Grasp | None
+    flight: Flight | None
+    record: TrialRecord
+
+
+def run_trial(spec: TrialSpec, pipeline: Pipeline | None = None) -> TrialRecord:
+    """Try the first grasp of one scene.
+
+    Parameters
+    ----------
+    spec
+        What to try.
+    pipeline
+        Plans; None: one is loaded for this trial, see `pipeline_of`.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such tier or robot.
+    MissingExtraError
+        If MuJoCo is not installed.
+    """
+    return trial(spec, pipeline).record
+
+
+def pipeline_of(spec: TrialSpec) -> Pipeline:
+    """Load the planner that a spec asks for."""
+    policy = (
+        PriorityPoint(np.array(DEFAULT_POINT))
+        if spec.order == "priority_point"
+        else None
+    )
+    return Pipeline(robot=spec.robot, policy=policy)
+
+
+def trial(spec: TrialSpec, pipeline: Pipeline | None = None) -> Trial:
+    """Try the first grasp of one scene and keep everything; see `run_trial`."""
+    pipeline = pipeline or pipeline_of(spec)
+    scene = tier_scene(spec.tier, spec.seed, spec.scene)
+    start = time.thread_time()
+    planned = pipeline.plan(_capture(scene), seed=spec.seed)
+    plan_seconds = time.thread_time() - start
+    plan = planned.plan
+    intended = _intended(scene, planned, plan.object_label)
+    if not plan.grasps:
+        record = TrialRecord(
+            **_facts(scene, intended, None),
+            outcome=NO_GRASP,
+            why_empty=plan.why_empty or "",
+            plan_seconds=plan_seconds,
+        )
+        return Trial(
+            scene=scene, planned=planned, grasp=None, flight=None, record=record
+        )
+    grasp = plan.grasps[0]
+    start = time.thread_time()
+    flight = fly(
+        scene.world,
+        pipeline.grippers[grasp.gripper],
+        grasp,
+        intended=intended,
+        config=_flight_config(spec, grasp),
+    )
+    record = TrialRecord(
+        **_facts(scene, intended, flight),
+        **_merits(grasp),
+        outcome=flight.verdict.value,
+        n_grasps=len(plan.grasps),
+        lever=_lever(scene, grasp, flight.held or intended),
+        plan_seconds=plan_seconds,
+        flight_seconds=time.thread_time() - start,
+    )
+    return Trial(
+        scene=scene, planned=planned, grasp=grasp, flight=flight, record=record
+    )
+
+
+def _flight_config(spec: TrialSpec, grasp: Grasp) -> FlightConfig:
+    config = FlightConfig()
+    if spec.is_lift_reactive:
+        config = replace(config, compliance=Compliance.diagonal(*_YIELD))
+    if spec.pull == "retreat" and grasp.retreat is not None:
+        length = float(np.linalg.norm(config.lift))
+        x, y, z = (length * part for part in grasp.retreat.direction)
+        config = replace(config, lift=(x, y, z))
+    return config
+
+
+def _capture(scene: TierScene) -> Capture:
+    return Capture(
+        depth=scene.depth,
+        intrinsics=scene.intrinsics,
+        T_base_camera=scene.T_base_camera_believed,
+        mask=scene.mask,
+        name=f"{scene.tier}_{scene.seed}",
+    )
+
+
+def _intended(scene: TierScene, planned: PlanningResult, label: int) -> str | None:
+    """Name of the body that most pixels of a segment show; None if it is the ground."""
+    if scene.target is not None:
+        return scene.target
+    shown = planned.cloud.pixels
+    if shown is None or not label:
+        return None
+    truth = scene.labels.ravel()[shown[planned.segmentation.labels == label]]
+    counts = np.bincount(truth[truth >= 0], minlength=1)
+    body = int(counts.argmax())
+    return scene.world.names[body - 1] if body else None
+
+
+def _facts(
+    scene: TierScene, intended: str | None, flight: Flight | None
+) -> dict[str, Any]:
+    """Collect what is known without a grasp."""
+    held = None if flight is None else flight.held
+    name = held or intended
+    body = None if name is None else scene.world.bodies[scene.world.index(name)]
+    facts: dict[str, Any] = {
+        "tier": scene.tier,
+        "seed": scene.seed,
+        "kind": "" if body is None else body.kind,
+        "mass": 0.0 if body is None else body.mass,
+        "n_bodies": len(scene.world.bodies),
+        "is_as_intended": held is None or held == intended,
+    }
+    if flight is not None:
+        for field in (
+            "rise", "turn", "slide", "short_of_goal", "shift_before", "peak_force",
+            "peak_torque", "deepest", "is_through", "moved_others",
+        ):  # fmt: skip
+            facts[field] = getattr(flight, field)
+    return facts
+
+
+def _merits(grasp: Grasp) -> Mapping[str, Any]:
+    """Collect what the planner says of a grasp."""
+    names = (
+        "prototype", "gripper", "preshape", "score", "Q", "S", "C", "expected",
+        "coverage", "support", "opening", "width",
+    )  # fmt: skip
+    merits: dict[str, Any] = {name: getattr(grasp, name) for name in names}
+    merits["arm"] = grasp.arm or ""
+    if grasp.load is not None:
+        merits["load_margin"] = grasp.load.margin
+    if grasp.retreat is not None:
+        merits["lift_overlap"] = grasp.retreat.lift_overlap
+    merits["steepness"] = float(-grasp.T_base_hand.R[2, 2])
+    return merits
+
+
+def _lever(scene: TierScene, grasp: Grasp, name: str | None) -> float:
+    if name is None:
+        return 0.0
+    body = scene.world.bodies[scene.world.index(name)]
+    center: FloatArray = body.T_base_body.apply(body.center_of_mass)
+    return float(np.linalg.norm((center - grasp.T_base_hand.p)[:2]))

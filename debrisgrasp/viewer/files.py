@@ -1,0 +1,154 @@
+"""Which files the viewer opens, and how they become something to show."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from debrisgrasp._files import read_json
+from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.executive.record import load_run
+from debrisgrasp.io import Capture, point_colors
+from debrisgrasp.io.calibration_json import SCHEMA as CALIBRATION
+from debrisgrasp.io.calibration_json import load_calibration
+from debrisgrasp.io.motion_json import MOTION_SCHEMA
+from debrisgrasp.io.plan_json import SCHEMA as PLAN
+from debrisgrasp.io.plan_json import load_plan
+from debrisgrasp.kinematics import RobotModel, Trajectory
+from debrisgrasp.prototypes import PrototypeLibrary, load_grippers
+from debrisgrasp.segmentation import SupportAware, segment_cloud
+
+from .contents import PlanContent, RunContent, ViewContent
+
+__all__ = ["content_of"]
+
+_KNOWN = (
+    "a capture (.npz, .ply, .pcd, depth .png or its folder), a plan, a calibration, a "
+    "prototype (.yaml) or a folder of them, or the folder of a run"
+)
+
+
+def content_of(
+    path: str | os.PathLike[str],
+    *,
+    capture: Capture | None = None,
+    robot: str | None = None,
+    motion: str | os.PathLike[str] | None = None,
+    grippers: str | os.PathLike[str] | None = None,
+) -> ViewContent:
+    """Read a file or folder that the viewer can show.
+
+    Parameters
+    ----------
+    capture
+        What a plan was made on; needed for a plan, and taken for ``path`` if that is a
+        capture that was read already.
+    robot
+        Shown beside a plan, calibration or run; by default the one that a plan names,
+        and roman beside a calibration or run. ``"none"`` for no robot.
+    motion
+        Motions of a grasp of a plan (``debrisgrasp motion --out``).
+    grippers
+        Folder of further hands.
+
+    Raises
+    ------
+    ConfigError, CaptureError
+        If the file is malformed, or of no kind that can be shown.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise ConfigError(str(path), got="no such file or folder", expected=_KNOWN)
+    if path.is_dir() and (path / "events.jsonl").exists():
+        return RunContent(run=load_run(path), robot=_robot(robot or "roman"))
+    if path.suffix.lower() in (".yaml", ".yml") or (
+        path.is_dir() and any(path.glob("*.yaml")) and not any(path.glob("*.png"))
+    ):
+        return PrototypeLibrary.load(path, grippers=load_grippers(grippers))
+    if path.suffix.lower() == ".json":
+        return _from_json(path, capture, robot, motion, grippers)
+    return _seen(path.stem, capture or Capture.load(path))
+
+
+def _from_json(
+    path: Path,
+    capture: Capture | None,
+    robot: str | None,
+    motion: str | os.PathLike[str] | None,
+    grippers: str | os.PathLike[str] | None,
+) -> ViewContent:
+    content = read_json(path)
+    schema = content.get("schema") if isinstance(content, dict) else None
+    if schema == CALIBRATION:
+        return load_calibration(path)
+    if schema != PLAN:
+        raise ConfigError(
+            f"schema of {path}", got=repr(schema), expected=f"{PLAN!r}, {CALIBRATION!r}"
+        )
+    plan = load_plan(path)
+    if capture is None:
+        raise ConfigError(
+            "capture",
+            got="none",
+            expected="the capture that the plan was made on",
+            mend="Give it with --capture FILE (capture=...).",
+        )
+    seen = _seen(path.stem, capture)
+    motions: Mapping[str, Any] = {} if motion is None else _motions(Path(motion))
+    name = robot or plan.robot
+    return PlanContent(
+        title=seen.title,
+        capture=seen.capture,
+        cloud=seen.cloud,
+        segmentation=seen.segmentation,
+        order=seen.order,
+        plan=plan,
+        grippers=load_grippers(grippers),
+        robot=_robot(name),
+        **motions,
+    )
+
+
+def _seen(title: str, capture: Capture) -> PlanContent:
+    cloud = capture.cloud()
+    found = segment_cloud(cloud, colors=point_colors(capture))
+    return PlanContent(
+        title=title,
+        capture=capture,
+        cloud=cloud,
+        segmentation=found,
+        order=SupportAware().order(found, cloud),
+    )
+
+
+def _robot(name: str) -> RobotModel | None:
+    return None if name == "none" else RobotModel.load(name)
+
+
+def _motions(path: Path) -> Mapping[str, Any]:
+    """Read the file that ``debrisgrasp motion --out`` writes."""
+    content = read_json(path)
+    if not isinstance(content, dict) or content.get("schema") != MOTION_SCHEMA:
+        got = content.get("schema") if isinstance(content, dict) else type(content)
+        raise ConfigError(f"schema of {path}", got=got, expected=MOTION_SCHEMA)
+    try:
+        motions = {
+            str(part["name"]): Trajectory(
+                joint_names=tuple(part["joints"]),
+                times=part["times"],
+                q=part["q"],
+                dq=part["dq"],
+                limits_hash=str(part["limits"]),
+            )
+            for part in content["motions"]
+        }
+        arm, grasp = content["arm"], content["grasp"]
+    except (InputError, KeyError, TypeError, ValueError) as error:
+        raise ConfigError(
+            str(path), got=str(error), expected=f"values as in {MOTION_SCHEMA}"
+        ) from error
+    if not motions:
+        return {}
+    return {"motions": motions, "motion_grasp": int(grasp), "motion_arm": str(arm)}

@@ -1,0 +1,367 @@
+"""The view of a capture and of a plan on it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp.geometry import SE3
+from debrisgrasp.io import point_colors
+from debrisgrasp.planning import Grasp
+from debrisgrasp.viz.colors import (
+    CHOSEN_COLOR,
+    GROUND_COLOR,
+    HAND_COLORS,
+    label_colors,
+    mixed,
+)
+from debrisgrasp.viz.scene import (
+    approach_arrow,
+    box_edges,
+    point_spacing,
+    thinned,
+)
+from debrisgrasp.viz.words import load_rows
+
+from .contents import PlanContent
+from .stage import RobotFigure, Stage, place
+from .touching import touches
+
+__all__ = ["PlanView"]
+
+_POINT_LIMIT = 90_000
+_HITS_COLOR = (0.86, 0.08, 0.16)
+_GHOST_COLOR = (0.55, 0.58, 0.64)
+_REGION_COLOR = (0.30, 0.36, 0.46)
+_LISTED = 25
+"""Grasps, and poses of one reason, that have a button or a place on the slider."""
+_FRAME_SECONDS = 0.04
+_DISTANCE = 1.1
+"""From which the object is first looked at [m]."""
+
+
+class PlanView:
+    """Scene and panel of a capture, its objects, its grasps and what was ruled out."""
+
+    def __init__(self, stage: Stage, content: PlanContent) -> None:
+        self.stage, self.content = stage, content
+        self.gui = stage.server.gui
+        self._lock = threading.RLock()
+        self._is_playing = False
+        self._draw_scene()
+        self._robot = None
+        if content.robot is not None:
+            self._robot = RobotFigure(stage, content.robot)
+        self._hands: dict[int, Any] = {}
+        self._all_hands: Any = None
+        self.selected = 0
+        """Place of the grasp that is shown, from 1; 0 for none."""
+        self.details: Any = None
+        """Panel with the figures of what is selected."""
+        self._make_panel()
+
+    def select(self, rank: int) -> None:
+        """Show a grasp, by its place in the list from 1."""
+        plan = self.content.plan
+        if plan is None or not 1 <= rank <= len(plan.grasps):
+            return
+        grasp = plan.grasps[rank - 1]
+        with self._lock, self.stage.server.atomic():
+            self._clear_rejected()
+            for other, handle in self._hands.items():
+                handle.visible = other == rank or self._all_hands.value
+                handle.opacity = None if other == rank else 0.3
+                place(handle, plan.grasps[other - 1].T_base_hand)
+            arrow = approach_arrow(grasp, HAND_COLORS[0])
+            self.stage.mesh("/arrow", arrow.vertices, arrow.faces, HAND_COLORS[0])
+            self._take_posture(grasp)
+            self.details.content = _figures(grasp, rank)
+            self.selected = rank
+
+    def select_rejected(self, reason: str, number: int) -> None:
+        """Show the pose ``number`` (from 0) of those that a reason ruled out."""
+        plan = self.content.plan
+        if plan is None or reason not in plan.ruled_out.reasons:
+            return
+        ruled_out = plan.ruled_out
+        rows = np.flatnonzero(ruled_out.code == ruled_out.reasons.index(reason))
+        row = int(rows[min(number, len(rows) - 1)])
+        T = SE3(ruled_out.Ts[row])
+        with self._lock, self.stage.server.atomic():
+            for handle in self._hands.values():
+                handle.visible = False
+            self.stage.remove("/arrow")
+            if self._robot is not None:
+                self._robot.stand()
+            self._draw_rejected(T, int(ruled_out.prototype[row]), reason, number, rows)
+
+    def show_motion(self, seconds: float) -> None:
+        """Put the robot where it is after some seconds of its motions."""
+        content = self.content
+        if self._robot is None or not content.motions:
+            return
+        for name, motion in content.motions.items():
+            if seconds <= motion.duration or name == list(content.motions)[-1]:
+                break
+            seconds -= motion.duration
+        q, _, _ = motion.at(min(seconds, motion.duration))
+        joints = dict(zip(motion.joint_names, q.tolist(), strict=True))
+        robot = self._robot.robot
+        with self._lock, self.stage.server.atomic():
+            self._robot.stand(joints, hides=content.motion_arm)
+            hand = robot.link_poses(joints)[robot.arm(content.motion_arm).hand]
+            handle = self._hands.get(content.motion_grasp + 1)
+            if handle is not None:
+                for other, mesh in self._hands.items():
+                    mesh.visible = other == content.motion_grasp + 1
+                place(handle, hand)
+        self._motion_note.content = f"**{name}**, {seconds:.2f} s"
+
+    # -- scene ---------------------------------------------------------------------
+
+    def _draw_scene(self) -> None:
+        content, labels = self.content, np.asarray(self.content.segmentation.labels)
+        chosen = content.plan.object_label if content.plan is not None else 0
+        keep = np.flatnonzero((labels > 0) & (labels == chosen))
+        index = thinned(content.cloud, _POINT_LIMIT, keep)
+        self._points = content.cloud.points[index]
+        by_label = mixed(label_colors(labels[index], chosen), GROUND_COLOR, 0.15)
+        by_label[labels[index] <= 0] = mixed(GROUND_COLOR, (1, 1, 1), 0.2)
+        if chosen:
+            by_label[labels[index] == chosen] = CHOSEN_COLOR
+        seen = point_colors(content.capture)
+        grey = np.full((len(index), 3), 0.6)
+        self._colors = {
+            "segments": by_label,
+            "camera": grey if seen is None else seen[index],
+        }
+        self._labels = labels[index]
+        size = float(np.median(point_spacing(self._points)))
+        self._size = size
+        self._cloud = self.stage.points("/cloud", self._points, by_label, size)
+        focus = self._points[self._labels > 0]
+        focus = focus if len(focus) > 3 else self._points
+        self.stage.grid(focus)
+        if content.plan is not None and content.plan.region is not None:
+            edges = box_edges(content.plan.region)
+            self.stage.lines("/region V", edges, _REGION_COLOR)
+        self.stage.frame("/base", SE3.identity(), 0.15)
+        middle = np.median(
+            self._points[labels[index] == chosen] if chosen else focus, 0
+        )
+        self.stage.look(middle, middle + _DISTANCE * self._side(middle))
+
+    def _side(self, middle: FloatArray) -> FloatArray:
+        """Direction from which nothing of the robot hides the object, shape (3,)."""
+        x, y, _ = self.content.cloud.viewpoint - middle
+        plan = self.content.plan
+        arm = plan.grasps[0].arm if plan is not None and plan.grasps else None
+        # From the side on which the other arm is: this one comes from its own.
+        turn = np.deg2rad(70.0 if arm is not None and "left" in arm else -70.0)
+        level = max(float(np.hypot(x, y)), 1e-6)
+        cos, sin = np.cos(turn) / level, np.sin(turn) / level
+        side = np.array([cos * x - sin * y, sin * x + cos * y, 0.75])
+        unit: FloatArray = side / np.linalg.norm(side)
+        return unit
+
+    def _take_posture(self, grasp: Grasp) -> None:
+        if self._robot is None:
+            return
+        if grasp.joints is None or grasp.arm is None:
+            self._robot.stand()
+        else:
+            self._robot.stand(grasp.joints, hides=grasp.arm)
+
+    # -- panel ---------------------------------------------------------------------
+
+    def _make_panel(self) -> None:
+        content, gui = self.content, self.gui
+        tabs = gui.add_tab_group()
+        plan = content.plan
+        if plan is not None:
+            with tabs.add_tab("Grasps"):
+                self._make_grasps()
+            if len(plan.ruled_out):
+                with tabs.add_tab("Ruled out"):
+                    self._make_rejected()
+        if content.motions and self._robot is not None:
+            with tabs.add_tab("Motion"):
+                self._make_motion()
+        with tabs.add_tab("Objects"):
+            self._make_objects()
+        with tabs.add_tab("Show"):
+            self._make_toggles()
+        if plan is not None and plan.grasps:
+            self.select(1)
+
+    def _make_grasps(self) -> None:
+        plan, gui = self.content.plan, self.gui
+        assert plan is not None
+        if not plan.grasps:
+            gui.add_markdown(f"**No grasp.** {plan.why_empty or ''}")
+        self.details = gui.add_markdown("")
+        self._all_hands = gui.add_checkbox("all hands", initial_value=False)
+        self._all_hands.on_update(lambda _: self.select(self.selected))
+        for line in plan.advice:
+            gui.add_markdown(f"*{line.text}*")
+        for rank, grasp in enumerate(plan.grasps[:_LISTED], start=1):
+            button = gui.add_button(
+                f"{rank}  Q {grasp.Q:.2f}  S {grasp.S:.2f}  C {grasp.C:.2f}  "
+                f"R {grasp.R:.0f}  {grasp.prototype}"
+            )
+            button.on_click(lambda _, rank=rank: self.select(rank))
+            hand = self.content.grippers.get(grasp.gripper)
+            if hand is None:
+                continue
+            handle = self.stage.solids(
+                f"/hands/{rank}",
+                hand.solids(grasp.preshape, grasp.opening),
+                HAND_COLORS[0],
+                pose=grasp.T_base_hand,
+                visible=False,
+            )
+            handle.on_click(lambda _, rank=rank: self.select(rank))
+            self._hands[rank] = handle
+
+    def _make_rejected(self) -> None:
+        plan, gui = self.content.plan, self.gui
+        assert plan is not None
+        counts = sorted(plan.ruled_out.counts().items(), key=lambda item: -item[1])
+        names = {f"{n} × {reason}": (reason, n) for reason, n in counts}
+        choice = gui.add_dropdown("reason", tuple(names))
+        most = max(1, max(n for _, n in counts) - 1)
+        number = gui.add_slider("pose", 0, most, 1, 0)
+        self._why = gui.add_markdown("Choose a pose to see what the hand would hit.")
+
+        def update(_: object) -> None:
+            reason, n = names[choice.value]
+            self.select_rejected(reason, min(int(number.value), n - 1))
+
+        choice.on_update(update)
+        number.on_update(update)
+        gui.add_button("show").on_click(update)
+
+    def _draw_rejected(
+        self, T: SE3, prototype: int, reason: str, number: int, rows: IntArray
+    ) -> None:
+        content = self.content
+        self._clear_rejected()
+        text = [f"**{reason}**, pose {number + 1} of {len(rows)}"]
+        if prototype < len(content.dictionary):
+            wanted = content.dictionary[prototype]
+            hand = content.grippers[wanted.gripper]
+            found = touches(
+                hand, wanted.preshape, wanted.opening, wanted.width, T, self._points
+            )
+            solids = [s.moved(T) for s in hand.solids(wanted.preshape, wanted.opening)]
+            self.stage.solids("/rejected/hand", solids, _GHOST_COLOR, opacity=0.45)
+            if found:
+                hit = np.unique(np.concatenate([touch.points for touch in found]))
+                self.stage.points(
+                    "/rejected/points", self._points[hit], _HITS_COLOR, 2.2 * self._size
+                )
+                touching = [touch.solid for touch in found]
+                self.stage.solids(
+                    "/rejected/solids", touching, _HITS_COLOR, opacity=0.55
+                )
+            text += [f"{wanted.name}, {wanted.gripper} {wanted.preshape}", ""]
+            text += [f"- {touch}" for touch in found[:8]]
+            if not found:
+                text.append("The hand touches no measured point on its way.")
+        self._why.content = "\n".join(text)
+
+    def _clear_rejected(self) -> None:
+        for name in ("hand", "points", "solids"):
+            self.stage.remove(f"/rejected/{name}")
+
+    def _make_motion(self) -> None:
+        gui = self.gui
+        length = sum(motion.duration for motion in self.content.motions.values())
+        self._motion_note = gui.add_markdown("")
+        when = gui.add_slider("seconds", 0.0, round(length, 2), 0.01, 0.0)
+        when.on_update(lambda _: self.show_motion(float(when.value)))
+        play = gui.add_button("play")
+
+        def run() -> None:
+            began = time.monotonic() - float(when.value) % length
+            while self._is_playing:
+                passed = time.monotonic() - began
+                when.value = min(round(passed, 2), round(length, 2))
+                self.show_motion(passed)
+                if passed >= length:
+                    break
+                time.sleep(_FRAME_SECONDS)
+            self._is_playing = False
+            play.label = "play"
+
+        def toggle(_: object) -> None:
+            self._is_playing = not self._is_playing
+            play.label = "pause" if self._is_playing else "play"
+            if self._is_playing:
+                threading.Thread(target=run, daemon=True).start()
+
+        play.on_click(toggle)
+
+    def _make_objects(self) -> None:
+        gui, content = self.gui, self.content
+        place = {c.label: (i, c.reason) for i, c in enumerate(content.order, start=1)}
+        note = gui.add_markdown("")
+        for segment in content.segmentation.segments:
+            turn, reason = place.get(segment.label, (0, ""))
+            size = " × ".join(f"{100 * v:.0f}" for v in segment.extents)
+            text = f"**Object {segment.label}**, {size} cm\n\n"
+            text += f"turn {turn}: {reason}" if turn else "not in the order"
+
+            def choose(_: object, label: int = segment.label, text: str = text) -> None:
+                note.content = text
+                colors = mixed(self._colors["segments"], (1, 1, 1), 0.55)
+                colors[self._labels == label] = CHOSEN_COLOR
+                self._paint(colors)
+
+            title = f"{turn}.  " if turn else ""
+            button = gui.add_button(f"{title}object {segment.label}, {size} cm")
+            button.on_click(choose)
+
+    def _make_toggles(self) -> None:
+        gui = self.gui
+        colors = gui.add_dropdown("colours", ("segments", "camera"))
+        colors.on_update(lambda _: self._paint(self._colors[colors.value]))
+        size = gui.add_slider("point size [mm]", 1.0, 15.0, 0.5, 1e3 * self._size)
+
+        def resize(_: object) -> None:
+            self._cloud.point_size = 1e-3 * float(size.value)
+
+        size.on_update(resize)
+        if self._robot is not None:
+            robot = self._robot
+            toggle = gui.add_checkbox("robot", initial_value=True)
+            toggle.on_update(lambda _: robot.show(is_shown=toggle.value))
+
+    def _paint(self, colors: FloatArray) -> None:
+        self._cloud.colors = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
+
+
+def _figures(grasp: Grasp, rank: int) -> str:
+    """Everything that is known about a grasp, as Markdown."""
+    p, z = grasp.T_base_hand.p, grasp.T_base_hand.R[:, 2]
+    down = np.rad2deg(np.arccos(np.clip(-z[2], -1.0, 1.0)))
+    rows = [
+        ("Q = S C R", f"{grasp.Q:.3f} = {grasp.S:.3f} · {grasp.C:.3f} · {grasp.R:.0f}"),
+        ("Score", f"{grasp.score:.3f}, expected {grasp.expected:.3f}"),
+        ("Seen", f"{100 * grasp.coverage:.0f} % of the prototype's visible points"),
+        ("Hand", f"{grasp.gripper} {grasp.preshape}"),
+        (
+            "Opens",
+            f"{1e3 * grasp.opening:.0f} mm, closes to {1e3 * grasp.width:.0f} mm",
+        ),
+        ("Approach", f"{1e3 * grasp.approach_distance:.0f} mm, {down:.0f}° from down"),
+        ("Arm", grasp.arm or "floating hand"),
+        ("Palm", ", ".join(f"{v:.3f}" for v in p) + " m"),
+        *load_rows(grasp),
+    ]
+    table = "\n".join(f"| {name} | {value} |" for name, value in rows)
+    return f"**Grasp {rank}: {grasp.prototype}**\n\n| | |\n| --- | --- |\n{table}"

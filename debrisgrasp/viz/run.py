@@ -1,0 +1,329 @@
+"""A recorded run as one page: timeline, a picture of each grasp, forces, faults."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any, Protocol
+
+import numpy as np
+from PIL import Image
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import write_atomic
+from debrisgrasp.geometry import SE3, PointCloud, voxel_downsample
+from debrisgrasp.prototypes import load_grippers
+
+from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, GROUND_COLOR
+from .raster import Splats, render
+from .scene import merged, point_spacing
+from .view import View
+
+__all__ = ["run_html"]
+
+_PICTURE = (420, 300)
+_DIRECTION = (0.62, -0.38, -0.68)
+_SHOWN = 0.75
+"""Half the edge of the box around a grasp that is drawn [m]."""
+_HAND = (0.22, 0.36, 0.62)
+_GROUPS = {
+    "look": ("self_test", "calib_check", "capture", "segment"),
+    "plan": ("select", "plan_grasp", "plan_motion"),
+    "grasp": ("pregrasp", "switch", "approach", "close", "verify_grasp"),
+    "carry": ("lift", "verify_hold", "transport"),
+    "release": ("release", "verify_release", "retreat"),
+    "recover": ("recover", "safe_stop", "abort"),
+}
+_COLORS = {
+    "look": "#8fa8c8",
+    "plan": "#c3b2d9",
+    "grasp": "#e3a857",
+    "carry": "#6fae7f",
+    "release": "#4f9aa8",
+    "recover": "#c94f4f",
+}
+_STYLE = """
+body{font:15px/1.45 system-ui,sans-serif;color:#1d2430;background:#f6f7f9;margin:0}
+main{max-width:1060px;margin:0 auto;padding:26px 22px 60px}
+h1{font-size:25px;margin:0 0 4px}h2{font-size:18px;margin:30px 0 8px}
+.note{color:#5d6878;margin:0 0 18px}
+.card{background:#fff;border:1px solid #e0e4ea;border-radius:8px;padding:14px 16px;
+margin:0 0 16px}
+.try{display:grid;grid-template-columns:420px 1fr;gap:18px}
+.try img{width:420px;border-radius:5px;display:block}
+.none{background:#eef0f4;border-radius:5px;height:120px;display:flex;color:#7a8494;
+align-items:center;justify-content:center}
+h3{margin:0 0 4px;font-size:16px}.ok{color:#2f7d4f}.bad{color:#b23b3b}
+ul{margin:6px 0;padding-left:20px}table{border-collapse:collapse;width:100%}
+td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid #edf0f3;
+vertical-align:top}th{color:#5d6878;font-weight:600}
+svg{display:block;width:100%;height:auto}svg text{font:11px system-ui;fill:#5d6878}
+.key span{display:inline-block;margin-right:16px}.key i{display:inline-block;width:11px;
+height:11px;border-radius:2px;margin-right:5px}
+@media(max-width:900px){.try{grid-template-columns:1fr}.try img{width:100%}}
+"""
+
+
+class RecordedRun(Protocol):
+    """What the page needs of a record."""
+
+    @property
+    def inputs(self) -> Mapping[str, Any]:
+        """What the run was asked for."""
+        ...
+
+    @property
+    def events(self) -> Sequence[Mapping[str, Any]]:
+        """What happened."""
+        ...
+
+    def capture(self, name: str) -> Any:
+        """Capture by its name, or None."""
+        ...
+
+
+@dataclass(eq=False)
+class _Try:
+    """One attempt, collected from the events."""
+
+    number: int
+    grasp: Mapping[str, Any] | None = None
+    object: Mapping[str, Any] | None = None
+    capture: str = ""
+    faults: list[Mapping[str, Any]] = field(default_factory=list)
+    rows: list[list[float]] = field(default_factory=list)
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
+def run_html(path: str | os.PathLike[str], run: RecordedRun) -> None:
+    """Write the page; it needs no network.
+
+    Raises
+    ------
+    OutputError
+        If the file can't be written.
+    """
+    spans, total = _spans(run.events)
+    tries = _tries(run.events)
+    nothing: Mapping[str, Any] = {}
+    end = next((e for e in reversed(run.events) if e.get("event") == "end"), nothing)
+    body = [
+        f"<h1>{escape(_title(run.inputs))}</h1>",
+        f'<p class="note">{escape(_ending(end, total))}</p>',
+        "<h2>Timeline</h2>",
+        f'<div class="card">{_timeline(spans, tries, total)}{_key()}</div>',
+        "<h2>Attempts</h2>",
+        *(_card(item, run) for item in tries),
+        _left(end.get("left") or {}),
+    ]
+    page = (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>{escape(_title(run.inputs))}</title><style>{_STYLE}</style></head>"
+        f"<body><main>{''.join(body)}</main></body></html>\n"
+    )
+    write_atomic(path, page)
+
+
+def _title(inputs: Mapping[str, Any]) -> str:
+    what = inputs.get("scene") or f"pile of seed {inputs.get('seed', 0)}"
+    faults = ", ".join(inputs.get("faults") or ())
+    return f"Clearing: {what}" + (f", with {faults}" if faults else "")
+
+
+def _ending(end: Mapping[str, Any], total: float) -> str:
+    if not end:
+        return f"The record ends after {total:.0f} s, without an end of the run."
+    words = f"{end['end']} after {total:.0f} s of the robot's time, "
+    return words + f"{end['removed']} removed; counts as {end['class']}"
+
+
+def _spans(
+    events: Sequence[Mapping[str, Any]],
+) -> tuple[list[tuple[str, float, float]], float]:
+    """States with their begin and end [s], and the end of all."""
+    marks = [(e["state"], e["time"]) for e in events if e.get("event") == "state"]
+    timed = [e["time"] for e in events if isinstance(e.get("time"), (int, float))]
+    total = max(timed, default=1.0)
+    ends = [begin for _, begin in marks[1:]] + [total]
+    spans = [(s, a, b) for (s, a), b in zip(marks, ends, strict=True)]
+    return spans, max(total, 1e-3)
+
+
+def _tries(events: Sequence[Mapping[str, Any]]) -> list[_Try]:
+    """Collect the attempts in order, each with what belongs to it."""
+    found = [_Try(1)]
+    capture = ""
+    for event in events:
+        kind, state, now = event.get("event"), event.get("state"), found[-1]
+        if kind == "done" and state == "capture":
+            capture = f"capture_{now.number:03d}"
+        now.capture = now.capture or capture
+        if kind == "done" and state == "capture":
+            now.capture = capture
+        if kind == "done" and state == "select":
+            now.object = event
+        if kind == "done" and state == "plan_motion":
+            now.grasp = event
+        if kind == "fault":
+            now.faults.append(event)
+        if kind == "trace":
+            now.rows += event.get("rows", [])
+        if kind == "attempt":
+            now.facts = event
+            found.append(_Try(now.number + 1))
+    return [item for item in found if item.facts or item.faults]
+
+
+def _timeline(
+    spans: Sequence[tuple[str, float, float]], tries: Sequence[_Try], total: float
+) -> str:
+    scale = 1000.0 / total
+    group = {state: name for name, states in _GROUPS.items() for state in states}
+    bars = [
+        f'<rect x="{scale * a:.2f}" y="8" height="30" width="{scale * (b - a):.2f}" '
+        f'fill="{_COLORS.get(group.get(state, ""), "#bbb")}">'
+        f"<title>{escape(state)}: {a:.1f} to {b:.1f} s</title></rect>"
+        for state, a, b in spans
+        if b > a
+    ]
+    for item in tries:
+        for fault in item.faults:
+            x = scale * float(fault["time"])
+            bars.append(
+                f'<path d="M{x:.1f} 42l5 10h-10z" fill="#b23b3b"><title>'
+                f"{escape(str(fault['fault']))}</title></path>"
+            )
+    step = _step(total)
+    ticks = [
+        f'<text x="{scale * t:.1f}" y="68" text-anchor="middle">{t:g} s</text>'
+        for t in np.arange(step, total, step)
+    ]
+    return f'<svg viewBox="0 0 1000 74">{"".join(bars + ticks)}</svg>'
+
+
+def _step(total: float) -> float:
+    """Distance of ticks: 1, 2 or 5 times a power of ten, about ten of them."""
+    size = 10.0 ** np.floor(np.log10(total / 10.0))
+    return float(next(k * size for k in (1, 2, 5, 10) if k * size >= total / 10.0))
+
+
+def _key() -> str:
+    items = (
+        f'<span><i style="background:{color}"></i>{name}</span>'
+        for name, color in _COLORS.items()
+    )
+    return f'<p class="key">{"".join(items)}<span>&#9650; fault</span></p>'
+
+
+def _card(item: _Try, run: RecordedRun) -> str:
+    is_removed = bool(item.facts.get("removed"))
+    fate = "removed" if is_removed else "not removed"
+    style = "ok" if is_removed else "bad"
+    lines = []
+    if item.object is not None and item.object.get("object"):
+        x, y, z = item.object["centroid"]
+        lines.append(f"object {item.object['object']} at ({x:.2f}, {y:.2f}, {z:.2f})")
+        lines.append(f"taken because {item.object['why_it']}")
+        lines.append(f"{item.object['way']}: {item.object['why_so']}")
+    if item.grasp is not None:
+        g = item.grasp
+        lines.append(
+            f"{g['prototype']} with the {g['arm']} arm, score {g['score']:.2f}"
+        )
+    faults = "".join(
+        f"<tr><td>{escape(f['state'])}</td><td>{escape(f['fault'])}</td>"
+        f"<td>{escape(f['message'])}</td><td>{escape(f['action'])}</td></tr>"
+        for f in item.faults
+    )
+    table = (
+        f"<table><tr><th>state</th><th>fault</th><th>evidence</th><th>answer</th></tr>"
+        f"{faults}</table>"
+        if faults
+        else ""
+    )
+    text = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return (
+        f'<div class="card try"><div>{_picture(item, run)}</div><div>'
+        f'<h3>{item.number}. <span class="{style}">{fate}</span></h3>'
+        f"<ul>{text}</ul>{_forces(item.rows)}{table}</div></div>"
+    )
+
+
+def _forces(rows: Sequence[Sequence[float]]) -> str:
+    """Force and torque at the hand over time."""
+    if len(rows) < 2:
+        return ""
+    values = np.array(rows)
+    t, force, torque = values.T
+    t = (t - t[0]) / max(float(t[-1] - t[0]), 1e-9) * 560.0
+    curves: list[str] = []
+    for series, color, unit, top in (
+        (force, "#c2702a", "N", 150.0),
+        (torque, "#3b6ea5", "N m", 40.0),
+    ):
+        most = max(top, float(series.max()))
+        y = 110.0 - 100.0 * series / most
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(t, y, strict=True))
+        curves.append(
+            f'<polyline points="{points}" fill="none" stroke="{color}" '
+            f'stroke-width="1.3"/><text x="4" y="{24 + 13 * len(curves)}" '
+            f'style="fill:{color}">at most {series.max():.0f} {unit} '
+            f"(full height {most:.0f} {unit})</text>"
+        )
+    frame = '<path d="M0 10V110H560" fill="none" stroke="#c9cfd8"/>'
+    return f'<svg viewBox="0 0 560 116">{frame}{"".join(curves)}</svg>'
+
+
+def _picture(item: _Try, run: RecordedRun) -> str:
+    """Draw the scene with the hand where it was to grip, as an image."""
+    grasp = item.grasp
+    capture = run.capture(item.capture) if item.capture else None
+    if grasp is None or capture is None:
+        why = "no grasp was found" if grasp is None else "no capture was recorded"
+        return f'<div class="none">{why}</div>'
+    cloud: PointCloud = capture.cloud()
+    T = SE3.from_matrix(np.array(grasp["pose"]))
+    near = np.flatnonzero(np.abs(cloud.points - T.p).max(axis=1) < _SHOWN)
+    near = near[voxel_downsample(cloud.points[near], 0.006)]
+    points = cloud.points[near]
+    hand = load_grippers()[grasp["gripper"]]
+    solids = [s.moved(T) for s in hand.solids(grasp["preshape"], grasp["opening"])]
+    mesh = merged(solids, _HAND)
+    splats = Splats(points, _colors(points, item), 1.4 * point_spacing(points))
+    view = View.fitted(
+        np.concatenate([points, mesh.vertices]), _DIRECTION, _PICTURE, margin=1.02
+    )
+    drawn = render(view, [splats], [mesh], background=np.array(BACKGROUND_COLOR))
+    stream = io.BytesIO()
+    pixels = np.rint(255.0 * np.clip(drawn.colors, 0.0, 1.0)).astype(np.uint8)
+    Image.fromarray(pixels).save(stream, format="JPEG", quality=88)
+    data = base64.b64encode(stream.getvalue()).decode()
+    return f'<img alt="grasp" src="data:image/jpeg;base64,{data}">'
+
+
+def _colors(points: FloatArray, item: _Try) -> FloatArray:
+    """Ground light, objects darker, what is about where the object is in its colour."""
+    colors = np.asarray(GROUND_COLOR) * np.where(points[:, 2:] > 0.02, 0.72, 1.05)
+    if item.object is not None and item.object.get("centroid"):
+        away = np.linalg.norm(points - np.array(item.object["centroid"]), axis=1)
+        is_near = (away < 0.12) & (points[:, 2] > 0.02)
+        colors[is_near] = 0.5 * colors[is_near] + 0.5 * np.asarray(CHOSEN_COLOR)
+    return np.asarray(np.clip(colors, 0.0, 1.0))
+
+
+def _left(left: Mapping[str, str]) -> str:
+    if not left:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{escape(reason)}</td></tr>"
+        for name, reason in left.items()
+    )
+    return (
+        '<h2>What stays</h2><div class="card"><table><tr><th>object</th><th>why</th>'
+        f"</tr>{rows}</table></div>"
+    )

@@ -1,0 +1,161 @@
+"""Does the first grasp of a plan hold? Flying hands in scenes settled by physics.
+
+Run: python -m tests.benchmarks.physics [--tier pile --n 40 --seed0 1000 --json FILE]
+
+Success is the object's centre of mass 15 cm up after 2 s. The scenes of a tier are
+fixed by their seeds; figures are only worth something on seeds nobody tuned on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from debrisgrasp.cli.tables import columns
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.sim import TIERS
+from debrisgrasp.trials import TrialRecord, TrialSpec, pipeline_of, trial
+
+from .physics_pictures import save_picture
+from .report import publish
+
+TARGETS = {
+    "pile": 0.90, "stacked": 0.95, "isolated": 0.95, "handle": 0.98, "encumbered": 0.85,
+}  # fmt: skip
+
+
+def wilson(successes: int, n: int, z: float = 1.96) -> tuple[float, float]:
+    """95 % interval of a share (Wilson 1927)."""
+    if not n:
+        return 0.0, 1.0
+    share, square = successes / n, z * z
+    middle = (share + square / (2 * n)) / (1 + square / n)
+    spread = np.sqrt(share * (1 - share) / n + square / (4 * n * n))
+    half = z / (1 + square / n) * spread
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+@lru_cache(maxsize=2)
+def planner(robot: str, order: str) -> Pipeline:
+    """One planner for each process."""
+    return pipeline_of(TrialSpec(tier="pile", seed=0, robot=robot, order=order))
+
+
+def tried(job: tuple[TrialSpec, Path | None]) -> TrialRecord:
+    """Run one trial; draw it if it failed and a folder is given."""
+    spec, folder = job
+    done = trial(spec, planner(spec.robot, spec.order))
+    if folder is not None and not done.record.is_success:
+        name = f"{spec.tier}_{spec.seed}_{done.record.outcome}.png"
+        save_picture(folder / name, done)
+    return done.record
+
+
+def success_table(
+    records: Iterable[TrialRecord], key: Callable[[TrialRecord], str], title: str
+) -> str:
+    """Share of successes with its interval, and what the failures were."""
+    groups = defaultdict(list)
+    for record in records:
+        groups[key(record)].append(record)
+    rows = []
+    for name, group in sorted(groups.items(), key=lambda item: -len(item[1])):
+        n, good = len(group), sum(record.is_success for record in group)
+        low, high = wilson(good, n)
+        faults = Counter(r.outcome for r in group if not r.is_success)
+        told = ", ".join(f"{count} {fault}" for fault, count in faults.most_common())
+        share = f"{good / n:.0%}", f"{low:.0%} to {high:.0%}"
+        rows.append([name or "-", f"{good}/{n}", *share, told])
+    return columns([title, "held", "share", "95 %", "failures"], rows)
+
+
+def kept(records: Iterable[TrialRecord], path: Path | None) -> list[TrialRecord]:
+    """Collect records, and write each to a file as it comes."""
+    if path is None:
+        return list(records)
+    found = []
+    with path.open("w") as file:
+        for record in records:
+            file.write(json.dumps(record.as_dict()) + "\n")
+            file.flush()
+            found.append(record)
+    return found
+
+
+def options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--tier", action="append", choices=list(TIERS))
+    parser.add_argument("--n", type=int, default=20, help="scenes of each tier")
+    parser.add_argument("--seed0", type=int, default=1000)
+    parser.add_argument("--robot", default="roman")
+    parser.add_argument("--order", default="support_aware")
+    parser.add_argument("--reactive", action="store_true", help="yielding lift")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--failures", type=Path, metavar="DIR", help="pictures")
+    parser.add_argument("--records", type=Path, metavar="FILE", help="JSON lines")
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Run the trials and print the tables."""
+    chosen = options()
+    jobs = [
+        (
+            TrialSpec(
+                tier=tier,
+                seed=seed,
+                robot=chosen.robot,
+                order=chosen.order,
+                is_lift_reactive=chosen.reactive,
+            ),
+            chosen.failures,
+        )
+        for tier in chosen.tier or list(TARGETS)
+        for seed in range(chosen.seed0, chosen.seed0 + chosen.n)
+    ]
+    if chosen.failures is not None:
+        chosen.failures.mkdir(parents=True, exist_ok=True)
+    if chosen.workers > 1:
+        with ProcessPoolExecutor(chosen.workers) as pool:
+            records = kept(pool.map(tried, jobs), chosen.records)
+    else:
+        records = kept(map(tried, jobs), chosen.records)
+    keys: dict[str, Callable[[TrialRecord], str]] = {
+        "tier": lambda r: r.tier,
+        "kind": lambda r: r.kind,
+        "prototype": lambda r: r.prototype,
+        "hand": lambda r: r.gripper,
+        "score": lambda r: f"{int(10 * r.score) / 10:.1f}" if r.prototype else "",
+        "mass": lambda r: "heavy" if r.mass > 8.0 else "8 kg or less",
+    }
+    for title, key in keys.items():
+        print(success_table(records, key, title) + "\n")
+    figures: dict[str, float] = {}
+    for tier in dict.fromkeys(record.tier for record in records):
+        group = [record for record in records if record.tier == tier]
+        good = sum(record.is_success for record in group)
+        figures[tier] = good / len(group)
+        figures[f"{tier}_n"] = len(group)
+        figures[f"{tier}_low"], figures[f"{tier}_high"] = wilson(good, len(group))
+        if tier in TARGETS:
+            figures[f"{tier}_target"] = TARGETS[tier]
+    flown = [record for record in records if record.prototype]
+    if flown:
+        figures["flight_seconds_mean"] = np.mean([r.flight_seconds for r in flown])
+        figures["through"] = sum(r.is_through for r in flown)
+        figures["as_intended"] = np.mean([r.is_as_intended for r in flown])
+        figures["peak_force_max"] = max(r.peak_force for r in flown)
+    figures["plan_seconds_mean"] = np.mean([r.plan_seconds for r in records])
+    publish(figures, chosen.json)
+
+
+if __name__ == "__main__":
+    main()

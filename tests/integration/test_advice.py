@@ -1,0 +1,105 @@
+"""Advice is checked by doing what it says and planning again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from debrisgrasp.cli.tables import plan_summary
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3, Box
+from debrisgrasp.pipeline import Pipeline
+from tests.scenes import capture_of, lying_pipe
+
+FAR = capture_of([lying_pipe(length=0.5, position=(1.75, 0.0, 0.3))])
+
+
+@pytest.fixture(scope="module")
+def roman(dictionary):
+    return Pipeline(robot="roman", prototypes=dictionary)
+
+
+@pytest.fixture(scope="module")
+def floating(dictionary):
+    return Pipeline(robot="none", prototypes=dictionary)
+
+
+@pytest.fixture(scope="module")
+def heavy(floating):
+    return floating.plan(capture_of([lying_pipe()]), mass=400.0).plan
+
+
+def test_an_object_out_of_reach_is_reached_from_where_the_advice_sends_the_base(roman):
+    plan = roman.plan(FAR).plan
+    assert not plan.grasps
+    advice = plan.advice[0]
+    assert advice.kind == "base"
+    assert advice.change["x"] > 0
+    assert 0 < advice.freed <= advice.of
+    placed = SE3.from_parts(p=[advice.change["x"], advice.change["y"], 0.0])
+    moved = replace(FAR, T_base_camera=placed.inverse() @ FAR.T_base_camera)
+    assert roman.plan(moved).plan.grasps
+
+
+def test_what_is_too_heavy_says_what_could_be_lifted(heavy, floating):
+    assert not heavy.grasps
+    assert "too heavy" in heavy.why_empty
+    (advice,) = (a for a in heavy.advice if a.kind == "mass")
+    lighter = 0.99 * advice.change["mass"]
+    found = floating.plan(capture_of([lying_pipe()]), mass=lighter).plan
+    assert found.grasps
+    assert all(grasp.load.margins[1] >= 1.0 for grasp in found.grasps)
+
+
+def test_a_good_plan_has_advice_only_on_wish(floating):
+    capture = capture_of([lying_pipe()])
+    assert floating.plan(capture).plan.advice == ()
+    asked = floating.plan(capture, advise=True).plan
+    assert "what would help:" in plan_summary(asked) or not asked.ruled_out.counts()
+
+
+def test_neighbours_named_are_other_objects_and_the_counts_agree(floating):
+    pipe = lying_pipe()
+    walls = [
+        Box([0.01, 0.35, 0.12], SE3.from_parts(None, [x, 0.0, 0.12]))
+        for x in (0.82, 0.98)
+    ]
+    seen = floating.perceive(capture_of([pipe, *walls]))
+    on_pipe = int(
+        np.argmin([abs(s.centroid[2] - 0.2) for s in seen.segmentation.segments])
+    )
+    label = seen.segmentation.segments[on_pipe].label
+    plan = floating.plan(seen, object_label=label, advise=True).plan
+    neighbours = {a.change["object"] for a in plan.advice if a.kind == "neighbour"}
+    labels = {s.label for s in seen.segmentation.segments} - {label}
+    assert neighbours <= labels
+    assert sum(plan.ruled_out.counts().values()) == len(plan.ruled_out)
+    assert plan.rejections == plan.ruled_out.counts()
+
+
+def test_the_same_seed_gives_the_same_advice(roman):
+    one, other = (roman.plan(FAR, seed=4).plan.advice for _ in "ab")
+    assert [a.text for a in one] == [a.text for a in other]
+
+
+@pytest.mark.parametrize("mass", [0.0, -2.0, np.nan, np.inf])
+def test_a_mass_that_is_none_is_refused(floating, mass):
+    with pytest.raises(ConfigError, match="mass"):
+        floating.plan(FAR, mass=mass)
+
+
+def test_the_command_takes_a_mass_and_gives_advice(run, dictionary, tmp_path):
+    capture = tmp_path / "pipe.npz"
+    capture_of([lying_pipe()]).save(capture)
+    words = ("plan", capture, "--robot", "none", "--prototypes", dictionary)
+    found = run(*words, "--mass", 2, "--advice", "--json").json
+    assert found["grasps"][0]["load"]["mass"] == [2.0, 2.0]
+    assert len(found["grasps"][0]["retreat"]["direction"]) == 3
+    assert all(a["freed"] <= a["of"] for a in found["advice"])
+    ended = run(*words, "--mass", 900)
+    assert ended.status == 1
+    assert "too heavy for the grip" in ended.out
+    assert "hold an object of" in ended.out
+    assert run(*words, "--mass", -1).status == 2

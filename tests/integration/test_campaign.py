@@ -1,0 +1,120 @@
+"""Campaigns of the whole task: from the command line, and fault by fault."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from PIL import Image
+
+from debrisgrasp.campaign import RunSpec, run_fake
+from debrisgrasp.robot import INJECTABLE, Injection
+
+RATES = """
+schema: debrisgrasp/fault-rates/1
+rates:
+  - {rate: 0.5, one_of: limit_mismatch}
+  - {rate: 1.0, one_of: gripper_uninitialised}
+"""
+
+
+def struck(*faults: Injection, recovery: bool = False) -> RunSpec:
+    return RunSpec(
+        name="x",
+        seed=4,
+        tier="single",
+        faults=faults,
+        recovery=recovery,
+        max_attempts=2,
+    )
+
+
+@pytest.mark.parametrize(
+    ("fault", "at", "outcome"),
+    [
+        ("limit_mismatch", 0.0, "operator_parameters"),
+        ("gripper_uninitialised", 0.0, "operator_gripper_init"),
+        ("controller_refuses", 0.0, "driver"),
+        ("encoder_jump", 0.5, "mechanical"),
+    ],
+)
+def test_a_run_ends_in_the_class_of_the_only_fault(fault, at, outcome):
+    record = run_fake(struck(Injection(fault=fault, state="self_test", at=at)))
+    assert record.outcome == outcome
+    assert record.injected[0] == fault
+    assert record.failed_stage == "self_test"
+    assert not record.got_to_a_grasp
+    assert not any(record.checks.values())
+
+
+def test_without_recovery_the_first_fault_ends_a_run_with_the_arms_stopped():
+    fault = Injection(fault="gripper_uninitialised")
+    record = run_fake(struck(fault))
+    assert record.end == "interrupted"
+    assert record.faults == ("gripper_uninitialised",)
+    assert record.checks["stops_not_latched"] == 0
+
+
+def test_equal_specs_give_equal_records():
+    spec = struck(Injection(fault="limit_mismatch"), Injection(fault="empty_cloud"))
+    first, second = (run_fake(spec) for _ in range(2))
+    assert first.outcome == second.outcome
+    assert first.details == second.details
+
+
+def test_a_campaign_from_the_command_line(run, tmp_path):
+    rates = tmp_path / "rates.yaml"
+    rates.write_text(RATES)
+    out = tmp_path / "out"
+    words = (
+        "campaign",
+        "--n",
+        3,
+        "--faults",
+        rates,
+        "--no-recovery",
+        "--tier",
+        "single",
+    )
+    words += ("--workers", 1, "--out", out)
+    done = run(*words)
+    assert done.status == 0, done.err
+    assert "operator gripper init" in done.out
+    assert "of 3" in done.out
+    content = json.loads((out / "results.json").read_text())
+    failed = {run["outcome"] for run in content["runs"]}
+    assert failed <= {"operator_gripper_init", "operator_parameters"}
+    assert Image.open(out / "campaign.png").size[0] == 1500
+    before = {p: p.stat().st_mtime_ns for p in (out / "runs").iterdir()}
+    again = run(*words, "--json")
+    assert json.loads(again.out)["all_runs"]["success"]["total"] == 3
+    assert {p: p.stat().st_mtime_ns for p in (out / "runs").iterdir()} == before
+    compared = run("campaign", "--compare", out, out / "results.json")
+    assert "+0.0" in compared.out
+    other = run(*words[:-1], out, "--seed", 5)
+    assert other.status == 2
+    assert "another folder" in other.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--n", 0), "runs of a campaign"),
+        (("--tier", "heap"), "heap"),
+        (("--world", "mujoco", "--tier", "single"), "tier of world mujoco"),
+        (("--world", "mujoco", "--faults", "field"), "only the robot in memory"),
+        (("--faults", "no/such.yaml"), "no/such.yaml"),
+        (("--workers", -1), "workers"),
+        (("--max-removals", 0), "max_removals"),
+        (("--compare", "no", "such"), "such"),
+    ],
+)
+def test_bad_input_is_named_before_anything_runs(run, tmp_path, words, message):
+    done = run("campaign", *words, "--out", tmp_path / "out")
+    assert done.status == 2
+    assert message.lower() in done.err.lower()
+    assert not (tmp_path / "out").exists()
+
+
+def test_all_classes_of_the_table_can_be_reached():
+    assert len({kind.device for kind in INJECTABLE.values()}) == 7

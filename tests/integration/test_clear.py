@@ -1,0 +1,119 @@
+"""The whole task on the robot in memory: clear, record, page and replay."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from debrisgrasp import api
+from debrisgrasp.cli.program import run as debrisgrasp
+from debrisgrasp.executive import (
+    Action,
+    Executive,
+    RunEnd,
+    SimulatedTask,
+    TaskSettings,
+    load_run,
+)
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import FakeConfig, fake_robot
+from debrisgrasp.worlds import World, let_down, make_body
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+@pytest.fixture(scope="module")
+def beam():
+    sizes = {"length": 0.5, "width": 0.089, "height": 0.089}
+    turn = so3.from_rpy(np.array([0.0, 0.0, 0.4]))
+    beam = make_body("lumber_4x4", sizes, 2.0, name="beam")
+    return let_down(World((beam.at(SE3.from_parts(turn, [0.95, -0.1, 0.3])),))).world
+
+
+@pytest.fixture(scope="module")
+def cleared(pipeline, beam):
+    rng = np.random.default_rng(0)
+    fake = fake_robot(
+        pipeline.robot, beam, rng=rng, config=FakeConfig(is_initialised=True)
+    )
+    executive = Executive(
+        fake.robot,
+        TaskSettings(drive_over=0.0),
+        pipeline=pipeline,
+        rng=np.random.default_rng(0),
+    )
+    return executive.run(), fake.truth()
+
+
+def test_a_beam_is_carried_to_the_drop_off_and_the_way_is_clear(cleared):
+    result, truth = cleared
+    assert result.end is RunEnd.CLEARED
+    assert result.fault_class is None
+    assert truth.removed == ("beam",)
+    place = truth.world.bodies[0].T_base_body.p
+    arm = result.attempts[0].arm
+    aim = TaskSettings().drop_off[arm]
+    assert np.linalg.norm(place[:2] - aim) < 0.35
+
+
+def test_no_command_and_no_wrench_was_beyond_the_limits(cleared):
+    _, truth = cleared
+    assert truth.violations == ()
+    assert truth.overloads == ()
+
+
+def test_what_is_low_is_driven_over_and_named(tmp_path, capsys):
+    folder = tmp_path / "run"
+    page = tmp_path / "run.html"
+    arguments = ["clear", "--objects", "1", "--seed", "3", "--drive-over", "0.9"]
+    arguments += ["--record", str(folder), "--report", str(page), "--json"]
+    assert debrisgrasp(arguments) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["end"] == "cleared"
+    assert all("drive over" in reason for reason in told["left"].values())
+    assert load_run(folder).is_whole
+    assert "Timeline" in page.read_text()
+    assert debrisgrasp(["replay", str(folder)]) == 0
+    assert "the same" in capsys.readouterr().out
+
+
+def test_an_injected_fault_ends_the_run_in_its_class(pipeline):
+    task = SimulatedTask(objects=1, seed=3, faults=("wrench_sign@self_test",))
+    done = api.clear(task, pipeline=pipeline)
+    assert done.happened == ("wrench_sign",)
+    assert done.result.fault_class.value == "driver"
+    assert done.result.faults[-1].fault == "wrench_sign"
+    assert done.truth.violations == ()
+
+
+def test_an_empty_image_never_means_that_the_way_is_clear(pipeline):
+    task = SimulatedTask(objects=1, seed=3, faults=("empty_cloud@capture",))
+    done = api.clear(task, pipeline=pipeline)
+    assert done.happened == ("empty_cloud",)
+    assert {event.fault for event in done.result.faults} == {"empty_cloud"}
+    assert {event.action for event in done.result.faults} == {Action.RETRY}
+    # Only the image after those, with the ground in it, may say so.
+    assert done.result.end is RunEnd.CLEARED
+    assert done.result.left
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["clear", "--scene", "nowhere"],
+        ["clear", "--faults", "nothing_known"],
+        ["clear", "--arm", "third"],
+        ["replay", "/nonexistent/run"],
+    ],
+)
+def test_bad_input_is_one_block_on_stderr(wrong, capsys):
+    assert debrisgrasp(wrong) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("debrisgrasp: error:")
+    assert "Traceback" not in error

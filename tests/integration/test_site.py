@@ -1,0 +1,153 @@
+"""The file of a site on the command line, and the doctor that checks it."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from debrisgrasp.cli import doctor_checks
+from debrisgrasp.cli.doctor_checks import EXTRAS, Finding
+
+SITE = """
+schema: debrisgrasp/site/1
+robot: none
+gripper: robotiq_3f
+prototypes: {prototypes}
+selection: {{policy: priority, priority_point: [0.8, 0.3, 0.2]}}
+seed: 3
+"""
+
+
+@pytest.fixture
+def site(tmp_path, dictionary) -> Path:
+    path = tmp_path / "site.yaml"
+    path.write_text(SITE.format(prototypes=dictionary), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def quick(monkeypatch) -> None:
+    """Leave out the self-test, which another test runs."""
+    monkeypatch.setattr(doctor_checks, "self_test", lambda: [])
+
+
+def test_plan_takes_robot_hand_dictionary_and_seed_from_the_site(
+    run, site, dictionary, pipe_file
+):
+    plan = run("plan", pipe_file, "--site", site, "--json").json
+    assert (plan["robot"], plan["seed"]) == ("none", 3)
+    assert {grasp["gripper"] for grasp in plan["grasps"]} == {"robotiq_3f"}
+    spelled = run(
+        "plan", pipe_file, "--robot", "none", "--gripper", "robotiq_3f", "--seed", 3,
+        "--prototypes", dictionary,
+        "--policy", "priority", "--priority-point", 0.8, 0.3, 0.2, "--json",
+    ).json  # fmt: skip
+    assert plan == spelled
+
+
+def test_arguments_go_before_the_site(run, site, pipe_file):
+    plan = run("plan", pipe_file, "--site", site, "--seed", 4, "--json").json
+    assert plan["seed"] == 4
+
+
+def test_select_takes_policy_and_point_from_the_site(run, site, block_file):
+    order = run("select", block_file, "--site", site, "--json").json
+    assert order[0]["reason"].endswith("from the priority point")
+    given = ("--policy", "priority", "--priority-point", 0.8, 0.3, 0.2)
+    assert order == run("select", block_file, *given, "--json").json
+
+
+def test_segment_takes_the_pose_of_the_camera_from_the_site(run, tmp_path, pipe_file):
+    path = tmp_path / "site.yaml"
+    pose = "schema: debrisgrasp/site/1\ncamera: {pose: [0.2, 0, 1.7, -2.2, 0, -1.57]}"
+    path.write_text(pose, encoding="utf-8")
+    before, after = (
+        run("segment", pipe_file, *given, "--json").json["objects"]
+        for given in ((), ("--site", path))
+    )
+    assert before != after
+
+
+def test_a_wrong_site_is_refused_in_one_block(refused, site, pipe_file):
+    site.write_text(site.read_text() + "arm: left\nwheels: 4\n", encoding="utf-8")
+    assert "wheels" in refused("plan", pipe_file, "--site", site)
+    assert "wheels" in refused("doctor", "--site", site)
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_doctor_finds_a_sound_site_sound(run, site):
+    ended = run("doctor", "--site", site)
+    assert ended.status == 0, ended
+    assert "4 for robotiq_3f" in ended.out
+    assert "all is well" in ended.out
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_doctor_names_what_must_be_mended(run, tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text(
+        "schema: debrisgrasp/site/1\narm: right\ndrop_off: {right: [3, 0]}\n",
+        encoding="utf-8",
+    )
+    ended = run("doctor", "--site", path)
+    assert ended.status == 1
+    assert "out of reach" in ended.out.splitlines()[-1]
+    path.write_text(
+        "schema: debrisgrasp/site/1\narm: right\ndrop_off: {right: [0.6, -0.8]}\n",
+        encoding="utf-8",
+    )
+    ended = run("doctor", "--site", path, "--json")
+    assert ended.status == 0
+    (drop_off,) = (
+        finding
+        for findings in ended.json["checks"].values()
+        for finding in findings
+        if finding["what"] == "drop-off of right arm"
+    )
+    assert drop_off["status"] == "ok"
+
+
+def test_the_doctor_plans_on_the_shipped_capture(run):
+    ended = run("doctor", "--json")
+    assert ended.status == 0, ended
+    found = {f["what"]: f for f in ended.json["checks"]["self-test"]}
+    assert set(found) == {"loading", "segment", "plan"}
+    assert "grasps in" in found["plan"]["text"]
+
+
+def test_a_failing_self_test_is_a_fault(run, monkeypatch):
+    faulty = [Finding("plan", "fault", "no grasp")]
+    monkeypatch.setattr(doctor_checks, "self_test", lambda: faulty)
+    ended = run("doctor")
+    assert ended.status == 1
+    assert ended.out.endswith("to mend: plan: no grasp\n")
+
+
+def test_missing_and_old_packages_are_told(monkeypatch):
+    wanted = [
+        "numpy>=99.1",
+        "nosuchthing>=1; extra == 'viz'",
+        "pyyaml>=1.0; extra == 'sim'",
+    ]
+    monkeypatch.setattr(doctor_checks, "requires", lambda _: wanted)
+    found = {finding.what: finding for finding in doctor_checks.installation()}
+    assert found["numpy"].status == "fault"
+    assert "at least 99.1" in found["numpy"].text
+    assert "pip install 'debrisgrasp[viz]'" in found["extra viz"].text
+    assert found["extra viz"].status == "note"
+    assert found["extra sim"].status == "ok"
+
+
+def test_a_cache_that_cannot_be_written_is_a_note(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("DEBRISGRASP_CACHE", str(tmp_path / "file" / "cache"))
+    found = {finding.what: finding for finding in doctor_checks.installation()}
+    assert found["cache"].status == "note"
+
+
+def test_every_extra_has_a_use():
+    pyproject = Path(__file__).parents[2] / "pyproject.toml"
+    project = tomllib.loads(pyproject.read_text())["project"]
+    assert set(EXTRAS) == set(project["optional-dependencies"])

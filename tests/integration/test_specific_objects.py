@@ -1,0 +1,94 @@
+"""Object-specific prototypes find what they are made for, where an object is marked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp._files import data_path
+from debrisgrasp.geometry import SE3, Bounds, Intrinsics, so3
+from debrisgrasp.io import Capture
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.worlds import World, look_at, make_body, render
+
+CAMERA = Intrinsics(fx=240.0, fy=240.0, cx=127.5, cy=95.5, width=256, height=192)
+VIEW = look_at([0.1, 0.0, 1.2], [0.95, 0.0, 0.2])
+SIZES = {
+    "ladder": {"length": 0.9, "width": 0.325, "rungs": 3.0},
+    "cinder_block": {"length": 0.376, "width": 0.17, "height": 0.19, "wall": 0.032},
+}
+MASSES = {"ladder": 3.0, "cinder_block": 6.0}
+NAMES = ("rung_028", "block_hole_pair", "block_hole_thumb", "corner_019")
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory):
+    """Return a floating hand with three specific prototypes and a generic one."""
+    folder = tmp_path_factory.mktemp("specific")
+    for name in NAMES:
+        path = data_path("prototypes", f"{name}.yaml")
+        (folder / path.name).write_text(path.read_text())
+    return Pipeline(robot="none", prototypes=folder)
+
+
+def seen(kind: str, yaw: float = 1.2):
+    """Return a capture of one body in the air, the same unmarked, and the body."""
+    body = make_body(kind, SIZES[kind], MASSES[kind])
+    turn = so3.from_rpy(np.array([0.0, 0.0, yaw]))
+    body = body.at(SE3.from_parts(turn, [0.95, 0.0, 0.3]))
+    picture = render(World((body,)), CAMERA, VIEW)
+    facts = {"depth": picture.depth, "intrinsics": CAMERA, "T_base_camera": VIEW}
+    return (
+        Capture(**facts, mask=picture.labels == 1, name=kind),
+        Capture(**facts, name=kind),
+        body,
+    )
+
+
+def depth_in_body(result, grasp, body) -> float:
+    """How deep the open hand reaches into the true body, hidden side too [m]."""
+    hand = result.grippers[grasp.gripper].solids(grasp.preshape, grasp.opening)
+    points = np.concatenate([solid.sphere_cover(0.004)[0] for solid in hand])
+    placed = grasp.T_base_hand.apply(points)
+    gap = np.min([part.signed_distance(placed) for part in body.solids], axis=0)
+    return float(-gap.min())
+
+
+@pytest.mark.parametrize(
+    ("kind", "prototypes"),
+    [
+        ("ladder", {"rung_028"}),
+        ("cinder_block", {"block_hole_pair", "block_hole_thumb"}),
+    ],
+)
+def test_a_marked_object_is_gripped_by_its_own_prototype(few, kind, prototypes):
+    capture, _, body = seen(kind)
+    result = few.plan(capture)
+    own = [g for g in result.plan.grasps if g.prototype in prototypes]
+    assert own, [g.prototype for g in result.plan.grasps]
+    best = own[0]
+    assert best.S > 0.5
+    assert depth_in_body(result, best, body) < 0.008
+
+
+def test_without_a_mark_specific_prototypes_are_not_tried(few):
+    _, unmarked, _ = seen("cinder_block")
+    names = {grasp.prototype for grasp in few.plan(unmarked).plan.grasps}
+    assert names <= {"corner_019"}
+
+
+def test_a_region_is_a_mark_too(few):
+    _, unmarked, body = seen("cinder_block")
+    box = Bounds.around(body.T_base_body.apply(body.mesh()[0]), 0.05)
+    names = {grasp.prototype for grasp in few.plan(unmarked, region=box).plan.grasps}
+    assert names & {"block_hole_pair", "block_hole_thumb"}
+
+
+def test_supports_leave_a_cylinder_no_free_turn():
+    library = Pipeline(robot="none", gripper="robotiq_3f").library
+    assert library["cylinder_030_tip"].symmetry.spin is not None
+    counts = {"rung_028": 4, "handle_025": 2, "block_hole_pair": 1}
+    for name, n in counts.items():
+        symmetry = library[name].symmetry
+        assert symmetry.spin is None
+        assert len(symmetry.turns.matrix) == n

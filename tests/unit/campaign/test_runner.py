@@ -1,0 +1,186 @@
+"""Campaigns: no run is lost, whatever dies or is interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from debrisgrasp.campaign import (
+    UNCLASSIFIED,
+    Campaign,
+    LocalWorkers,
+    OwnWorkers,
+    load_records,
+)
+from debrisgrasp.errors import ConfigError, InputError, OutputError
+
+from .runs import Told, begun, do, told
+
+THREADS = OwnWorkers(lambda: ThreadPoolExecutor(2), 3)
+
+
+@pytest.fixture
+def marks(tmp_path: Path) -> Path:
+    folder = tmp_path / "marks"
+    folder.mkdir()
+    return folder
+
+
+def test_every_run_has_a_record_in_the_order_of_the_specs(tmp_path, marks):
+    specs = told(7, marks)[::-1]
+    seen = []
+    campaign = Campaign(specs=specs, run_one=do, folder=tmp_path / "out")
+    records = campaign.run(THREADS, on_progress=seen.append)
+    assert [record.name for record in records] == [spec.name for spec in specs]
+    assert [progress.done for progress in seen] == list(range(8))
+    assert begun(marks) == sorted(spec.name for spec in specs)
+    assert sorted(records, key=lambda r: r.name) == list(load_records(tmp_path / "out"))
+
+
+def test_what_a_run_raises_is_recorded_with_its_trace(tmp_path, marks):
+    specs = [*told(3, marks), Told("bad", folder=str(marks), act="raise")]
+    campaign = Campaign(specs=specs, run_one=do, folder=tmp_path)
+    *good, bad = campaign.run(THREADS)
+    assert all(record.is_success for record in good)
+    assert bad.outcome == UNCLASSIFIED
+    assert "ZeroDivisionError: told to" in bad.error
+
+
+def test_a_campaign_goes_on_where_it_was(tmp_path, marks):
+    specs = told(6, marks)
+    first = Campaign(specs=specs[:4], run_one=do, folder=tmp_path)
+    first.run(THREADS)
+    (tmp_path / "runs" / "001.json").write_text('{"schema": "debr')
+    (tmp_path / "runs" / "002.json").write_text("")
+    whole = replace(first, specs=specs)
+    assert len(whole.run(THREADS)) == 6
+    assert begun(marks) == ["000", "001", "001", "002", "002", "003", "004", "005"]
+
+
+def test_a_record_of_another_spec_is_not_kept(tmp_path, marks):
+    first = Campaign(specs=told(2, marks), run_one=do, folder=tmp_path)
+    first.run(THREADS)
+    other = replace(first, specs=told(2, marks, outcome="driver"))
+    assert [record.outcome for record in other.run(THREADS)] == ["driver", "driver"]
+
+
+def test_the_folder_of_another_campaign_is_refused(tmp_path, marks):
+    campaign = Campaign(
+        specs=told(1, marks), run_one=do, folder=tmp_path, header={"seed": 1}
+    )
+    campaign.run(THREADS)
+    with pytest.raises(InputError, match="seed 1 instead of 2"):
+        replace(campaign, header={"seed": 2}).run(THREADS)
+
+
+def test_runs_that_end_their_workers_cost_no_other_run(tmp_path, marks):
+    specs = told(8, marks)
+    specs[2] = replace(specs[2], act="die once")
+    specs[5] = replace(specs[5], act="die")
+    specs[6] = replace(specs[6], act="hang")
+    campaign = Campaign(specs=specs, run_one=do, folder=tmp_path)
+    records = campaign.run(LocalWorkers(2, time_limit=1.0))
+    assert [record.name for record in records] == [spec.name for spec in specs]
+    bad = {r.name for r in records if r.outcome == UNCLASSIFIED}
+    assert bad == {"005", "006"}
+    assert {r.outcome for r in records if r.name not in bad} == {"success"}
+    assert "its worker died 2 times" in records[5].error
+
+
+def test_a_worker_killed_from_outside_costs_no_run(tmp_path, marks):
+    specs = told(6, marks, seconds=0.1)
+    killed = []
+
+    def kill_first(progress):
+        if progress.latest is not None and not killed:
+            newest = max(marks.glob("*+*"), key=lambda path: path.name.split("+")[1])
+            killed.append(int(newest.name.split("+")[2]))
+            os.kill(killed[0], signal.SIGKILL)
+
+    campaign = Campaign(specs=specs, run_one=do, folder=tmp_path)
+    records = campaign.run(LocalWorkers(2), on_progress=kill_first)
+    assert killed
+    assert [record.outcome for record in records] == ["success"] * 6
+    assert len(begun(marks)) > 6
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from debrisgrasp.campaign import Campaign, LocalWorkers
+from tests.unit.campaign.runs import do, told
+
+if __name__ == "__main__":
+    out, marks = map(Path, sys.argv[1:])
+    specs = told(200, marks, seconds=0.05)
+    try:
+        Campaign(specs=specs, run_one=do, folder=out).run(LocalWorkers(2))
+    except KeyboardInterrupt:
+        sys.exit(130)
+"""
+
+
+@pytest.mark.parametrize("way", [signal.SIGINT, signal.SIGKILL])
+def test_after_an_interruption_the_finished_runs_are_whole(tmp_path, marks, way):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    out = tmp_path / "out"
+    root = Path(__file__).parents[3]
+    process = subprocess.Popen(
+        [sys.executable, script, out, marks],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 60
+    while len(list(out.glob("runs/*.json"))) < 4 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    # As a terminal does: to the whole group for Ctrl-C.
+    if way == signal.SIGINT:
+        os.killpg(process.pid, way)
+        assert process.wait(30) == 130
+    else:
+        process.kill()
+        process.wait(30)
+    time.sleep(0.3)
+    n_begun = len(begun(marks))
+    time.sleep(0.3)
+    assert len(begun(marks)) == n_begun, "workers went on without their parent"
+    records = load_records(out)
+    assert 4 <= len(records) < 200
+    for path in out.glob("runs/*.json"):
+        json.loads(path.read_text())
+
+
+def test_what_other_processes_can_not_be_sent_is_refused(tmp_path, marks):
+    with pytest.raises(InputError, match="top of a module"):
+        Campaign(specs=told(1, marks), run_one=lambda s: s, folder=tmp_path)
+
+
+@pytest.mark.parametrize("names", [("a", "a"), ("../a",), ("",), ("a b",)])
+def test_names_that_make_no_files_are_refused(tmp_path, names):
+    with pytest.raises(InputError, match="names of the runs"):
+        Campaign(specs=[Told(n) for n in names], run_one=do, folder=tmp_path)
+
+
+def test_a_place_that_is_no_folder_is_refused(tmp_path, marks):
+    (tmp_path / "out").write_text("a file")
+    campaign = Campaign(specs=told(1, marks), run_one=do, folder=tmp_path / "out")
+    with pytest.raises(OutputError):
+        campaign.run(THREADS)
+    with pytest.raises(ConfigError):
+        load_records(tmp_path)
+
+
+@pytest.mark.parametrize("count", [-1, 5000])
+def test_a_count_of_workers_that_is_none_is_refused(count):
+    with pytest.raises(ConfigError, match="workers"):
+        LocalWorkers(count)

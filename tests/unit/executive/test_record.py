@@ -1,0 +1,138 @@
+"""Records: whole lines whatever happens, and two of them compared."""
+
+from __future__ import annotations
+
+import json
+import resource
+import signal
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError, OutputError
+from debrisgrasp.executive import RunRecord, differences, load_run
+from debrisgrasp.executive.simulated import SimulatedTask, injections_of
+from debrisgrasp.geometry import SE3, Intrinsics
+from debrisgrasp.io import Capture
+
+
+def test_what_was_written_is_read_again(tmp_path):
+    record = RunRecord(tmp_path / "run", {"seed": 3})
+    record.write("state", {"state": "capture", "time": np.float64(0.5)})
+    record.write("end", {"end": "cleared", "values": np.array([1.0, np.nan])})
+    run = load_run(tmp_path / "run")
+    assert run.inputs["seed"] == 3
+    assert run.is_whole
+    assert run.events[0]["time"] == 0.5
+    assert run.events[1]["values"] == [1.0, None]
+
+
+def test_captures_are_kept_beside_the_events(tmp_path):
+    camera = Intrinsics(fx=10.0, fy=10.0, cx=3.5, cy=2.5, width=8, height=6)
+    capture = Capture(
+        depth=np.ones((6, 8)), intrinsics=camera, T_base_camera=SE3.identity()
+    )
+    record = RunRecord(tmp_path, {})
+    record.keep(capture, "capture_001")
+    stored = load_run(tmp_path).capture("capture_001")
+    assert np.array_equal(stored.depth, capture.depth)
+    assert load_run(tmp_path).capture("capture_002") is None
+
+
+def test_a_folder_with_another_run_is_not_overwritten(tmp_path):
+    RunRecord(tmp_path, {})
+    with pytest.raises(OutputError, match="another run"):
+        RunRecord(tmp_path, {})
+
+
+def test_a_record_cut_off_in_a_line_is_read_up_to_it(tmp_path):
+    record = RunRecord(tmp_path, {})
+    record.write("state", {"state": "capture"})
+    with (tmp_path / "events.jsonl").open("a") as stream:
+        stream.write('{"event": "sta')
+    run = load_run(tmp_path)
+    assert len(run.events) == 1
+    assert not run.is_whole
+
+
+def test_a_damaged_line_in_the_middle_is_named(tmp_path):
+    RunRecord(tmp_path, {})
+    (tmp_path / "events.jsonl").write_text('{"event": 1}\n{oops\n{"event": 2}\n')
+    with pytest.raises(ConfigError, match="line 2"):
+        load_run(tmp_path)
+
+
+def test_a_full_disk_leaves_the_last_line_whole_and_the_run_going(tmp_path):
+    record = RunRecord(tmp_path, {})
+    record.write("state", {"state": "capture"})
+    size = (tmp_path / "events.jsonl").stat().st_size
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 20, before[1]))
+        record.write("done", {"state": "capture", "words": "x" * 200})
+        record.write("done", {"state": "segment"})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert record.fault
+    lines = (tmp_path / "events.jsonl").read_text().splitlines()
+    assert [json.loads(line)["state"] for line in lines] == ["capture"]
+
+
+def events(**changed):
+    return [
+        {"event": "state", "state": "select", "time": 1.0},
+        {"event": "done", "state": "select", "object": 3, **changed},
+        {"event": "end", "end": "cleared"},
+    ]
+
+
+def test_equal_decisions_have_no_differences_whatever_the_times():
+    other = events()
+    other[0] = {**other[0], "time": 2.0}
+    assert differences(events(), other) == []
+    assert differences(events(score=0.5), events(score=0.5 + 1e-9)) == []
+
+
+def test_the_first_decision_that_differs_is_named_with_both_values():
+    (found,) = differences(events(), events(object=4))
+    assert (found.number, found.state, found.field) == (1, "select", "object")
+    assert "3 before, 4 now" in str(found)
+
+
+def test_a_run_that_ends_early_differs_in_length():
+    (found,) = differences(events(), events()[:2])
+    assert found.field == "length"
+
+
+def test_a_task_survives_the_way_through_its_record():
+    task = SimulatedTask(seed=4, objects=2, faults=("slip@lift", "wrench_nan"))
+    again = SimulatedTask.from_json(json.loads(json.dumps(task.to_json())))
+    assert again == task
+
+
+def test_faults_are_written_as_name_and_state():
+    one, two = injections_of(["slip@lift", "wrench_nan"])
+    assert (one.fault, one.state) == ("slip", "lift")
+    assert (two.fault, two.state) == ("wrench_nan", None)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"scene": "wod_on_truss"},
+        {"scene": "hedgehog", "objects": 3},
+        {"seed": -1},
+        {"faults": ("slip@lft",)},
+        {"faults": ("sleep",)},
+    ],
+)
+def test_a_task_that_makes_no_sense_is_refused(wrong):
+    with pytest.raises(ConfigError.__mro__[1]):
+        SimulatedTask(**wrong)
+
+
+def test_inputs_of_something_else_are_refused():
+    with pytest.raises(ConfigError, match="robot in memory"):
+        SimulatedTask.from_json({"seed": 1})

@@ -1,0 +1,236 @@
+"""The executive itself: always an end, always one class, never a raised exception."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import FaultClass
+from debrisgrasp.errors import DriverError, InputError, UnknownNameError
+from debrisgrasp.executive import (
+    STAGES,
+    Action,
+    Executive,
+    MemoryRecord,
+    RunEnd,
+    State,
+    TaskSettings,
+)
+from debrisgrasp.executive import run as module
+from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.geometry import SE3
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import FakeConfig, fake_robot
+from debrisgrasp.worlds import World, make_body
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+@pytest.fixture
+def fake(pipeline):
+    sizes = {"length": 0.2, "width": 0.1, "height": 0.06}
+    brick = make_body("brick", sizes, 2.0).at(SE3.from_parts(p=[1.0, 0.0, 0.03]))
+    config = FakeConfig(is_initialised=True)
+    rng = np.random.default_rng(0)
+    return fake_robot(pipeline.robot, World((brick,)), rng=rng, config=config)
+
+
+@pytest.fixture
+def run(fake, pipeline, monkeypatch):
+    """Run with all steps replaced: by nothing, or by what a test wants."""
+
+    def go(steps, settings=None):
+        for state in STAGES:
+            monkeypatch.setitem(module.STEPS, state, lambda _context: Done())
+        monkeypatch.setitem(module.STEPS, State.SELECT, choose)
+        monkeypatch.setitem(module.STEPS, State.VERIFY_RELEASE, put_down)
+        for state, step in steps.items():
+            monkeypatch.setitem(module.STEPS, state, step)
+        record = MemoryRecord()
+        executive = Executive(
+            fake.robot,
+            settings or TaskSettings(max_removals=2),
+            pipeline=pipeline,
+            record=record,
+            rng=np.random.default_rng(0),
+        )
+        return executive.run(), record
+
+    return go
+
+
+def choose(context):
+    context.cycle.label, context.cycle.centroid = 1, (1.0, 0.0, 0.1)
+    return Done()
+
+
+def put_down(context):
+    context.n_removed += 1
+    context.cycle.is_removed = True
+    return Done()
+
+
+def failing(fault, times=99):
+    left = [times]
+
+    def step(_context):
+        left[0] -= 1
+        return FaultFound(fault, "as asked") if left[0] >= 0 else Done()
+
+    return step
+
+
+def raising(error):
+    def step(_context):
+        raise error
+
+    return step
+
+
+def test_as_many_removals_as_asked_for_end_the_run(run):
+    result, record = run({})
+    assert result.end is RunEnd.FINISHED
+    assert result.n_removed == 2
+    assert result.fault_class is None
+    assert result.attempts[0].reached == STAGES
+    assert record.events[-1]["event"] == "end"
+
+
+def test_the_way_is_clear_when_select_says_so(run):
+    result, _ = run({State.SELECT: lambda _c: Done({}, State.CLEARED)})
+    assert result.end is RunEnd.CLEARED
+    assert result.attempts == ()
+
+
+@pytest.mark.parametrize(
+    ("state", "error"),
+    [
+        *((state, RuntimeError("bug")) for state in STAGES[::2]),
+        *((state, InputError("x", got=1, expected="2")) for state in STAGES[1::2]),
+    ],
+)
+def test_an_error_that_nobody_foresaw_ends_the_run_as_one_class(run, state, error):
+    result, _ = run({state: raising(error)})
+    assert result.end in (RunEnd.ABORTED, RunEnd.STOPPED)
+    assert isinstance(result.fault_class, FaultClass)
+    assert type(error).__name__ in result.faults[0].message
+
+
+@pytest.mark.parametrize("state", STAGES[::3])
+def test_an_error_while_moving_latches_a_stop(run, fake, state):
+    result, _ = run({state: raising(RuntimeError("bug"))})
+    is_moving = STAGES.index(state) >= STAGES.index(State.PREGRASP)
+    assert (result.end is RunEnd.STOPPED) == is_moving
+    assert all(arm.is_stopped for arm in fake.arms.values()) == is_moving
+
+
+@pytest.mark.parametrize("state", STAGES)
+def test_ctrl_c_in_any_state_stops_the_arms_and_keeps_the_record(run, fake, state):
+    result, record = run({state: raising(KeyboardInterrupt())})
+    assert result.end is RunEnd.INTERRUPTED
+    assert all(arm.is_stopped for arm in fake.arms.values())
+    assert record.events[-1]["end"] == "interrupted"
+
+
+@pytest.mark.parametrize("state", STAGES[::4])
+def test_a_device_that_never_answers_again_ends_in_a_stop(run, state):
+    result, _ = run({state: raising(DriverError("arm", "no answer"))})
+    assert result.end is RunEnd.STOPPED
+    assert result.fault_class is FaultClass.DRIVER
+
+
+def test_a_device_that_answers_again_costs_one_retry(run):
+    left = [1]
+
+    def once(_context):
+        left[0] -= 1
+        if left[0] >= 0:
+            raise DriverError("arm", "no answer")
+        return Done()
+
+    result, _ = run({State.LIFT: once})
+    assert result.end is RunEnd.FINISHED
+    assert [event.action for event in result.faults] == [Action.RETRY]
+
+
+def test_retries_are_bounded_and_then_the_answer_changes(run):
+    result, _ = run({State.CAPTURE: failing("empty_cloud")})
+    assert [e.action for e in result.faults] == [
+        Action.RETRY,
+        Action.RETRY,
+        Action.ABORT,
+    ]
+    assert result.end is RunEnd.ABORTED
+    assert result.fault_class is FaultClass.PERCEPTION
+    assert result.n_removed == 0
+
+
+def test_a_skipped_step_is_reported_and_the_run_goes_on(run):
+    result, _ = run({State.SEGMENT: failing("plane_eats_pile", times=1)})
+    assert result.end is RunEnd.FINISHED
+    assert result.faults[0].action is Action.SKIP
+
+
+def test_an_object_without_a_grasp_is_one_attempt_and_the_next_follows(run):
+    result, _ = run({State.PLAN_GRASP: failing("no_grasp", times=1)})
+    assert [a.is_removed for a in result.attempts] == [False, True, True]
+    assert result.attempts[0].faults[0].fault == "no_grasp"
+    assert State.PREGRASP not in result.attempts[0].reached
+
+
+def test_the_first_fault_in_stage_order_is_told_apart_from_the_last(run):
+    steps = {State.PLAN_MOTION: failing("plan_collision", times=1),
+             State.LIFT: failing("wrench_frozen")}  # fmt: skip
+    result, _ = run(steps)
+    assert result.end is RunEnd.STOPPED
+    assert result.first_fault.fault == "plan_collision"
+    assert result.fault_class is FaultClass.DRIVER
+
+
+def test_a_run_without_progress_ends(run):
+    result, _ = run(
+        {State.PLAN_GRASP: failing("no_grasp")}, TaskSettings(max_attempts=5)
+    )
+    assert result.end is RunEnd.ABORTED
+    assert len(result.attempts) == 5
+
+
+def test_a_stop_is_never_followed_by_a_motion(run, fake):
+    run({State.APPROACH: failing("wrench_nan")})
+    before = [tuple(arm.read().q) for arm in fake.arms.values()]
+    for arm in fake.arms.values():
+        arm.engage()
+        arm.command([0.1] * len(arm.joint_names))
+    fake.robot.clock.wait_until(fake.robot.clock.now() + 0.5)
+    assert [tuple(arm.read().q) for arm in fake.arms.values()] == before
+
+
+def test_arms_that_the_robot_has_not_are_refused(fake, pipeline):
+    with pytest.raises(UnknownNameError, match="left"):
+        Executive(
+            fake.robot,
+            TaskSettings(arms=("middle",)),
+            pipeline=pipeline,
+            rng=np.random.default_rng(0),
+        )
+
+
+def test_an_arm_without_a_drop_off_is_refused(fake, pipeline):
+    settings = TaskSettings(drop_off={"right": (0.2, -0.7)})
+    with pytest.raises(InputError, match="drop-off of the left arm"):
+        Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+def test_a_drop_off_out_of_reach_is_refused_with_the_place(fake, pipeline):
+    settings = TaskSettings(drop_off={"right": (-2.0, -2.0), "left": (0.25, 0.75)})
+    with pytest.raises(InputError, match=r"right arm: got \(-2, -2\)"):
+        Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+def test_every_state_is_recorded(run):
+    _, record = run({})
+    states = [e["state"] for e in record.events if e["event"] == "state"]
+    assert states[: len(STAGES)] == [state.value for state in STAGES]

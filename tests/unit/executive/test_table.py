@@ -1,0 +1,102 @@
+"""Which state follows which, and what is done about each fault."""
+
+from __future__ import annotations
+
+import pytest
+
+from debrisgrasp.control import Fault, Reading, Stop
+from debrisgrasp.errors import UnknownNameError
+from debrisgrasp.executive import FAULTS, STAGES, Action, State
+from debrisgrasp.executive.noticed import fault_of_stop, refused
+from debrisgrasp.executive.table import ANSWERS, FOLLOWING, HOLDING, answer_to
+
+GOING_ON = (Action.RETRY, Action.NEXT, Action.HOLD, Action.SKIP)
+
+
+def test_every_stage_leads_to_another_and_all_are_passed_in_order():
+    assert set(FOLLOWING) == set(STAGES)
+    state, passed = State.SELF_TEST, []
+    for _ in STAGES:
+        passed.append(state)
+        state = FOLLOWING[state]
+    assert tuple(passed) == STAGES
+    assert state is State.CAPTURE
+
+
+@pytest.mark.parametrize("state", STAGES)
+def test_every_fault_has_an_answer_that_says_where_to_go_on(state):
+    for fault in FAULTS:
+        answer = answer_to(state, fault)
+        if answer.action in GOING_ON:
+            assert answer.resume in STAGES
+
+
+@pytest.mark.parametrize("state", STAGES)
+def test_every_answer_that_repeats_a_state_is_bounded(state):
+    for fault in FAULTS:
+        answer = answer_to(state, fault)
+        if answer.action in (Action.RETRY, Action.HOLD):
+            assert 1 <= answer.budget <= 3
+            after = answer_to(state, fault, used=answer.budget)
+            assert after.action not in (Action.RETRY, Action.HOLD)
+
+
+def test_a_hand_in_the_pile_is_cleared_up_before_the_next_object():
+    for state in (State.CLOSE, *HOLDING):
+        assert answer_to(state, "empty_grip").is_cleared_up
+    assert not answer_to(State.PLAN_GRASP, "no_grasp").is_cleared_up
+
+
+def test_a_plan_that_fails_leads_to_the_next_object_without_another_look():
+    assert answer_to(State.PLAN_GRASP, "no_grasp").resume is State.SELECT
+    assert answer_to(State.LIFT, "too_heavy").resume is State.CAPTURE
+
+
+def test_nothing_left_to_try_ends_the_run_instead_of_asking_forever():
+    assert answer_to(State.SELECT, "no_grasp").action is Action.ABORT
+
+
+def test_faults_of_the_wrench_stop_in_every_state():
+    for state in STAGES:
+        for fault in ("wrench_nan", "wrench_frozen", "bias_jump", "oscillation"):
+            assert answer_to(state, fault).action is Action.STOP
+
+
+def test_an_unknown_fault_is_refused_with_the_known_ones():
+    with pytest.raises(UnknownNameError, match="slip"):
+        answer_to(State.LIFT, "slipp")
+
+
+def test_all_answers_are_for_known_faults():
+    assert {fault for _, fault in ANSWERS} <= set(FAULTS)
+
+
+@pytest.mark.parametrize("fault", list(Fault))
+@pytest.mark.parametrize("state", STAGES)
+def test_whatever_control_notices_is_a_fault_of_the_table(fault, state):
+    stop = Stop(fault, "torque too large", 1.0)
+    found = fault_of_stop(stop, Reading(1.0, [0.0], [0.0] * 6, 1.0), state, "right")
+    assert found.fault in FAULTS
+    assert found.arm == "right"
+
+
+def test_a_lost_wrench_is_told_apart_by_what_was_read():
+    stop = Stop(Fault.WRENCH_LOST, "old", 1.0)
+    nan = Reading(1.0, [0.0], [float("nan")] * 6, 1.0)
+    old = Reading(1.0, [0.0], [0.0] * 6, 0.5)
+    assert fault_of_stop(stop, nan, State.LIFT, "left").fault == "wrench_nan"
+    assert fault_of_stop(stop, old, State.LIFT, "left").fault == "clock_disorder"
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        ("the bias may be wrong: take a new baseline", "bias_drift"),
+        ("the force on the hand is 100 already", "ratchet"),
+        ("start posture: got 4, expected within", "start_outside_limits"),
+        ("the hand is 9 mm from the start of the leg", "controller_refuses"),
+    ],
+)
+def test_a_refused_motion_is_named_by_its_reason(words, fault):
+    reading = Reading(0.0, [0.0], [0.0] * 6, 0.0)
+    assert refused(words, reading, "right").fault == fault

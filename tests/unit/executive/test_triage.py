@@ -1,0 +1,105 @@
+"""What is done with an object, by which hand; and which objects were tried."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.executive import TaskSettings
+from debrisgrasp.executive.marks import Marks
+from debrisgrasp.executive.triage import Way, judge
+from debrisgrasp.geometry import Bounds
+from debrisgrasp.prototypes import GripperModel
+from debrisgrasp.segmentation import Segment
+
+HANDS = {
+    "right": GripperModel.load("robotiq_3f"),
+    "left": GripperModel.load("camhand"),
+}
+
+
+def segment(extents, height=0.3):
+    half = 0.5 * np.array(extents)
+    lower = np.array([1.0 - half[0], -half[1], height - 2 * half[2]])
+    return Segment(
+        label=1,
+        n_points=500,
+        centroid=np.array([1.0, 0.0, height - half[2]]),
+        bounds=Bounds(lower, lower + np.array(extents)),
+        axes=np.eye(3),
+        extents=np.sort(np.array(extents))[::-1],
+    )
+
+
+def way(extents, height=0.3, **options):
+    return judge(segment(extents, height), 0.0, HANDS, TaskSettings(), **options)
+
+
+def test_the_tracks_drive_over_what_is_lower_than_ten_centimetres():
+    assert way((0.5, 0.09, 0.04), height=0.09).way is Way.DRIVE_OVER
+    assert way((0.5, 0.09, 0.04), height=0.11).way is not Way.DRIVE_OVER
+
+
+def test_height_counts_from_the_ground_below():
+    low = judge(segment((0.5, 0.09, 0.04), 0.25), 0.2, HANDS, TaskSettings())
+    assert low.way is Way.DRIVE_OVER
+
+
+def test_the_narrow_hand_is_preferred_as_long_as_it_opens_wide_enough():
+    assert way((0.5, 0.06, 0.04)).arms == ("right", "left")
+    assert way((0.5, 0.06, 0.04)).way is Way.PINCH
+    assert way((0.5, 0.15, 0.15)).arms == ("left", "right")
+    assert way((0.5, 0.15, 0.15)).way is Way.CLAW
+
+
+def test_what_was_too_heavy_is_dragged_if_there_is_a_base_and_else_left():
+    assert way((0.5, 0.1, 0.1), is_too_heavy=True, can_drag=True).way is Way.DRAG
+    assert way((0.5, 0.1, 0.1), is_too_heavy=True).way is Way.LEAVE
+
+
+def test_structures_are_left_and_every_verdict_has_its_reason():
+    verdict = way((2.8, 0.1, 0.1))
+    assert verdict.way is Way.LEAVE
+    assert "2.8 m" in verdict.reason
+
+
+def test_a_plan_that_failed_is_tried_again_only_after_another_removal():
+    marks = Marks()
+    marks.add([1.0, 0.0, 0.1], "no_grasp", "none found", n_removed=2)
+    assert marks.why_left([1.01, 0.0, 0.1], 2, tries=2)
+    assert not marks.why_left([1.01, 0.0, 0.1], 3, tries=2)
+
+
+def test_a_grip_that_failed_is_tried_as_often_as_allowed():
+    marks = Marks()
+    place = [1.0, 0.0, 0.1]
+    marks.add(place, "empty_grip", "nothing there", n_removed=0)
+    assert not marks.why_left(place, 0, tries=2)
+    marks.add(place, "empty_grip", "nothing there", n_removed=0)
+    assert "2 tries" in marks.why_left(place, 5, tries=2)
+
+
+def test_marks_of_other_places_do_not_count():
+    marks = Marks()
+    marks.add([1.0, 0.0, 0.1], "too_heavy", "12 kg", n_removed=0)
+    assert marks.of([1.0, 0.2, 0.1]) is None
+    assert marks.why_left([1.0, 0.0, 0.1], 9, tries=9)
+
+
+def test_a_drop_off_in_the_way_is_refused_with_the_place_to_mend():
+    with pytest.raises(ConfigError, match="beside the robot"):
+        TaskSettings(drop_off={"right": (1.0, 0.0)})
+
+
+def test_a_drop_off_in_millimetres_is_refused():
+    with pytest.raises(ConfigError, match="metres"):
+        TaskSettings(drop_off={"right": (250.0, -750.0)})
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"max_removals": 0}, {"carry_speed": 0.0}, {"lift": -0.1}]
+)
+def test_settings_out_of_range_are_refused(wrong):
+    with pytest.raises(ConfigError):
+        TaskSettings(**wrong)

@@ -1,0 +1,161 @@
+"""Ways in and out of grasps, against the hand's own solids; and the ledger."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3, Bounds, PointCloud, so3
+from debrisgrasp.geometry.sight import PanoramicSight
+from debrisgrasp.planning.approach import ApproachConfig, Ways
+from debrisgrasp.planning.hands import PackedHands
+from debrisgrasp.planning.inspection import InspectionConfig, Inspector
+from debrisgrasp.planning.ledger import Ledger, Rejections
+from debrisgrasp.planning.scene import GraspScene, SceneConfig
+from debrisgrasp.prototypes import PrototypeLibrary
+
+CONFIG = ApproachConfig()
+TOP_DOWN = so3.from_rpy(np.array([np.pi, 0.0, 0.0]))
+GRIP = SE3.from_parts(TOP_DOWN, [0.0, 0.0, 0.30])
+NAME = "cylinder_060_tip"
+
+
+@pytest.fixture(scope="module")
+def library() -> PrototypeLibrary:
+    return PrototypeLibrary.load().select(names=[NAME])
+
+
+@pytest.fixture(scope="module")
+def hands(library) -> PackedHands:
+    return PackedHands.pack(library, approach=0.12, tolerance=0.004)
+
+
+def patch(center, size, spacing=0.008) -> np.ndarray:
+    """Points of a level rectangle."""
+    x, y = (np.arange(-s / 2, s / 2 + 1e-9, spacing) for s in size)
+    grid = np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), axis=-1)
+    return grid.reshape(-1, 3) + center
+
+
+def scene_with(*obstacles: np.ndarray) -> GraspScene:
+    """A pipe along y under the palm, and other things."""
+    angle = np.linspace(0, np.pi, 9)
+    round_ = np.stack([0.03 * np.cos(angle), 0 * angle, 0.03 * np.sin(angle)], -1)
+    along = np.arange(-0.2, 0.2, 0.008)[:, None, None] * np.array([0.0, 1.0, 0.0])
+    pipe = (round_ + along).reshape(-1, 3) + np.array([0.0, 0.0, 0.16])
+    points = np.concatenate([pipe, *obstacles])
+    cloud = PointCloud(points, np.full(points.shape, np.nan), np.array([-1.0, 0, 1.0]))
+    is_object = np.arange(len(points)) < len(pipe)
+    region = Bounds.around(pipe, 0.05)
+    sight = PanoramicSight.from_cloud(cloud)
+    return GraspScene.build(cloud, is_object, region, sight, SceneConfig())
+
+
+def way_of(scene, hands, config=CONFIG, T=GRIP) -> np.ndarray:
+    ways = Ways(scene, hands, config, InspectionConfig())
+    return ways.approaches(T.matrix[None], np.zeros(1, dtype=int))[0]
+
+
+def touched(scene, library, offset, T=GRIP) -> int:
+    """Points more than 6 mm inside the hand's solids anywhere on a way in."""
+    prototype = library[NAME]
+    hand = library.grippers[prototype.gripper]
+    solids = hand.solids(prototype.preshape, prototype.opening)
+    hits = set()
+    for share in np.linspace(0, 1, 33):
+        pose = SE3.from_parts(p=share * offset) @ T
+        local = pose.inverse().apply(scene.cloud.points)
+        depth = np.min([solid.signed_distance(local) for solid in solids], axis=0)
+        hits |= set(np.flatnonzero(depth < -0.006).tolist())
+    return len(hits)
+
+
+def test_a_free_grasp_is_approached_straight_from_the_largest_stand_off(hands):
+    assert way_of(scene_with(), hands) == pytest.approx([0.0, 0.0, CONFIG.longest])
+
+
+def test_a_roof_over_the_hand_shortens_the_way(hands, library):
+    roof = patch([0.0, 0.0, 0.53], (0.3, 0.3))
+    scene = scene_with(roof)
+    offset = way_of(scene, hands)
+    assert offset[:2] == pytest.approx([0.0, 0.0])
+    assert CONFIG.shortest <= offset[2] < CONFIG.longest
+    assert touched(scene, library, offset) <= InspectionConfig().max_hits
+
+
+def test_a_beam_over_one_side_makes_the_hand_come_from_the_other(hands, library):
+    beam = patch([0.09, 0.0, 0.452], (0.1, 0.4))
+    scene = scene_with(beam)
+    assert touched(scene, library, np.array([0.0, 0.0, 0.06])) > 1
+    offset = way_of(scene, hands)
+    assert np.linalg.norm(offset) >= CONFIG.shortest - 1e-9
+    assert offset[0] < 0
+    assert touched(scene, library, offset) <= InspectionConfig().max_hits
+
+
+def test_a_hand_that_is_locked_in_has_no_way(hands):
+    roof = patch([0.0, 0.0, 0.448], (0.5, 0.5))
+    assert not way_of(scene_with(roof), hands).any()
+
+
+def test_the_inspection_forgives_a_blocked_approach_only_where_another_is_free(hands):
+    Ts, which = GRIP.matrix[None], np.zeros(1, dtype=int)
+    for obstacle, is_forgiven in (
+        (patch([0.09, 0.0, 0.452], (0.1, 0.4)), True),
+        (patch([0.0, 0.0, 0.448], (0.5, 0.5)), False),
+    ):
+        scene = scene_with(obstacle)
+        look = Inspector(scene, hands)(Ts, which)
+        assert look.reasons(InspectionConfig())["the approach is blocked"].all()
+        assert look.amount("the approach is blocked") is look.approach_hits
+        assert set(look.reasons(InspectionConfig())) >= {"the palm would hit something"}
+        ways = Ways(scene, hands, CONFIG, InspectionConfig())
+        reasons = ways.relieved(look, Ts, which).reasons(InspectionConfig())
+        assert reasons["the approach is blocked"].all() != is_forgiven
+
+
+def test_a_neighbour_beside_the_hand_ends_its_retreat_there(hands):
+    wall = patch([0.0, 0.0, 0.0], (0.3, 0.4))[:, [2, 1, 0]] + [0.25, 0.0, 0.25]
+    ways = Ways(scene_with(wall), hands, CONFIG, InspectionConfig())
+    directions = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    free = ways.retreats(GRIP.matrix[None], np.zeros(1, dtype=int), directions, 0.2)[0]
+    assert free[0] < 0.2
+    assert free[1:] == pytest.approx([0.2, 0.2])
+
+
+def test_turning_scene_and_grasp_turns_the_way(hands):
+    beam = patch([0.09, 0.0, 0.452], (0.1, 0.4))
+    turn = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, np.pi / 2])))
+    here = scene_with(beam)
+    cloud = here.cloud.in_frame(turn, "base")
+    region = Bounds.around(cloud.points[here.is_target], 0.05)
+    sight = PanoramicSight.from_cloud(cloud)
+    there = GraspScene.build(cloud, here.is_target, region, sight, SceneConfig())
+    offset = way_of(there, hands, T=turn @ GRIP)
+    assert offset == pytest.approx(turn.rotate(way_of(here, hands)), abs=1e-6)
+
+
+def test_settings_out_of_range_are_refused():
+    with pytest.raises(ConfigError, match="longest"):
+        ApproachConfig(longest=0.05, shortest=0.06)
+    with pytest.raises(ConfigError, match="slants"):
+        ApproachConfig(slants=(0.2, 2.0))
+
+
+def test_the_ledger_counts_what_was_noted_and_finds_it_again():
+    ledger, Ts = Ledger(), np.tile(np.eye(4), (4, 1, 1))
+    Ts[:, 0, 3] = range(4)
+    which = np.array([7, 8, 9, 7])
+    ledger.add("the palm would hit something", Ts, which, np.array([0, 0, 1, 1], bool))
+    ledger.add("too heavy", Ts, which, np.array([1, 0, 0, 0], bool), 3.0 * which)
+    ledger.add("the palm would hit something", Ts, which, np.array([0, 1, 0, 0], bool))
+    ledger.add("never", Ts, which, np.zeros(4, bool))
+    found = ledger.closed()
+    assert found.counts() == {"the palm would hit something": 3, "too heavy": 1}
+    (row,) = found.because("heavy")
+    assert (found.prototype[row], found.amount[row]) == (7, 21.0)
+    assert found.Ts[found.because("palm"), 0, 3].tolist() == [2, 3, 1]
+    assert np.isnan(found.amount[found.because("palm")]).all()
+    assert len(Rejections()) == 0
+    assert Ledger().closed().counts() == {}

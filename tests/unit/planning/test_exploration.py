@@ -1,0 +1,42 @@
+"""The last climb leads to where the score is higher, and only where arms follow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp.planning import PlannerConfig
+from debrisgrasp.planning.exploration import steady
+from debrisgrasp.planning.postures import Postures
+from tests.unit.planning.test_postures import HANDS, SlidingArm, at
+
+CONFIG = PlannerConfig(steadying_sweeps=40)
+
+
+def hill(top: float):
+    """Log of a score in (0, 1] that is highest at x = top."""
+
+    def score(Ts: np.ndarray, _prototype: np.ndarray) -> np.ndarray:
+        return -0.5 * ((Ts[:, 0, 3] - top) / 0.1) ** 2
+
+    return score
+
+
+def climbed(top: float, arms, rng) -> np.ndarray:
+    x = np.linspace(0.9, 0.99, 10)
+    which = np.ones(10, dtype=int)
+    postures = Postures(arms, HANDS, rng)
+    score = hill(top)
+    start = at(x, score(at(x, 0.0).Ts_base_hand, which))
+    found = steady(postures.unknown(start), which, score, postures, CONFIG, rng=rng)
+    assert (found.walkers.best_log_quality >= start.best_log_quality).all()
+    return found.walkers.best_Ts_base_hand[:, 0, 3] - x
+
+
+def test_walkers_end_nearer_to_the_top(rng):
+    assert climbed(0.8, (), rng).mean() < -0.05
+
+
+def test_walkers_do_not_climb_out_of_reach(rng):
+    arm = SlidingArm("right", "right_hand", length=1.0)
+    gained = climbed(1.2, (arm,), rng)
+    assert (np.linspace(0.9, 0.99, 10) + gained <= 1.0).all()

@@ -1,0 +1,122 @@
+"""Hand and held object against everything else, in scenes with known answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp._passage import Passage
+from debrisgrasp.executable import _on_robot
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.planning import Grasp
+from debrisgrasp.prototypes import load_grippers
+
+GRIPPERS = load_grippers()
+TOP_DOWN = so3.from_rpy(np.array([np.pi, 0.0, 0.0]))
+GRIP = SE3.from_parts(TOP_DOWN, [0.0, 0.0, 0.30])
+GRASP = Grasp(
+    T_base_hand=GRIP,
+    T_base_pregrasp=SE3.from_parts(p=[0.0, 0.0, 0.15]) @ GRIP,
+    gripper="robotiq_3f",
+    preshape="basic",
+    opening=0.10,
+    width=0.06,
+    prototype="cylinder_060_tip",
+    S=1.0,
+    C=1.0,
+    R=1.0,
+    coverage=1.0,
+    support=1,
+    expected=1.0,
+    score=1.0,
+)
+
+
+def block(center, size, spacing=0.01) -> np.ndarray:
+    """Points that fill a box."""
+    axes = [np.arange(-s / 2, s / 2 + 1e-9, spacing) for s in size]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return grid.reshape(-1, 3) + np.array(center)
+
+
+BAR = block([0.0, 0.0, 0.20], (0.04, 0.5, 0.04))
+
+
+def way(offset, n=31) -> SE3:
+    """Palm poses from the grip along an offset."""
+    share = np.linspace(0.0, 1.0, n)[:, None]
+    return SE3.from_parts(p=share * np.array(offset)) @ GRIP
+
+
+def coming_in() -> SE3:
+    return way([0.0, 0.0, 0.15])[::-1]
+
+
+@pytest.fixture(scope="module")
+def alone() -> Passage:
+    return Passage(BAR, BAR, GRIPPERS)
+
+
+def test_the_object_itself_is_not_in_the_way(alone):
+    assert alone.approach_fault(GRASP, coming_in()) == ""
+    assert alone.lift_fault(GRASP, way([0.0, 0.0, 0.3])) == ""
+
+
+def test_a_shelf_above_stops_the_hand_on_its_way_in():
+    shelf = block([0.05, 0.0, 0.40], (0.1, 0.1, 0.02))
+    passage = Passage(np.concatenate([BAR, shelf]), BAR, GRIPPERS)
+    assert "the hand hits something" in passage.approach_fault(GRASP, coming_in())
+
+
+def test_a_beam_over_the_end_of_the_bar_stops_the_bar_and_not_the_hand():
+    beam = block([0.0, 0.22, 0.30], (0.3, 0.04, 0.04))
+    passage = Passage(np.concatenate([BAR, beam]), BAR, GRIPPERS)
+    assert passage.approach_fault(GRASP, coming_in()) == ""
+    fault = passage.lift_fault(GRASP, way([0.0, 0.0, 0.15]))
+    assert "the held object hits something" in fault
+    # The beam's underside is 6 cm over the bar's top: 40 % of the way.
+    share = float(fault.split("after ")[1].rstrip("%"))
+    assert 33 <= share <= 45
+    assert passage.lift_fault(GRASP, way([0.0, -0.15, 0.01])) == ""
+
+
+def test_a_neighbour_that_touches_from_the_start_does_not_forbid_the_lift():
+    below = block([0.0, 0.1, 0.15], (0.3, 0.05, 0.05))
+    passage = Passage(np.concatenate([BAR, below]), BAR, GRIPPERS)
+    assert passage.lift_fault(GRASP, way([0.0, 0.0, 0.15])) == ""
+
+
+def test_single_points_in_the_air_are_forgiven():
+    stray = np.array([[0.05, 0.0, 0.42]])
+    passage = Passage(np.concatenate([BAR, stray]), BAR, GRIPPERS)
+    assert passage.approach_fault(GRASP, coming_in()) == ""
+
+
+@pytest.mark.parametrize("points", [BAR, np.zeros((0, 3))])
+def test_an_unknown_object_and_an_empty_scene_are_no_trouble(points):
+    passage = Passage(points, np.zeros((0, 3)), GRIPPERS)
+    assert isinstance(passage.lift_fault(GRASP, way([0.0, 0.0, 0.1])), str)
+    empty = Passage(np.zeros((0, 3)), BAR, GRIPPERS)
+    assert empty.lift_fault(GRASP, way([0.0, 0.0, 0.1])) == ""
+
+
+def test_turning_everything_changes_no_verdict():
+    turn = SE3.from_parts(so3.from_rpy(np.array([0.4, -0.3, 1.1])), [0.5, 0.1, 0.2])
+    beam = block([0.0, 0.22, 0.30], (0.3, 0.04, 0.04))
+    points = np.concatenate([BAR, beam])
+    here = Passage(points, BAR, GRIPPERS)
+    there = Passage(turn.apply(points), turn.apply(BAR), GRIPPERS)
+    lift = way([0.0, 0.0, 0.15])
+    assert ("held object" in here.lift_fault(GRASP, lift)) == (
+        "held object" in there.lift_fault(GRASP, turn @ lift)
+    )
+
+
+def test_the_fingers_of_a_preshape_get_the_names_of_the_robot(alone):
+    robot = RobotModel.load("roman")
+    fingers = alone.finger_joints(GRASP)
+    held = _on_robot(fingers, robot, "right")
+    assert len(held) == len(fingers)
+    assert all(name.startswith("right_robotiq_finger_") for name in held)
+    assert _on_robot({"no_such_joint": 1.0}, robot, "right") == {}

@@ -1,0 +1,133 @@
+"""The file of a site: what it means, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from debrisgrasp import Pipeline, Settings
+from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.segmentation import PriorityPoint, SupportAware
+
+HEAD = "schema: debrisgrasp/site/1\n"
+
+
+@pytest.fixture
+def written(tmp_path: Path):
+    def write(text: str) -> Path:
+        path = tmp_path / "site.yaml"
+        path.write_text(HEAD + text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def test_an_empty_file_means_the_defaults(written):
+    settings = Settings.load(written(""))
+    assert settings.robot == "roman"
+    assert not settings.drop_off
+    assert settings.pose_of_camera() is None
+    assert isinstance(settings.selection(), SupportAware)
+
+
+def test_every_field_arrives(written, tmp_path):
+    (tmp_path / "hands").mkdir()
+    settings = Settings.load(
+        written(
+            "robot: none\ngripper: camhand\ngrippers: hands\n"
+            "camera: {pose: [0.2, 0, 1.2, -2.2, 0, -1.5]}\n"
+            "selection: {policy: priority, priority_point: [1, 2, 3]}\n"
+            "drop_off: {right: [0.6, -0.8]}\ndeadline: 3\nseed: 7\n"
+            "limits: {force: 90, hand_speed: 0.05}\n"
+        )
+    )
+    assert settings.grippers == tmp_path / "hands"
+    np.testing.assert_allclose(settings.pose_of_camera().p, (0.2, 0, 1.2))
+    policy = settings.selection()
+    assert isinstance(policy, PriorityPoint)
+    np.testing.assert_array_equal(policy.point, (1, 2, 3))
+    assert settings.drop_off == {"right": (0.6, -0.8)}
+    assert (settings.seed, settings.deadline, settings.limits.force) == (7, 3, 90)
+    assert settings.robot_model() is None
+
+
+def test_limits_are_in_force_on_the_robot(written):
+    site = Settings.load(
+        written("limits: {force: 90, joint_speed: 0.5, acceleration: 0.25}")
+    )
+    limited = site.robot_model().limits("right").hardware
+    own = RobotModel.load("roman").limits("right").hardware
+    assert limited.force == 90
+    assert limited.torque == own.torque
+    np.testing.assert_allclose(limited.velocity, 0.5 * own.velocity)
+    np.testing.assert_allclose(limited.acceleration, 0.25 * own.acceleration)
+    np.testing.assert_array_equal(limited.upper, own.upper)
+
+
+def test_a_site_may_not_raise_limits(written):
+    with pytest.raises(ConfigError, match=r"limits.force.*at most 150.*right arm"):
+        Settings.load(written("limits: {force: 200}")).robot_model()
+
+
+def test_the_pipeline_of_a_site_uses_its_arm_and_the_opening_of_its_hand(written):
+    pipeline = Pipeline.from_settings(
+        Settings.load(written("arm: left\nselection: {priority_point: [0.7, 0, 1]}"))
+    )
+    assert [arm.name for arm in pipeline.arms] == ["left"]
+    (hand,) = {prototype.gripper for prototype in pipeline.library}
+    assert pipeline.policy.openings == (pipeline.grippers[hand].opening_range[1],)
+    np.testing.assert_array_equal(pipeline.policy.point, (0.7, 0, 1))
+
+
+def test_paths_are_relative_to_the_file(written, monkeypatch, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "protos").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    path = written("prototypes: protos")
+    assert Settings.load(path).prototypes == tmp_path / "protos"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("robt: roman", "unknown field in .*site.yaml.*Did you mean 'robot'"),
+        ("robot: mine.yaml", r"field robot: .*mine.yaml, expected an existing file"),
+        ("prototypes: nowhere", r"field prototypes: .*an existing folder"),
+        ("drop_off: [1, 2]", r"field drop_off.*a mapping"),
+        ("drop_off: {left: [1]}", r"field drop_off.left.*a list of 2 numbers"),
+        ("drop_off: {left: [600, 0]}", r"site.yaml, field drop_off.left.*metres"),
+        ("drop_off: {left: [.nan, 0]}", r"field drop_off.left.*finite"),
+        ("seed: 1.5", r"field seed.*an integer"),
+        ("seed: -1", r"field seed"),
+        ("deadline: 0", r"field deadline"),
+        ("limits: {force: -3}", r"site.yaml, field limits.force.*0.001"),
+        ("limits: {joint_speed: 1.2}", r"field limits.joint_speed.*0.001 to 1"),
+        ("limits: {speed: 1}", r"unknown field.*limits.*hand_speed"),
+        ("selection: {policy: nearest}", r"field selection.policy.*support, priority"),
+        ("camera: {pose: [0, 0, 1, 180, 0, 0]}", r"field camera.pose.*radians"),
+        ("camera: {pose: [0, 0, 1]}", r"field camera.pose.*a list of 6"),
+        ("camera: {calibration: gone.json}", r"field camera.calibration.*existing"),
+        ("camera: 3", r"field camera.*a mapping"),
+    ],
+)
+def test_a_mistake_is_named_with_file_and_field(written, text, message):
+    with pytest.raises((ConfigError, UnknownNameError), match=message) as caught:
+        Settings.load(written(text))
+    assert "site.yaml" in str(caught.value)
+
+
+def test_a_file_of_something_else_is_refused(tmp_path):
+    path = tmp_path / "robot.yaml"
+    path.write_text("name: roman\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"robot.yaml, field schema"):
+        Settings.load(path)
+
+
+def test_calibration_and_pose_exclude_each_other(written, tmp_path):
+    (tmp_path / "c.json").write_text("{}", encoding="utf-8")
+    text = "camera: {calibration: c.json, pose: [0, 0, 1, 0, 0, 0]}"
+    with pytest.raises(ConfigError, match="both a calibration and a pose"):
+        Settings.load(written(text))

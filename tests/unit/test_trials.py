@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import json
+import pickle
+
+import pytest
+
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.sim import SceneConfig, Verdict
+from debrisgrasp.trials import NO_GRASP, TrialRecord, TrialSpec, pipeline_of, trial
+
+pytest.importorskip("mujoco")
+
+
+@pytest.fixture(scope="module")
+def done():
+    spec = TrialSpec(tier="isolated", seed=1, robot="none")
+    return trial(spec, pipeline_of(spec))
+
+
+def test_a_trial_ends_in_one_named_outcome(done):
+    outcomes = {NO_GRASP, *(verdict.value for verdict in Verdict)}
+    assert done.record.outcome in outcomes
+    assert done.record.is_success == (done.record.outcome == "held")
+
+
+def test_a_record_survives_json(done):
+    text = json.dumps(done.record.as_dict())
+    assert TrialRecord(**json.loads(text)) == done.record
+
+
+def test_spec_and_record_travel_between_processes(done):
+    spec = TrialSpec(tier="pile", seed=3, scene=SceneConfig(noise=False))
+    assert pickle.loads(pickle.dumps(spec)) == spec
+    assert pickle.loads(pickle.dumps(done.record)) == done.record
+
+
+def test_the_record_says_what_the_planner_said(done):
+    assert done.grasp is not None
+    assert done.record.prototype == done.grasp.prototype
+    assert pytest.approx(done.grasp.Q) == done.record.Q
+    assert done.record.n_bodies == 1
+    assert done.record.kind == done.scene.world.bodies[0].kind
+
+
+def test_specs_that_make_no_sense_are_refused():
+    with pytest.raises(ConfigError, match="order"):
+        TrialSpec(tier="pile", seed=1, order="random")
+    with pytest.raises(ConfigError, match="pull"):
+        TrialSpec(tier="pile", seed=1, pull="sideways")
+    with pytest.raises(ConfigError, match="seed"):
+        TrialSpec(tier="pile", seed=-1)
