@@ -26,7 +26,7 @@ types: $(VENV)/ready
 	$(BIN)/mypy
 
 bench: $(VENV)/ready
-	for name in segmentation plan ik reach motion control calibration; do $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
+	for name in segmentation plan ik reach motion control calibration robot task campaign; do $(BIN)/python -m tests.benchmarks.$$name || exit 1; done
 
 docs: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
