@@ -15,8 +15,9 @@ $(VENV)/ready: pyproject.toml
 demo: $(VENV)/ready
 	$(BIN)/debrisgrasp demo --out-dir $(OUT)
 
+# One process for each core; a process that computes on several would slow the others.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
 
 lint: $(VENV)/ready
 	$(BIN)/ruff format --check .

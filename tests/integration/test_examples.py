@@ -26,6 +26,7 @@ TELLING = {
     "12_calibrate": "ptu_tilt_joint slipped by",
     "13_reach_a_grasp": "planned: ",
     "14_your_own_robot": "metres, not millimetres",
+    "15_clear_a_pile": "really removed: ",
     "20_ros2_node": "",  # tested in test_embedding, as is the server
     "21_control_loop": "done after",
     "22_depth_camera": "grasps, Q",
@@ -81,6 +82,13 @@ def test_serves_a_plan(tmp_path):
     pytest.importorskip("viser")
     output = run("31_look_at_a_plan", "--once", cwd=tmp_path)
     assert TELLING["31_look_at_a_plan"] in output
+
+
+def test_clears_a_small_pile_and_draws_the_run(tmp_path):
+    output = run("15_clear_a_pile", str(tmp_path), cwd=tmp_path)
+    assert TELLING["15_clear_a_pile"] in output
+    assert output.startswith("attempt 1: ")
+    assert (tmp_path / "run.html").stat().st_size > 20_000
 
 
 def test_plans_a_folder(tmp_path):
