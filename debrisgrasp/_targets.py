@@ -24,6 +24,8 @@ class Target:
     region: Bounds
     is_object: BoolArray
     """Which points of the cloud belong to it, shape (n,)."""
+    cost: float = 0.0
+    """What the order ascends by; 0 where there is none."""
 
 
 def choose_targets(
@@ -76,6 +78,7 @@ def choose_targets(
                     margin=margin,
                 ),
                 labels == candidate.label,
+                candidate.cost,
             )
             for candidate in order
         ]

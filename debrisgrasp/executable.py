@@ -19,7 +19,12 @@ from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp.control import CartesianLeg, LegPlan, LegPlanner
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3
-from debrisgrasp.kinematics import ArmReach, RobotModel, Trajectory
+from debrisgrasp.kinematics import (
+    ArmReach,
+    DeflectionLimits,
+    RobotModel,
+    Trajectory,
+)
 from debrisgrasp.motion import MotionConfig, MotionPlan, MotionPlanner, MotionSpace
 from debrisgrasp.planning import Grasp, GraspPlan
 
@@ -43,6 +48,8 @@ class MotionsConfig:
     retreat of the grasp."""
     speed: float = 0.1
     """Of the hand on approach and lift [m/s]."""
+    clamp: DeflectionLimits | None = None
+    """How far the controller lets the hand be pushed aside; None: by its limits."""
     tries: int = 12
     """Postures at the pre-grasp from which approach and lift are tried."""
 
@@ -174,7 +181,9 @@ class _Chain:
         self._planner = MotionPlanner.of_arm(arm, config=config.motion)
         self._legs = LegPlanner(arm.chain, family.planner, speed=config.speed)
         # The margins of a leg are the controller's to use.
-        self._pushed = LegPlanner(arm.chain, family.controller, speed=config.speed)
+        clamp = config.clamp or family.controller.deflection
+        pushed = replace(family.controller, deflection=clamp)
+        self._pushed = LegPlanner(arm.chain, pushed, speed=config.speed)
         self._is_free: Callable[[FloatArray], np.ndarray] = self._planner.exact_test(
             space, with_hand=False
         ).is_free

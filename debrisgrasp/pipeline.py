@@ -10,10 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from debrisgrasp._advice import advice_on, is_poor
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, require_range
 from debrisgrasp._inputs import arms_of, require_limits, robot_of
-from debrisgrasp._reasons import unfit, why_empty
+from debrisgrasp._reasons import unfit
 from debrisgrasp._retreat import with_retreats
+from debrisgrasp._second_look import BestSoFar
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp._targets import Target, choose_targets
 from debrisgrasp.errors import ConfigError
@@ -27,7 +28,6 @@ from debrisgrasp.planning import (
     Grasp,
     GraspPlan,
     GraspPlanner,
-    PassedOver,
     PlannerConfig,
     SearchResult,
 )
@@ -59,6 +59,10 @@ class PipelineConfig:
     """How far the region V reaches beyond the visible points of the object [m]."""
     max_objects: int = 5
     """How many objects to try before giving up."""
+    doubtful: float = 0.15
+    """Below this score, objects whose turn is nearly as due are tried too; 0: none."""
+    max_further: int = 2
+    """How many of them at most."""
     min_object_points: int = 80
     """Fewer thinned points (one per cell of the planner's grid) than this are a crumb
     of segmentation, not an object to grip."""
@@ -70,6 +74,8 @@ class PipelineConfig:
                 got=(self.max_objects, self.region_margin),
                 expected="at least 1, and 0 m or more",
             )
+        require_range("PipelineConfig.doubtful", self.doubtful, 0.0, 1.0)
+        require_range("PipelineConfig.max_further", self.max_further, 0)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -272,27 +278,25 @@ class Pipeline:
             )
         is_specific = region is not None or seen.is_marked is not None
         planner = self._specific if is_specific else self._generic
-        result, target, passed_over = self._first_success(
-            planner, seen, targets, seed, watch, mass
-        )
+        best = self._first_success(planner, seen, targets, seed, watch, mass)
+        result, target = best.result, best.target
         grasps: tuple[Grasp, ...] = ()
         advice: tuple[Advice, ...] = ()
-        if result is not None and target is not None:
+        if target is not None:
             grasps = self._grasps(planner, seen, result, target, watch)
             if advise or is_poor(grasps):
                 advice = self._advice(planner, seen, result, target, seed, watch)
-        searched = result or SearchResult(())
         plan = GraspPlan(
             grasps=grasps,
             object_label=0 if target is None else target.label,
             region=None if target is None else target.region,
             robot="none" if self.robot is None else self.robot.name,
             seed=seed,
-            rejections=searched.rejections,
-            ruled_out=searched.ruled_out,
-            passed_over=tuple(passed_over),
-            effective_samples=searched.effective_samples,
-            why_empty=None if grasps else why_empty(seen.segmentation, passed_over),
+            rejections=result.rejections,
+            ruled_out=result.ruled_out,
+            passed_over=tuple(best.passed_over),
+            effective_samples=result.effective_samples,
+            why_empty=None if grasps else best.why_empty(seen.segmentation),
             advice=advice,
             seconds=dict(watch.seconds),
         )
@@ -333,20 +337,23 @@ class Pipeline:
         seed: int,
         watch: Stopwatch,
         mass: float | None,
-    ) -> tuple[SearchResult | None, Target | None, list[PassedOver]]:
-        """Try the targets in turn until one offers a grasp."""
-        passed_over: list[PassedOver] = []
+    ) -> BestSoFar:
+        """Try the targets in turn until one offers a grasp that is not doubtful."""
+        best, n_tried = BestSoFar(self.config.doubtful, self.config.max_further), 0
         rngs = np.random.default_rng(seed).spawn(max(1, len(targets)))
-        tried: tuple[SearchResult, Target] | None = None
-        n_tried = 0
         for target, rng in zip(targets, rngs, strict=False):
-            reason = self._unfit(seen, target) if target.label else None
-            if reason is None and n_tried == self.config.max_objects:
+            is_late, is_enough = watch.is_late(), n_tried == self.config.max_objects
+            if best.is_sure or (best.is_found and (is_late or is_enough)):
+                break
+            if not best.is_worth_a_look(target):
+                continue
+            reason = self._unfit(seen, target)
+            if reason is None and is_enough:
                 reason = f"not tried: the limit of {n_tried} objects was reached"
-            if reason is None and n_tried and watch.is_late():
+            if reason is None and n_tried and is_late:
                 reason = "not tried: the deadline had passed"
             if reason is not None:
-                passed_over.append(PassedOver(target.label, reason))
+                best.pass_over(target, reason)
                 continue
             n_tried += 1
             with watch.stage("scene"):
@@ -354,23 +361,17 @@ class Pipeline:
             result = planner.plan(
                 scene, self.arms, obstacles, rng=rng, watch=watch, mass=mass
             )
-            if result.grasps:
-                return result, target, passed_over
-            tried = tried or (result, target)
-            passed_over.append(PassedOver(target.label, result.why_empty() or ""))
-        return (*tried, passed_over) if tried else (None, None, passed_over)
+            best.take(result, target)
+        return best
 
     def _unfit(self, seen: Perception, target: Target) -> str | None:
         """Why an object isn't worth a search, or None if it is."""
-        config, points = self.config, seen.cloud.points[target.is_object]
-        return unfit(
-            points,
-            target.region,
-            seen.segmentation.ground,
-            config.segmentation.ground,
-            config.planner.scene,
-            config.min_object_points,
-        )
+        points, config = seen.cloud.points[target.is_object], self.config
+        ground, grid = config.segmentation.ground, config.planner.scene
+        report, least = seen.segmentation.ground, config.min_object_points
+        if not target.label:
+            return None
+        return unfit(points, target.region, report, ground, grid, least)
 
     def _advice(
         self,

@@ -23,6 +23,10 @@ __all__ = ["lift", "transport", "verify_hold"]
 
 _STANDING = 0.4
 """How long the arm stands while the load is averaged [s]."""
+_HIGHER = 0.12
+"""How far an object is lifted once more where no way is free around it [m]."""
+_CAREFUL = 0.3
+"""Share of the usual speed on a way on which what is held may touch something."""
 _FREE = 0.6
 """Share of the lift after which what lies below no longer matters."""
 
@@ -96,37 +100,51 @@ def transport(context: Context) -> StepResult:
     held = context.held
     assert held is not None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
-    found = _way(context, limb, held)
+    found: MotionPlan | FaultFound | None = _way(context, limb, held)
+    if found is None:
+        # What it hangs over may be in the way of the box around it.
+        end = drive.leg(
+            [0.0, 0.0, _HIGHER], speed=context.settings.lift_speed,
+            tare=TarePolicy.SESSION,
+        )  # fmt: skip
+        if isinstance(end, FaultFound):
+            return end
+        found = _way(context, limb, held)
+    pace = context.settings.carry_speed * context.cycle.speed
+    if found is None:
+        found, pace = _bare_way(context, limb, held), _CAREFUL * pace
     if isinstance(found, FaultFound):
         return found
     assert found.trajectory is not None
     context.is_in_pile = None
-    pace = context.settings.carry_speed * context.cycle.speed
     fault = drive.follow(found.trajectory, pace=pace)
     if fault is not None:
         return fault
     return Done({"seconds": round(found.trajectory.duration / pace, 3)})
 
 
-def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFound:
-    """Plan to over the drop-off: with the object's box, then with less certainty."""
+def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | None:
+    """Plan to over the drop-off with a box around what is held."""
     q = context.posture(limb)
     goals = drop_postures(context, limb, held, q)
     if not len(goals):
-        place = context.settings.drop_off[held.arm]
-        words = f"no posture holds it over the drop-off at {place}"
-        return FaultFound("unreachable", words, held.arm)
+        return None
     planner = carrying(context, limb)
     label = context.cycle.label
-    found: MotionPlan | FaultFound | None = None
     for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
         space = space_of(context, label, unknown=unknown)
         found = planned(context, limb, goals, space, planner)
         if not isinstance(found, FaultFound):
             return found
-    # The box around what was seen may touch what the object itself does not.
-    bare = planned(context, limb, goals, space)
-    if not isinstance(bare, FaultFound):
-        return bare
-    assert found is not None
-    return found
+    return None
+
+
+def _bare_way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFound:
+    """Plan for the arm alone: the box may touch what the object itself does not."""
+    goals = drop_postures(context, limb, held, context.posture(limb))
+    if not len(goals):
+        place = context.settings.drop_off[held.arm]
+        words = f"no posture holds it over the drop-off at {place}"
+        return FaultFound("unreachable", words, held.arm)
+    space = space_of(context, context.cycle.label, unknown=UnknownSpace.IGNORED)
+    return planned(context, limb, goals, space)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from debrisgrasp._passage import Passage
 from debrisgrasp._reasons import is_ground, too_small
 from debrisgrasp.executable import MotionsConfig, first_executable
 from debrisgrasp.motion import UnknownSpace
@@ -215,11 +216,17 @@ def plan_motion(context: Context) -> StepResult:
     assert cycle.plan is not None
     assert cycle.seen is not None
     settings = context.settings
-    config = MotionsConfig(lift=(0.0, 0.0, settings.lift), tries=6)
+    config = MotionsConfig(
+        lift=(0.0, 0.0, settings.lift), tries=6, clamp=settings.clamp
+    )
+    space = space_of(context, unknown=UnknownSpace.HIDDEN)
     found = first_executable(
         cycle.plan.plan,
         context.model,
-        space_of(context, unknown=UnknownSpace.HIDDEN),
+        space,
+        passage=Passage(
+            space.measured_points, cycle.plan.object_points, cycle.plan.grippers
+        ),
         present=context.joint_values(),
         config=config,
         rng=context.rng,

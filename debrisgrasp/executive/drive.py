@@ -30,7 +30,7 @@ from debrisgrasp.control import (
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3
-from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .context import FINGER_TICKS, Context
 from .noticed import fault_of_stop, refused
@@ -45,6 +45,8 @@ _SAFETY = SafetyConfig(jump_force=80.0, jump_torque=25.0)
 _AMONG = replace(_SAFETY, jump_force=400.0, jump_torque=60.0)
 """Fingers that meet on an object push the wrist no more, from one tick to the next;
 what slides in a pile may fall onto the hand. The absolute limits hold all the same."""
+_CARRYING = replace(_SAFETY, motion_force=60.0, motion_torque=15.0)
+"""What is carried should touch nothing."""
 _TOUCHING = (State.APPROACH, State.CLOSE, State.VERIFY_GRASP, State.RECOVER)
 _SPARE = 0.95
 """Share of a planned speed that is used: between its knots a motion, and more so one
@@ -190,11 +192,14 @@ class Drive:
         compliance: Compliance | None = None,
         tare: TarePolicy = TarePolicy.MOTION,
         until: Callable[[Wrench], bool] | None = None,
+        limits: LimitSet | None = None,
     ) -> LegEnd | FaultFound:
         """Go straight to a pose, or by an offset in base (3,) [m], until a touch.
 
         Parameters
         ----------
+        limits
+            That hold on this leg; None: the controller's.
         until
             Ends the leg as a touch does, by what it is told of the load.
         """
@@ -202,7 +207,8 @@ class Drive:
         if engaged is not None:
             return engaged
         for attempt in range(4):
-            found = self._begun(goal, speed * 0.5**attempt, guard, compliance, tare)
+            pace = speed * 0.5**attempt
+            found = self._begun(goal, pace, guard, compliance, tare, limits)
             is_slow_enough = isinstance(found, tuple) or "brake" not in found.message
             if is_slow_enough:
                 break
@@ -248,6 +254,7 @@ class Drive:
         guard: ContactGuard | None,
         compliance: Compliance | None,
         tare: TarePolicy,
+        limits: LimitSet | None,
     ) -> tuple[LegController, LegState] | FaultFound:
         limb = self.limb
         reading = self.read()
@@ -259,7 +266,10 @@ class Drive:
                 leg = CartesianLeg.along(start, goal)
             controller = LegController(
                 limb.reach.chain,
-                limb.limits.controller,
+                replace(
+                    limits or limb.limits.controller,
+                    deflection=self.context.settings.clamp,
+                ),
                 limb.loads,
                 leg,
                 ControllerConfig(
@@ -283,6 +293,8 @@ class Drive:
 
     @property
     def _safety(self) -> SafetyConfig:
+        if self.context.state is State.TRANSPORT:
+            return _CARRYING
         return _AMONG if self.context.state in _TOUCHING else _SAFETY
 
     def supervised(self) -> tuple[Supervisor, SafetyState | FaultFound]:

@@ -16,12 +16,12 @@ from debrisgrasp.control import (
 )
 from debrisgrasp.errors import InputError
 from debrisgrasp.executable import GraspMotion
-from debrisgrasp.geometry import voxel_downsample
+from debrisgrasp.geometry import SE3, voxel_downsample
 from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.planning import Grasp
 
 from .context import FINGER_TICKS, Context, Held, LimbState
-from .drive import Drive
+from .drive import Drive, LegEnd
 from .fingers import open_hand, run_grip
 from .moves import planned, space_of
 from .result import Done, FaultFound, StepResult
@@ -30,10 +30,16 @@ __all__ = ["approach", "close", "pregrasp", "switch", "verify_grasp"]
 
 _AT_GRASP = 0.02
 """A touch so near to the end of the approach is the object between the fingers [m]."""
+_ASIDE, _BACK_OFF = 0.006, 0.006
+"""Touched by a slanting side before that, the hand goes aside, and back [m] ..."""
+_ASIDES = 5
+"""... so many times."""
+_SLANT = 0.25
+"""Share of a push across the approach that makes it slanting."""
 _STANDING = 0.24
 """How long the arm stands while forces are averaged [s]."""
-_GENTLE = 100.0
-"""A claw could crush; so much is enough to hold what may be carried [N]."""
+_GENTLE, _FIRM = 100.0, 200.0
+"""A claw could crush: a finger squeezes as the weight demands, within these [N]."""
 _PUSHED = 45.0
 """Pushed by more while it closes, the hand gives way [N] ..."""
 _GIVE = 0.0015
@@ -46,6 +52,8 @@ _CLOSING = 0.04
 """Speed of the pads [m/s]."""
 _SETTLING = 40
 """Steps in which the force of the fingers grows, and settles."""
+_THICKEST = 0.1
+"""[m]."""
 _SQUEEZED = 0.015
 """What gives way by more when squeezed was not between the fingers [m]."""
 
@@ -116,16 +124,38 @@ def approach(context: Context) -> StepResult:
     """Go straight in; stop at the first touch."""
     motion = _motion(context)
     drive, settings = Drive(context, motion.arm), context.settings
-    goal = motion.grasp.T_base_hand
-    end = drive.leg(goal, speed=settings.approach_speed, guard=ContactGuard())
-    if isinstance(end, FaultFound):
-        return end
-    facts = {"outcome": end.outcome.value, "left": round(end.left, 4)}
-    if end.outcome is LegOutcome.DONE or end.left <= _AT_GRASP:
-        return Done(facts)
+    goal, shift = motion.grasp.T_base_hand, np.zeros(3)
+    end: LegEnd | FaultFound
+    for n_aside in range(_ASIDES + 1):
+        aim = SE3.from_parts(goal.R, goal.p + shift)
+        end = drive.leg(aim, speed=settings.approach_speed, guard=ContactGuard())
+        if isinstance(end, FaultFound):
+            return end
+        if end.outcome is LegOutcome.DONE or end.left <= _AT_GRASP:
+            facts = {"outcome": end.outcome.value, "left": round(end.left, 4)}
+            return Done({**facts, "shift_mm": np.round(1e3 * shift, 1).tolist()})
+        aside = _aside(drive.push(), goal.R[:, 2])
+        if end.outcome is not LegOutcome.CONTACT or aside is None or n_aside == _ASIDES:
+            break
+        way = _ASIDE * aside - _BACK_OFF * goal.R[:, 2]
+        moved = drive.leg(way, speed=settings.approach_speed, tare=TarePolicy.SESSION)
+        if isinstance(moved, FaultFound):
+            return moved
+        shift = shift + _ASIDE * aside
+    assert not isinstance(end, FaultFound)
     words = f"{end.outcome.value} {1000 * end.left:.0f} mm before the grasp"
     name = "early_contact" if end.outcome is LegOutcome.CONTACT else "unreachable"
     return FaultFound(name, words, motion.arm, {"left": end.left})
+
+
+def _aside(push: FloatArray, axis: FloatArray) -> FloatArray | None:
+    """Direction in which a push (3,) turns a hand aside that goes along an axis.
+
+    None if it only stops it.
+    """
+    across = push - (push @ axis) * axis
+    size = float(np.linalg.norm(across))
+    return across / size if size > _SLANT * float(np.linalg.norm(push)) else None
 
 
 def close(context: Context) -> StepResult:
@@ -231,7 +261,7 @@ def _grip_of(context: Context, limb: LimbState, motion: GraspMotion) -> Held:
     grasp = motion.grasp
     opening = _opening(limb, grasp)
     most = limb.hand.max_force
-    squeeze = min(0.9 * most, _GENTLE)
+    squeeze = min(0.9 * most, _squeeze_for(grasp))
 
     def config(period: float) -> GripConfig:
         return GripConfig(
@@ -256,6 +286,13 @@ def _grip_of(context: Context, limb: LimbState, motion: GraspMotion) -> Held:
     )
 
 
+def _squeeze_for(grasp: Grasp) -> float:
+    """Squeeze of each finger that holds what the object may weigh [N]."""
+    if grasp.load is None:
+        return _GENTLE
+    return float(np.clip(grasp.load.grip[1], _GENTLE, _FIRM))
+
+
 def _object_in_hand(context: Context, held: Held) -> FloatArray:
     """Visible points of the object in the frame of the palm that holds it."""
     cycle = context.cycle
@@ -264,4 +301,8 @@ def _object_in_hand(context: Context, held: Held) -> FloatArray:
     limb = context.limbs[held.arm]
     points = cycle.seen.cloud.points[cycle.seen.segmentation.points_of(cycle.label)]
     T = limb.pose(context.posture(limb))
-    return T.inverse().apply(points[voxel_downsample(points, 0.01)])
+    points = points[voxel_downsample(points, 0.01)]
+    # Its underside is as far below as it is thick.
+    thick = min(_motion(context).grasp.width, _THICKEST)
+    points = np.concatenate([points, points - [0.0, 0.0, thick]])
+    return T.inverse().apply(points)

@@ -33,7 +33,9 @@ def fault_of_stop(stop: Stop, reading: Reading, state: State, arm: str) -> Fault
     if stop.fault is Fault.WRENCH_LOST:
         is_number = np.isfinite(np.asarray(reading.wrench_ft, dtype=np.float64)).all()
         name = "clock_disorder" if is_number else "wrench_nan"
-    elif stop.fault is Fault.OVERLOAD:
+    elif stop.fault is Fault.OVERLOAD or (
+        state is State.TRANSPORT and (stop.fault is Fault.MOTION_OVERLOAD)
+    ):
         name = _overload(stop, state)
     else:
         name = _NAMES[stop.fault]

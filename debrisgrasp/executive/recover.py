@@ -13,6 +13,7 @@ from .faults import Action
 from .fingers import loosen
 from .moves import back_out, let_go, put_down, to_rest
 from .outcome import FaultEvent
+from .relief import relieve
 from .result import Done, FaultFound, StepResult
 from .table import Answer
 
@@ -52,6 +53,10 @@ def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
 def clear_up(context: Context) -> FaultFound | None:
     """Put down what is held, back out, and bring every arm to rest."""
     held = context.held
+    loaded = context.is_in_pile if held is None else held.arm
+    fault = None if loaded is None else relieve(context, loaded)
+    if fault is not None:
+        return fault
     if held is not None:
         held.is_watched = False
         fault = put_down(context, _LOWERED) if held.is_lifted else let_go(context)

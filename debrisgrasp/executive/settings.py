@@ -11,6 +11,7 @@ from debrisgrasp._arrays import BoolArray, require_range
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
+from debrisgrasp.kinematics import DeflectionLimits
 
 __all__ = ["Marker", "TaskSettings"]
 
@@ -66,6 +67,8 @@ class TaskSettings:
     """Share of the planned speed while something is carried."""
     compliance: tuple[float, float] = (5e-5, 3e-4)
     """How far the hand gives way while it lifts, [m/N] and [rad/(N m)]."""
+    clamp: DeflectionLimits = DeflectionLimits(translation=0.03, rotation=0.10)
+    """How far at most; planned for, and given to the controller."""
     empty_load: float = 6.0
     """A hand that carries less is empty [N]."""
     camera_shift: float = 0.02

@@ -11,6 +11,7 @@ from debrisgrasp.errors import ConfigError
 from .annealing import Schedule
 from .approach import ApproachConfig
 from .clearance import ClearanceConfig
+from .contacts import ContactConfig
 from .inspection import InspectionConfig
 from .mass import LoadConfig
 from .proposals import LocalMove
@@ -46,6 +47,7 @@ class PlannerConfig:
     similarity: SimilarityConfig = SimilarityConfig()
     clearance: ClearanceConfig = ClearanceConfig()
     inspection: InspectionConfig = InspectionConfig()
+    contact: ContactConfig = ContactConfig()
     load: LoadConfig = LoadConfig()
     approach: ApproachConfig = ApproachConfig()
     schedule: Schedule = Schedule()

@@ -60,7 +60,8 @@ class Grasp:
     """Quality expected when the hand ends up a little beside the pose (see
     `PoseUncertainty`), in [0, 1]."""
     score: float
-    """What the list is sorted by, best first."""
+    """What the list is sorted by, best first: ``expected`` less what load and slanted
+    faces at the pads take away."""
     arm: str | None = None
     joints: Mapping[str, float] | None = None
     """Joint positions [rad or m] that take the pose; None for a floating hand."""

@@ -296,6 +296,8 @@ class GraspPlanner:
             expected=float(found.expected[index]),
             coverage=float(found.coverage[index]),
             support=int(found.support[index]),
-            score=float(found.expected[index] * loads.preference[index]),
+            score=float(
+                found.expected[index] * found.contact[index] * loads.preference[index]
+            ),
             load=loads.forecast(index),
         )

@@ -17,6 +17,7 @@ from .annealing import Walkers
 from .approach import Ways
 from .clearance import HandClearance
 from .config import PlannerConfig
+from .contacts import PadContacts, PadZones
 from .exploration import climb, explore, steady
 from .hands import PackedHands
 from .inspection import Inspector
@@ -63,6 +64,7 @@ class GraspSearch:
             approach=config.clearance.approach,
             tolerance=config.inspection.tolerance,
         )
+        self._zones = PadZones.of(library, config.contact)
         self.gripper_of = np.array([p.gripper for p in library])
         """Name of the hand of each prototype, shape (p,)."""
         self._config = config
@@ -288,6 +290,17 @@ class GraspSearch:
             is_guess,
         )
         ok &= ~is_guess
+        contact = PadContacts(scene, self._zones, config.contact)(
+            found.Ts, found.prototype
+        )
+        is_slanted = ok & (contact < config.contact.least)
+        ledger.add(
+            "the faces are too slanted for the fingers",
+            found.Ts,
+            found.prototype,
+            is_slanted,
+        )
+        ok &= ~is_slanted
         quality = S * C
         is_poor = ok & (quality < config.minimum_score)
         ledger.add(
@@ -296,7 +309,7 @@ class GraspSearch:
         ok &= ~is_poor
         Ts, prototype = found.Ts[ok], found.prototype[ok]
         expected = self._expected(scene, clearance, Ts, prototype)
-        score = expected * self._lever_factor(scene, Ts, prototype)
+        score = expected * contact[ok] * self._lever_factor(scene, Ts, prototype)
         kept = Modes(
             Ts=Ts,
             prototype=prototype,
@@ -304,6 +317,7 @@ class GraspSearch:
             C=C[ok],
             coverage=coverage[ok],
             expected=expected,
+            contact=contact[ok],
             score=score,
             support=np.zeros(len(Ts), dtype=np.int64),
             effective_samples=_effective_count(states.score),

@@ -64,6 +64,8 @@ class Modes:
     """Share of the prototype's visible surface that was seen."""
     expected: FloatArray
     """Mean of S C over the errors of the pose."""
+    contact: FloatArray
+    """Probability that both sides press within their friction cones."""
     score: FloatArray
     """What the list is sorted by."""
     support: IntArray
@@ -82,6 +84,7 @@ class Modes:
             C=empty,
             coverage=empty,
             expected=empty,
+            contact=empty,
             score=empty,
             support=index,
         )

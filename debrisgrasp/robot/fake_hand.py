@@ -45,6 +45,9 @@ class FakeGripper:
         self._goals = [widest] * n
         self.force = model.max_force
         """Largest that a finger exerts now [N]."""
+        sides = [finger.side for finger in model.fingers]
+        self._shares = [max(sides.count(-s) / sides.count(s), 1.0) for s in sides]
+        """A finger stands as much as all those together that it faces."""
         self._is_initialised = config.is_initialised
         self._ready_at: float | None = None
 
@@ -129,9 +132,10 @@ class FakeGripper:
             resistance = self.forces[i]
             if resistance > 0.0 and step < 0.0:
                 # The spring of the contact decides how far the force carries.
-                give = (
-                    resistance - self.force - _EXTRA
-                ) / self._config.finger_stiffness
+                over = resistance - self.force - _EXTRA
+                if over > 0.0:  # it stands more than it exerts
+                    over = max(over - (self._shares[i] - 1.0) * self.force, 0.0)
+                give = over / self._config.finger_stiffness
                 step = min(max(step, give), most) if abs(give) > _STILL else 0.0
             elif resistance < -self.model.max_force and step > 0.0:
                 step = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import atan, cos
+from math import atan, cos, hypot, pi
 
 import numpy as np
 
@@ -18,6 +18,9 @@ __all__ = ["Hold", "Seat", "hook_of", "is_enclosed", "sides_of", "squeeze_of"]
 
 _LEAST = 2.0
 """Force of a side below which it does not hold [N]."""
+_PATCH = 0.02
+"""Pads lie flat on what they hold: so far the middle of their pressure may shift, both
+sides together [m]."""
 
 
 @dataclass(slots=True)
@@ -92,10 +95,18 @@ def is_enclosed(
     if length < 1e-4:
         return False
     least = cos(atan(friction))
+    # Where pads press may shift, not in which direction: that is the surfaces'.
+    size = float(np.linalg.norm(f_thumb)) * float(np.linalg.norm(f_pair))
+    if -float(f_thumb @ f_pair) < cos(min(2.0 * atan(friction), pi)) * size:
+        return False
     # On the body the forces are the other way round than on the hand.
-    first = float(-f_thumb @ way) / (length * float(np.linalg.norm(f_thumb)))
-    second = float(f_pair @ way) / (length * float(np.linalg.norm(f_pair)))
-    return first >= least and second >= least
+    for force in (-f_thumb, f_pair):
+        push = force / float(np.linalg.norm(force))
+        along = float(push @ way)
+        aside = max(float(np.linalg.norm(way - along * push)) - _PATCH, 0.0)
+        if along < least * hypot(along, aside):
+            return False
+    return True
 
 
 def _mean(side: Sequence[Spring]) -> tuple[FloatArray, FloatArray]:

@@ -75,8 +75,6 @@ class Push:
         self.way += float(np.linalg.norm(way))
         self._since_free = self._since_free + way
         if float(np.linalg.norm(self._since_free)) > _CHECK:
-            if rubble.overlap(self.body) > self.overlap + _WEDGED:
-                rubble.shift(self.body, -self._since_free)
-                self.is_stuck = True
-                rubble.version += 1
+            # It stays where it got stuck: set back, it would strike the hand.
+            self.is_stuck = rubble.overlap(self.body) > self.overlap + _WEDGED
             self._since_free = np.zeros(3)

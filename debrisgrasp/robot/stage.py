@@ -339,7 +339,14 @@ class Stage:
 
     def _push(self, touched: Mapping[int, FloatArray]) -> None:
         """Move what is pushed with more than friction, and settle what no longer is."""
-        for body in [body for body in self._pushes if body not in touched]:
+        # What would fall into a hand waits until that is away.
+        over = [
+            body
+            for body in self._pushes
+            if body not in touched
+            and not any(hand.touch.is_near(body) for hand in self._hands.values())
+        ]
+        for body in over:
             ended = self._pushes.pop(body)
             if ended.way > _LIFTED and not self._is_held(body):
                 beside = self._rubble.touching(body)

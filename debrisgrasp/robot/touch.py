@@ -91,6 +91,8 @@ class Touch:
         self.held: BodyShape | None = None
         """What it holds."""
         self._held_index: int | None = None
+        self._at_first: dict[tuple[int, int], float] | None = {}
+        """How deep what is held was in others when it was gripped, at rest [m]."""
         self.grip: list[Spring] = []
         """Contacts of the hand with what it holds, in the frame of the hand."""
         counts = [rows.stop - rows.start for rows in self.shape.owned]
@@ -109,6 +111,8 @@ class Touch:
         self, index: int | None, body: BodyShape | None, R: FloatArray, p: FloatArray
     ) -> None:
         """Take a body whose pose in the frame of the hand is (R, p); None: let go."""
+        if index != self._held_index:
+            self._at_first = None
         self.held, self._held_index = body, index
         if body is not None:
             normals, offsets, self._held_points = body.seen(R, p)
@@ -124,6 +128,11 @@ class Touch:
         """Take note that a body has moved a little [m]."""
         self._room -= distance
         self._clear = None
+
+    def is_near(self, body: int) -> bool:
+        """Whether a body is so near that it is watched."""
+        watched = {watch.body for watch in self._watches}
+        return body in watched or any(guard.body == body for guard in self._guards)
 
     def is_clear(self, R: Rotation, p: Vector) -> bool:
         """Whether a hand at this pose, in plain numbers, can't touch anything yet.
@@ -168,7 +177,22 @@ class Touch:
                 normals = guard.normals @ R.T
                 key = guard.owner, guard.body
                 self._add(found, key, where, beyond, normals, R[:, 0], -1.0)
-        return list(found.values())
+        return self._eased(found)
+
+    def _eased(self, found: dict[tuple[int, int], Spring]) -> list[Spring]:
+        """Take from the contacts of what is held what was there as it lay at rest."""
+        held = {key: s for key, s in found.items() if key[0] == HELD}
+        if self._at_first is None:
+            self._at_first = {key: s.depth for key, s in held.items()}
+        for key, spring in held.items():
+            first = min(self._at_first.get(key, 0.0), spring.depth)
+            self._at_first[key] = first
+            if first > 0.0:
+                share = 1.0 - first / spring.depth
+                found[key] = spring._replace(
+                    force=share * spring.force, depth=spring.depth - first
+                )
+        return [s for s in found.values() if s.depth > 0.0]
 
     def _add_all(
         self,

@@ -38,6 +38,7 @@ LAYERS = {
     "_calibrating": 6,
     "_reasons": 5,
     "ros": 6,
+    "_second_look": 7,
     "perception": 7,
     "settings": 7,
     "pipeline": 8,

@@ -205,3 +205,11 @@ def test_a_pipe_in_curled_fingers_is_kept_without_friction():
 def _is_upright(body) -> bool:
     box = body.mesh()[0]
     return bool(np.ptp(box[:, 2]) > np.ptp(box[:, 0]))
+
+
+def test_pads_that_meet_a_little_apart_hold_and_far_apart_do_not():
+    push = np.array([10.0, 0.0, 0.0])
+    for offset, holds in ((0.03, True), (0.06, False)):
+        thumb = [_spring(1, (-0.015, 0, offset), -push)]
+        pair = [_spring(2, (0.015, 0, 0), push)]
+        assert is_enclosed(thumb, pair, FakeConfig().friction) is holds

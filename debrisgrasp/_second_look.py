@@ -1,0 +1,90 @@
+"""Whether to look at further objects, because the first one's grasps are doubtful."""
+
+from __future__ import annotations
+
+import math
+
+from debrisgrasp._reasons import why_empty
+from debrisgrasp._targets import Target
+from debrisgrasp.planning import PassedOver, SearchResult
+from debrisgrasp.segmentation import Segmentation
+
+__all__ = ["BestSoFar"]
+
+_NEAR = 0.3
+"""Objects that cost the order so much more than the first choice are left alone: they
+likely carry something, however well they could be gripped."""
+
+
+class BestSoFar:
+    """The object to grip among those tried, and why the others were passed over.
+
+    Parameters
+    ----------
+    doubtful
+        Below this score a grasp is doubtful, and further objects are tried.
+    further
+        How many of them at most.
+    """
+
+    def __init__(self, doubtful: float, further: int) -> None:
+        self.passed_over: list[PassedOver] = []
+        self.result = SearchResult(())
+        self.target: Target | None = None
+        self._doubtful, self._left = doubtful, further
+        self._first: Target | None = None
+        self._worth = 0.0
+
+    @property
+    def is_found(self) -> bool:
+        """Whether there is a grasp."""
+        return self._first is not None
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the search is over: a grasp without doubt, or enough was tried."""
+        return self.is_found and (self._worth >= self._doubtful or self._left <= 0)
+
+    def is_worth_a_look(self, target: Target) -> bool:
+        """Whether the order takes an object nearly as gladly as the first choice.
+
+        What stands later in the order at a lower cost carries something for certain.
+        """
+        if self._first is None:
+            return True
+        return self._first.cost <= target.cost <= self._first.cost + _NEAR
+
+    def take(self, result: SearchResult, target: Target) -> None:
+        """Keep the better of what was found and of this."""
+        if not result.grasps:
+            self.pass_over(target, result.why_empty() or "")
+            if self.target is None:
+                self.result, self.target = result, target
+            self._left -= self.is_found
+            return
+        score = result.grasps[0].score
+        if self._first is None:
+            self._first = target
+        else:
+            self._left -= 1
+        # The costs of the order are mostly a probability that something is borne.
+        worth = score * math.exp(self._first.cost - target.cost)
+        if worth > self._worth:
+            if self._worth and self.target is not None:
+                known = self.result.grasps[0].score
+                reason = f"its best grasp is doubtful (score {known:.2f}); object "
+                reason += f"{target.label} has a better one ({score:.2f})"
+                self.pass_over(self.target, reason)
+            self.result, self.target, self._worth = result, target, worth
+        elif self.target is not None:
+            reason = f"looked at because the best grasp of object {self.target.label} "
+            reason += f"is doubtful, but no better (score {score:.2f})"
+            self.pass_over(target, reason)
+
+    def why_empty(self, segmentation: Segmentation) -> str:
+        """One sentence for a plan without grasps."""
+        return why_empty(segmentation, self.passed_over)
+
+    def pass_over(self, target: Target, reason: str) -> None:
+        """Note why an object is not the one."""
+        self.passed_over.append(PassedOver(target.label, reason))

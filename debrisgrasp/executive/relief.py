@@ -1,0 +1,108 @@
+"""Out of a load that is over its limit, along ways on which it falls."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import hypot
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import TarePolicy
+
+from .context import Context
+from .drive import Drive, mean_wrench
+from .result import FaultFound
+
+__all__ = ["relieve"]
+
+_TIGHT = 0.85
+"""Share of a limit above which a hand is drawn out before anything else."""
+_EASED = 0.5
+"""Share at which it is free enough."""
+_STEP = 0.002
+"""Of the hand, after which the load is looked at again [m]."""
+_STEPS = 30
+_SPEED = 0.01
+"""[m/s]."""
+_FALLS = 0.99
+"""A step that leaves more than this share of the load was the wrong way."""
+_NOISE = (4.0, 0.4)
+"""By so much a load may seem to grow [N, N m]."""
+_MOST = 4.0
+"""Beyond this multiple of a limit nothing is moved any more."""
+_EXPECTED = ("too_heavy", "ratchet", "early_contact")
+"""How a step may end on which the load grows."""
+_LOOK = 0.04
+"""[s]."""
+
+
+def relieve(context: Context, arm: str) -> FaultFound | None:
+    """Give way in small steps while the load on a hand is near or over its limit.
+
+    Each step goes where the load pushes, or back out of the pile. It is stopped at once
+    if the load grows beyond what it was when the step began; a way on which it does not
+    fall is not tried again.
+    """
+    limb, drive = context.limbs[arm], Drive(context, arm)
+    limits = limb.limits.controller
+    load = _load(context, drive)
+    if (
+        isinstance(load, FaultFound)
+        or _share(load, limits.force, limits.torque) < _TIGHT
+    ):
+        return None
+    if _share(load, limits.force, limits.torque) > _MOST:
+        words = f"the force on the hand is {hypot(*load[:3]):.0f} N already"
+        return FaultFound("ratchet", words, arm)
+    n_failed = 0
+    for _ in range(_STEPS):
+        before = _share(load, limits.force, limits.torque)
+        if before < _EASED:
+            return None
+        T = limb.pose(context.posture(limb))
+        force = T.R @ load[:3]
+        push = force / max(float(np.linalg.norm(force)), 1e-9)
+        way = (push, -T.R[:, 2], 0.5 * (push - T.R[:, 2]))[n_failed]
+        allowed = replace(
+            limits,
+            force=max(limits.force, hypot(*load[:3]) + _NOISE[0] + 3.0),
+            torque=max(limits.torque, hypot(*load[3:]) + _NOISE[1] + 0.3),
+        )
+        end = drive.leg(
+            _STEP * way, speed=_SPEED, tare=TarePolicy.SESSION, limits=allowed
+        )
+        if isinstance(end, FaultFound) and end.fault not in _EXPECTED:
+            return end
+        if limb.limb.arm.is_stopped:
+            context.wait(_LOOK)
+            limb.limb.arm.reset()
+        after = _load(context, drive)
+        if isinstance(after, FaultFound):
+            return after
+        load = after
+        if _share(load, limits.force, limits.torque) > _FALLS * before:
+            n_failed += 1
+        if n_failed > 2:
+            break
+    if _share(load, limits.force, limits.torque) < 1.0:
+        return None
+    words = f"the force on the hand is {hypot(*load[:3]):.0f} N already, and no way "
+    return FaultFound("ratchet", words + "eases it", arm)
+
+
+def _load(context: Context, drive: Drive) -> FloatArray | FaultFound:
+    """Mean load at the hand, its axes [N, N m], shape (6,); the arm stands."""
+    limb, readings = drive.limb, []
+    for _ in range(max(3, round(_LOOK / drive.period))):
+        context.wait(drive.period)
+        readings.append(drive.read())
+    raw = mean_wrench(readings)
+    if not np.isfinite(raw).all():
+        return FaultFound("wrench_nan", "the wrench is not a number", limb.name)
+    q = context.posture(limb).tolist()
+    return np.array(limb.loads.load_ee(raw.tolist(), limb.kinematics.pose(q)[0]))
+
+
+def _share(load: FloatArray, force: float, torque: float) -> float:
+    return max(hypot(*load[:3]) / force, hypot(*load[3:]) / torque)

@@ -1,0 +1,96 @@
+"""Which of the objects tried is gripped, and what is said of the others."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from debrisgrasp._second_look import BestSoFar
+from debrisgrasp._targets import Target
+from debrisgrasp.geometry import Bounds
+from debrisgrasp.planning import SearchResult
+
+BOX = Bounds(np.zeros(3), np.ones(3))
+
+
+def target(label: int, cost: float = 0.0) -> Target:
+    return Target(label, BOX, np.ones(1, dtype=bool), cost)
+
+
+def found(score: float) -> SearchResult:
+    return SearchResult((SimpleNamespace(score=score),))
+
+
+def test_a_sure_first_grasp_ends_the_search():
+    best = BestSoFar(0.25, 2)
+    best.take(found(0.3), target(1))
+    assert best.is_sure
+    assert (best.target.label, best.passed_over) == (1, [])
+
+
+def test_a_doubtful_one_gives_way_to_a_better_one_and_says_so():
+    best = BestSoFar(0.25, 2)
+    best.take(found(0.1), target(1))
+    assert best.is_found
+    assert not best.is_sure
+    best.take(found(0.3), target(2, 0.1))
+    assert best.is_sure
+    assert best.target.label == 2
+    (passed,) = best.passed_over
+    assert passed.label == 1
+    assert "doubtful (score 0.10); object 2 has a better one (0.30)" in passed.reason
+
+
+def test_a_doubtful_one_stays_where_nothing_is_better():
+    best = BestSoFar(0.25, 1)
+    best.take(found(0.2), target(1))
+    best.take(found(0.15), target(2))
+    assert best.is_sure
+    assert best.target.label == 1
+    (passed,) = best.passed_over
+    assert passed.label == 2
+    assert "no better (score 0.15)" in passed.reason
+
+
+def test_an_object_that_likely_carries_something_is_left_alone():
+    best = BestSoFar(0.25, 2)
+    assert best.is_worth_a_look(target(5, 3.0))
+    best.take(found(0.1), target(1, 0.2))
+    assert best.is_worth_a_look(target(2, 0.4))
+    assert not best.is_worth_a_look(target(3, 0.8))
+    # It comes later although it costs less: something surely lies on it.
+    assert not best.is_worth_a_look(target(4, 0.1))
+
+
+def test_a_little_better_is_not_worth_a_costlier_object():
+    best = BestSoFar(0.25, 2)
+    best.take(found(0.20), target(1, 0.0))
+    best.take(found(0.22), target(2, 0.25))
+    assert best.target.label == 1
+
+
+def test_objects_without_any_grasp_are_counted_as_tries_only_after_the_first():
+    best = BestSoFar(0.25, 1)
+    best.take(SearchResult(()), target(1))
+    best.take(SearchResult(()), target(2))
+    assert not best.is_found
+    assert best.target.label == 1
+    best.take(found(0.1), target(3))
+    assert best.target.label == 3
+    best.take(SearchResult(()), target(4))
+    assert best.is_sure
+    assert [passed.label for passed in best.passed_over] == [1, 2, 4]
+
+
+@given(st.lists(st.floats(0.01, 1.0), min_size=1, max_size=6))
+def test_at_equal_cost_the_best_score_wins_and_everybody_else_is_named(scores):
+    best = BestSoFar(2.0, 10)
+    for label, score in enumerate(scores, start=1):
+        best.take(found(score), target(label))
+    assert best.result.grasps[0].score == pytest.approx(max(scores))
+    labels = {passed.label for passed in best.passed_over}
+    assert labels == set(range(1, len(scores) + 1)) - {best.target.label}
