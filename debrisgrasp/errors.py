@@ -95,7 +95,8 @@ class UnknownNameError(InputError):
 
     def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
-        near = get_close_matches(str(name), self.known, n=1)
+        is_number = str(name).lstrip("-").isdigit()
+        near = [] if is_number else get_close_matches(str(name), self.known, n=1)
         super().__init__(
             f"unknown {kind}",
             got=repr(name),

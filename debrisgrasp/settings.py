@@ -31,6 +31,8 @@ __all__ = ["POLICIES", "Settings", "SiteLimits"]
 _SCHEMA = "debrisgrasp/site/1"
 _FARTHEST = 20.0
 """Coordinates beyond this [m] can only be millimetres."""
+_OF_A_LIMIT = (1e-3, 1e6)
+"""What a limit of speed, force or torque may be at all."""
 POLICIES = ("support", "priority")
 """Names of the policies: `SupportAware`, and `PriorityPoint` (Eq. 1)."""
 
@@ -162,9 +164,9 @@ class Settings:
         path = Path(path)
         fields = Fields(read_yaml(path), str(path))
         fields.choice("schema", (_SCHEMA,))
-        values = _top(fields) | _camera(fields) | _selection(fields)
+        values = _top(fields) | _camera(fields) | _selection(fields) | _limits(fields)
         try:
-            settings = cls(**values, **_limits(fields), path=path)
+            settings = cls(**values, path=path)
         except UnknownNameError as error:
             kind = f"{error.kind} in {path}"
             raise UnknownNameError(kind, error.name, error.known) from error
@@ -299,6 +301,13 @@ def _pose(camera: Fields) -> CameraPose:
             "level" if given == "level" else str(_file(camera, "pose"))
         )
     numbers = camera.numbers("pose", 6)
+    if np.abs(numbers[:3]).max() > _FARTHEST:
+        raise ConfigError(
+            camera.where("pose"),
+            got=f"{numbers[:3].tolist()}",
+            expected=f"a place within {_FARTHEST:g} m of the robot",
+            mend="Was it given in millimetres?",
+        )
     try:
         return parse_camera_pose(",".join(map(repr, numbers.tolist())))
     except ConfigError as error:
@@ -328,12 +337,20 @@ def _limits(fields: Fields) -> dict[str, Any]:
         return {}
     limits = fields.child("limits")
     given = {
-        item.name: limits.number(item.name, -np.inf, np.inf)
+        item.name: limits.number(item.name, *_OF_A_LIMIT)
         for item in dataclass_fields(SiteLimits)
         if item.name in limits
     }
     limits.finish()
-    return {"limits": SiteLimits(**given)}
+    try:
+        return {"limits": SiteLimits(**given)}
+    except ConfigError as error:
+        raise ConfigError(
+            f"{fields.file}, field {error.what}",
+            got=error.got,
+            expected=error.expected,
+            mend=error.mend,
+        ) from error
 
 
 def _file(fields: Fields, name: str) -> Path:

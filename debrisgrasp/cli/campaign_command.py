@@ -46,7 +46,10 @@ def add(subparsers: Subparsers) -> None:
         "--max-removals", type=int, metavar="N", help="end a run after so many"
     )
     parser.add_argument(
-        "--workers", type=int, default=0, help="processes (default: one for each core)"
+        "--workers",
+        type=int,
+        default=0,
+        help="processes (default: 0, one for each core)",
     )
     parser.add_argument(
         "--cluster", metavar="ADDRESS", help="Dask scheduler instead (extra 'cluster')"

@@ -68,6 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
     viewer = import_module("debrisgrasp.viewer")  # slow to load
     if not 0 <= arguments.port <= 65535:
         raise ConfigError("--port", got=arguments.port, expected="0 to 65535")
+    _require_effect(arguments)
     motions = None
     if arguments.plan:
         thing, motions = _planned(arguments)
@@ -85,6 +86,21 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"open {window.url} in a browser; Ctrl-C ends", flush=True)
     window.wait()
     return 0
+
+
+def _require_effect(arguments: argparse.Namespace) -> None:
+    """Refuse options that would do nothing."""
+    if arguments.plan:
+        return
+    if arguments.object is not None:
+        raise ConfigError("--object", got="no --plan", expected="--plan with it")
+    is_saved_plan = arguments.capture.suffix.lower() == ".json"
+    if arguments.motion == "" or (arguments.motion and not is_saved_plan):
+        raise ConfigError(
+            "--motion",
+            got=f"{arguments.capture}",
+            expected="a saved plan with a file of its motions, or --plan",
+        )
 
 
 def _capture(arguments: argparse.Namespace) -> Capture | None:

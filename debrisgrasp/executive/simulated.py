@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from debrisgrasp.worlds import SCENES, PileConfig, World, generate_pile, let_dow
 from debrisgrasp.worlds import named_scene as scene_named
 
 from .context import Recorder
+from .faults import fault_named
 from .outcome import RunResult
 from .run import Executive
 from .settings import TaskSettings
@@ -45,6 +47,18 @@ class Simulated:
     """Injected faults that were really brought about."""
 
 
+_KINDS: Mapping[str, tuple[tuple[type, ...], str]] = {
+    "scene": ((str, NoneType), "the name of a scene, or none"),
+    "objects": ((int, NoneType), "a whole number, or none"),
+    "seed": ((int,), "a whole number"),
+    "robot": ((str,), "the name of a robot"),
+    "arms": ((tuple,), "names of arms"),
+    "faults": ((tuple,), "names of faults"),
+    "max_removals": ((int, NoneType), "a whole number, or none"),
+    "drive_over": ((int, float), "a height in metres"),
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedTask:
     """A pile, a robot in memory, and what is to be done: equal tasks, equal runs."""
@@ -63,6 +77,13 @@ class SimulatedTask:
     """See `TaskSettings` [m]."""
 
     def __post_init__(self) -> None:
+        for name, (kinds, expected) in _KINDS.items():
+            value = getattr(self, name)
+            of_its_kind = isinstance(value, kinds) and not isinstance(value, bool)
+            if isinstance(value, tuple):
+                of_its_kind &= all(isinstance(item, str) for item in value)
+            if not of_its_kind:
+                raise ConfigError(f"{name} of a task", got=value, expected=expected)
         if self.scene is not None and self.scene not in SCENES:
             raise UnknownNameError("scene", self.scene, SCENES)
         if self.scene is not None and self.objects is not None:
@@ -173,9 +194,10 @@ def injections_of(faults: Sequence[str]) -> tuple[Injection, ...]:
     """
     found = []
     for text in faults:
-        name, _, state = text.strip().partition("@")
+        name, at, state = text.strip().partition("@")
         known = [s.value for s in State]
-        if state and state not in known:
+        fault_named(name)
+        if at and state not in known:
             raise UnknownNameError("state", state, known)
         found.append(Injection(fault=name, state=state or None))
     return tuple(found)

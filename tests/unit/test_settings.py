@@ -110,6 +110,8 @@ def test_paths_are_relative_to_the_file(written, monkeypatch, tmp_path):
         ("camera: {pose: [0, 0, 1, 180, 0, 0]}", r"field camera.pose.*radians"),
         ("camera: {pose: [0, 0, 1]}", r"field camera.pose.*a list of 6"),
         ("camera: {calibration: gone.json}", r"field camera.calibration.*existing"),
+        ("camera: {pose: [200, 0, 1200, -2.2, 0, -1.5]}", "camera.pose.*millimetres"),
+        ("limits: {force: 1e9}", r"^[^,]+, field limits.force: got"),
         ("camera: 3", r"field camera.*a mapping"),
     ],
 )

@@ -136,3 +136,13 @@ def test_a_task_that_makes_no_sense_is_refused(wrong):
 def test_inputs_of_something_else_are_refused():
     with pytest.raises(ConfigError, match="robot in memory"):
         SimulatedTask.from_json({"seed": 1})
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("objects", "abc"), ("seed", None), ("drive_over", "low"), ("objects", 2.5)],
+)
+def test_inputs_of_the_wrong_type_are_named(field, value):
+    content = SimulatedTask(objects=2).to_json() | {field: value}
+    with pytest.raises(ConfigError, match=f"{field} of a task"):
+        SimulatedTask.from_json(content)
