@@ -17,7 +17,7 @@ from debrisgrasp.viz.run import run_html
 
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp()) / "run"
-    task = SimulatedTask(objects=2, seed=4, max_removals=1)
+    task = SimulatedTask(objects=2, seed=12, max_removals=1)
     done = api.clear(task, record=folder)
     for attempt in done.result.attempts:
         fate = "removed" if attempt.is_removed else "not removed"

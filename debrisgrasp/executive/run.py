@@ -255,13 +255,19 @@ class Executive:
         result = _guarded(lambda: _cleared_up(context), State.ABORT)
         self._flush_trace(State.ABORT)
         if isinstance(result, FaultFound):
-            self._write("fault", {"state": "abort", "fault": result.fault,
-                                  "message": result.message})  # fmt: skip
+            # The class of the run is that of what it was aborted for.
+            self._write_fault(self._event(State.ABORT, result, Action.STOP))
             return self._stopped()
         return RunEnd.ABORTED
 
     def _note(self, state: State, found: FaultFound, action: Action) -> FaultEvent:
-        event = FaultEvent(
+        event = self._event(state, found, action)
+        self._faults.append(event)
+        self._write_fault(event)
+        return event
+
+    def _event(self, state: State, found: FaultFound, action: Action) -> FaultEvent:
+        return FaultEvent(
             time=self.context.now(),
             state=state,
             fault=found.fault,
@@ -270,21 +276,21 @@ class Executive:
             arm=found.arm,
             values=dict(found.values),
         )
-        self._faults.append(event)
+
+    def _write_fault(self, event: FaultEvent) -> None:
         self._write(
             "fault",
             {
-                "state": state.value,
+                "state": event.state.value,
                 "fault": event.fault,
                 "class": event.fault_class.value,
                 "message": event.message,
-                "action": action.value,
+                "action": event.action.value,
                 "arm": event.arm,
                 "values": dict(event.values),
                 "time": round(event.time, 4),
             },
         )
-        return event
 
     def _finish_attempt(self, *, keeps_look: bool = False) -> None:
         """Close the present attempt, and begin the next."""
