@@ -9,19 +9,22 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from debrisgrasp.errors import ConfigError, OutputError
+from debrisgrasp.errors import ConfigError, InputError, OutputError
 
 __all__ = [
     "UNREADABLE_ARRAY",
     "data_path",
+    "naming_fields",
     "read_json",
+    "read_schema",
     "read_text",
     "read_yaml",
     "write_atomic",
@@ -96,6 +99,32 @@ def read_json(path: PathLike) -> Any:
     except (ValueError, RecursionError) as error:
         raise ConfigError(
             str(path), got=str(error), expected="well-formed JSON"
+        ) from error
+
+
+def read_schema(path: PathLike, schema: str) -> dict[str, Any]:
+    """Content of a JSON file of one schema, or `ConfigError` naming the file."""
+    content = read_json(path)
+    if not isinstance(content, dict) or content.get("schema") != schema:
+        got = content.get("schema") if isinstance(content, dict) else type(content)
+        raise ConfigError(f"schema of {Path(path)}", got=got, expected=schema)
+    return content
+
+
+@contextmanager
+def naming_fields(path: PathLike, schema: str) -> Iterator[None]:
+    """Turn what goes wrong with the content of a file into `ConfigError` naming it."""
+    try:
+        yield
+    except KeyError as error:
+        raise ConfigError(
+            f"{path}", got=f"no field {error}", expected=f"the fields of {schema}"
+        ) from error
+    except InputError as error:
+        raise ConfigError.about(f"{path}: {error.what}", error) from error
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ConfigError(
+            f"{path}", got=str(error), expected=f"values as in {schema}"
         ) from error
 
 

@@ -69,6 +69,11 @@ class CaptureError(InputError):
 class ConfigError(InputError):
     """A setting, or a file of settings, is malformed or out of range."""
 
+    @classmethod
+    def about(cls, what: str, error: InputError) -> ConfigError:
+        """Make the same complaint as another error, about what the caller calls it."""
+        return cls(what, got=error.got, expected=error.expected, mend=error.mend)
+
 
 class DriverError(DebrisGraspError, RuntimeError):
     """A device of the robot does not answer, or refuses."""

@@ -171,12 +171,7 @@ class Settings:
             kind = f"{error.kind} in {path}"
             raise UnknownNameError(kind, error.name, error.known) from error
         except ConfigError as error:
-            raise ConfigError(
-                f"{path}, field {error.what}",
-                got=error.got,
-                expected=error.expected,
-                mend=error.mend,
-            ) from error
+            raise ConfigError.about(f"{path}, field {error.what}", error) from error
         fields.finish()
         return settings
 
@@ -311,12 +306,7 @@ def _pose(camera: Fields) -> CameraPose:
     try:
         return parse_camera_pose(",".join(map(repr, numbers.tolist())))
     except ConfigError as error:
-        raise ConfigError(
-            camera.where("pose"),
-            got=error.got,
-            expected=error.expected,
-            mend=error.mend,
-        ) from error
+        raise ConfigError.about(camera.where("pose"), error) from error
 
 
 def _selection(fields: Fields) -> dict[str, Any]:
@@ -345,12 +335,7 @@ def _limits(fields: Fields) -> dict[str, Any]:
     try:
         return {"limits": SiteLimits(**given)}
     except ConfigError as error:
-        raise ConfigError(
-            f"{fields.file}, field {error.what}",
-            got=error.got,
-            expected=error.expected,
-            mend=error.mend,
-        ) from error
+        raise ConfigError.about(f"{fields.file}, field {error.what}", error) from error
 
 
 def _file(fields: Fields, name: str) -> Path:

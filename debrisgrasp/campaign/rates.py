@@ -115,9 +115,7 @@ def _rate(entry: Any, where: str) -> Rate:
     try:
         return Rate(rate=float(rate), one_of=tuple(names), state=entry.get("state"))
     except InputError as error:
-        raise ConfigError(
-            where, got=error.got, expected=error.expected, mend=error.mend
-        ) from error
+        raise ConfigError.about(where, error) from error
 
 
 def random_faults(rng: Rng) -> tuple[Injection, ...]:

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite
-from debrisgrasp._files import read_json, read_text, write_atomic
+from debrisgrasp._files import naming_fields, read_schema, read_text, write_atomic
 from debrisgrasp.calibration import Calibration, Head, Known, displacement
-from debrisgrasp.errors import ConfigError, InputError, OutputError
+from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.geometry import SE3, so3
 
 __all__ = [
@@ -204,24 +204,9 @@ def load_calibration(path: str | os.PathLike[str]) -> StoredCalibration:
         Naming the file and the field that is missing or wrong.
     """
     path = Path(path)
-    content = _load(path)
-    try:
+    content = read_schema(path, SCHEMA)
+    with naming_fields(path, SCHEMA):
         return _stored(content, path)
-    except KeyError as error:
-        raise ConfigError(
-            f"{path}", got=f"no field {error}", expected=f"the fields of {SCHEMA}"
-        ) from error
-    except InputError as error:
-        raise ConfigError(
-            f"{path}: {error.what}",
-            got=error.got,
-            expected=error.expected,
-            mend=error.mend,
-        ) from error
-    except (AttributeError, TypeError, ValueError) as error:
-        raise ConfigError(
-            f"{path}", got=str(error), expected=f"values as in {SCHEMA}"
-        ) from error
 
 
 def _stored(content: dict[str, Any], path: Path) -> StoredCalibration:
@@ -293,14 +278,6 @@ def _observations_to_list(calibration: Calibration) -> list[dict[str, Any]]:
         }
         for i, name in enumerate(seen.names)
     ]
-
-
-def _load(path: Path) -> dict[str, Any]:
-    content = read_json(path)
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        got = content.get("schema") if isinstance(content, dict) else type(content)
-        raise ConfigError(f"schema of {path}", got=got, expected=SCHEMA)
-    return content
 
 
 def _beside(path: Path, date: str) -> Path:

@@ -79,9 +79,7 @@ def pose_from_rows(rows: Any, name: str) -> SE3:
     try:
         return SE3.from_matrix(matrix.reshape(4, 4), name)
     except InputError as error:
-        raise ConfigError(
-            error.what, got=error.got, expected=error.expected, mend=error.mend
-        ) from error
+        raise ConfigError.about(error.what, error) from error
 
 
 def _read_npy(path: Path) -> Any:

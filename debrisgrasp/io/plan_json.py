@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._files import read_json, write_atomic
-from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp._files import naming_fields, read_schema, write_atomic
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.planning import Advice, LoadForecast, Retreat
 from debrisgrasp.planning.plan import Grasp, GraspPlan, PassedOver
@@ -68,27 +66,9 @@ def load_plan(path: str | os.PathLike[str]) -> GraspPlan:
     ConfigError
         Naming the file and the field that is missing or wrong.
     """
-    content = read_json(path)
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        got = content.get("schema") if isinstance(content, dict) else type(content)
-        raise ConfigError(f"schema of {Path(path)}", got=got, expected=SCHEMA)
-    try:
+    content = read_schema(path, SCHEMA)
+    with naming_fields(path, SCHEMA):
         return _plan_from_dict(content)
-    except KeyError as error:
-        raise ConfigError(
-            f"{path}", got=f"no field {error}", expected=f"the fields of {SCHEMA}"
-        ) from error
-    except InputError as error:
-        raise ConfigError(
-            f"{path}: {error.what}",
-            got=error.got,
-            expected=error.expected,
-            mend=error.mend,
-        ) from error
-    except (AttributeError, TypeError, ValueError) as error:
-        raise ConfigError(
-            f"{path}", got=str(error), expected=f"values as in {SCHEMA}"
-        ) from error
 
 
 def _grasp_to_dict(grasp: Grasp) -> dict[str, Any]:

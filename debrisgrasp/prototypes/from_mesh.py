@@ -72,12 +72,7 @@ def surface_from_mesh(
     try:
         return SurfaceShape.thinned(points[is_outside], normals[is_outside], "all")
     except InputError as error:
-        raise ConfigError(
-            f"{path}: {error.what}",
-            got=error.got,
-            expected=error.expected,
-            mend=error.mend,
-        ) from error
+        raise ConfigError.about(f"{path}: {error.what}", error) from error
 
 
 def _loaded(path: Path) -> Any:

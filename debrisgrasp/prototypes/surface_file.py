@@ -62,12 +62,7 @@ def read_surface(path: str | os.PathLike[str], sides: str) -> SurfaceShape:
             table[:, :3], normals / np.where(length > 0, length, np.nan), sides
         )
     except InputError as error:
-        raise ConfigError(
-            f"{path}: {error.what}",
-            got=error.got,
-            expected=error.expected,
-            mend=error.mend,
-        ) from error
+        raise ConfigError.about(f"{path}: {error.what}", error) from error
 
 
 def _table(content: bytes, name: str) -> FloatArray:

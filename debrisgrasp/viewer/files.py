@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from debrisgrasp._files import read_json
+from debrisgrasp._files import read_json, read_schema
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.executive.record import load_run
 from debrisgrasp.io import Capture, point_colors
@@ -129,10 +129,7 @@ def _robot(name: str) -> RobotModel | None:
 
 def _motions(path: Path) -> Mapping[str, Any]:
     """Read the file that ``debrisgrasp motion --out`` writes."""
-    content = read_json(path)
-    if not isinstance(content, dict) or content.get("schema") != MOTION_SCHEMA:
-        got = content.get("schema") if isinstance(content, dict) else type(content)
-        raise ConfigError(f"schema of {path}", got=got, expected=MOTION_SCHEMA)
+    content = read_schema(path, MOTION_SCHEMA)
     try:
         motions = {
             str(part["name"]): Trajectory(
