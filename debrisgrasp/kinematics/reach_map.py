@@ -13,8 +13,9 @@ A cell that no sample has met, nor any cell next to it, counts as unreachable.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,7 @@ class ReachMapConfig:
                 )
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ReachMap:
     """What a chain can reach; depends on the chain only, not on chance."""
 
@@ -254,11 +255,16 @@ class ReachMap:
         cell = self.seed_cell[self._cells(goals.rows)]
         first = cell[:, None] * self.config.n_seeds
         wanted = np.stack([goals.azimuth, goals.turn]).astype(np.float32)
-        ends = [self.seeds[..., k][cell].astype(np.float32) for k in (0, -1)]
-        excess = self._outer_excess(wanted, ends)
+        excess = self._outer_excess(wanted, self._seed_ends[:, cell])
         if excess is None:
             return first + np.arange(self.config.n_seeds)
         return first + np.argsort(excess, axis=1, kind="stable")
+
+    @cached_property
+    def _seed_ends(self) -> Lanes:
+        """First and last joint of all seeds, shape (2, seed cells, n_seeds)."""
+        ends = self.seeds[..., [0, -1]].astype(np.float32)
+        return np.ascontiguousarray(np.moveaxis(ends, -1, 0))
 
     def middles_of_one(
         self, rows: Sequence[float], azimuth: float, turn: float
@@ -297,7 +303,7 @@ class ReachMap:
         middles: list[list[float]] = seeds[:, 1:-1].tolist()
         return middles
 
-    def _outer_excess(self, wanted: Lanes, ends: Sequence[Lanes]) -> Lanes | None:
+    def _outer_excess(self, wanted: Lanes, ends: Iterable[Lanes]) -> Lanes | None:
         """How far seeds lead the outer joints beyond their limits, (n, n_seeds).
 
         ``wanted`` are azimuth and turn of the goals, shape (2, n), ``ends`` those of

@@ -24,6 +24,8 @@ __all__ = ["PoseSearch"]
 
 HANDFUL = 12
 """Poses that are brought in sooner one by one than side by side."""
+_LAST_FEW = 4
+"""As HANDFUL, of those that descents side by side have left over."""
 _MOST_AT_ONCE = 30
 """Poses left over of many that are brought in one by one."""
 _MIDDLE_ROUNDS = (8, 24)
@@ -138,7 +140,7 @@ class PoseSearch:
         # Of seeds side by side the easiest wins, so copies of a target start alone.
         for most in _MIDDLE_ROUNDS if step == 1 else (1, *_MIDDLE_ROUNDS):
             todo, attempts = self._open(), min(most, self._config.attempts - n_tried)
-            if len(todo) <= HANDFUL or not attempts:
+            if len(todo) <= _LAST_FEW or not attempts:
                 break
             rank = first_rank[todo] + n_tried * step
             seeds = self._middle_seeds(todo, rank, step)
@@ -224,7 +226,7 @@ class PoseSearch:
 
     def _descend_one_by_one(self, first_rank: IntArray, step: int) -> None:
         todo = self._open()
-        if 0 < len(todo) <= HANDFUL:
+        if 0 < len(todo) <= _LAST_FEW:
             seeds = self._middle_seeds(todo, first_rank[todo], step)
             n_seeds = min(_ONE_BY_ONE, self._config.attempts)
             self._try_one_by_one(todo, seeds, n_seeds)
@@ -252,7 +254,7 @@ class PoseSearch:
     def _keep(self, target: IntArray, q: Lanes) -> None:
         """Bring postures (d, n) within the limits, and take over what is better."""
         chain, config = self._chain, self._config
-        within = chain.clipped(chain.wrapped(q.T)).T
+        within = np.clip(chain.wrapped(q.T), chain.lower, chain.upper).T
         errors = self._goals.picked(target).errors(self._formulas, within)
         is_solved = self._is_within_tolerance(errors)
         weights = np.array([1.0, config.rotation_weight])
