@@ -43,7 +43,13 @@ class Bounds:
 
     @classmethod
     def around(cls, points: ArrayLike, margin: float = 0.0) -> Bounds:
-        """Box around points (n, 3), grown by ``margin`` [m] on every side."""
+        """Box around points (n, 3), grown by ``margin`` [m] on every side.
+
+        Raises
+        ------
+        InputError
+            If there are no points.
+        """
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
             raise InputError("points to bound", got="none", expected="at least one")
@@ -103,7 +109,7 @@ class PointCloud:
         return len(self.points)
 
     def selected(self, index: BoolArray | IntArray) -> PointCloud:
-        """Keep the points that a mask or an index array names."""
+        """Keep the points that a mask (n,) or an array of indices (m,) names."""
         pixels = None if self.pixels is None else self.pixels[index]
         return replace(
             self,

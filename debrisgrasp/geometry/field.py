@@ -141,7 +141,7 @@ class DistanceField:
         return field
 
     def cell(self, x: Float32Array, y: Float32Array, z: Float32Array) -> IntArray:
-        """Flat index of the cell around each point; outside ones get a border cell."""
+        """Flat index of the cell around each point (n,); outside it, a border cell."""
         index = np.zeros(x.shape, dtype=np.int32)
         for axis, coordinate in enumerate((x, y, z)):
             scaled = coordinate * np.float32(1.0 / self.spacing)

@@ -57,7 +57,7 @@ class DepthSight:
     def clearance(
         self, x: Float32Array, y: Float32Array, z: Float32Array
     ) -> Float32Array:
-        """See `LineOfSight.clearance`."""
+        """Clearance [m] at points, shapes (n,): see `LineOfSight.clearance`."""
         T = self.T_base_camera.inverse().matrix.astype(np.float32)
         # Summed in this order, the coordinates of a grid meet only in the last step.
         across, down, ahead = (
@@ -117,7 +117,7 @@ class PanoramicSight:
     def clearance(
         self, x: Float32Array, y: Float32Array, z: Float32Array
     ) -> Float32Array:
-        """See `LineOfSight.clearance`."""
+        """Clearance [m] at points, shapes (n,): see `LineOfSight.clearance`."""
         points = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
         flat, distance = _directions(points, self.viewpoint, self.ranges.shape)
         clearance: Float32Array = self.ranges.ravel()[flat] - distance

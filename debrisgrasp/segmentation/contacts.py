@@ -29,6 +29,8 @@ _SOFTNESS = 0.08
 """Share of cells on the wrong side that makes a face of contact unlikely."""
 _UPRIGHT = 0.05
 """Weight of an upright face of contact against that of a level one."""
+_SPAN = (0.1, 0.9)
+"""Quantiles of the heights around a contact at which a surface starts and ends."""
 _CLEAR_SLOPE = 0.25
 """Difference of slope from which one object lies higher than the other."""
 
@@ -56,8 +58,18 @@ class Contacts:
     front: FloatArray
     """How far a is before b as the sensor sees them, over their distance, from -1 (b
     hides a) to 1, shape (c,)."""
+    gap: FloatArray
+    """Mean distance between the cells that touch [m], shape (c,)."""
+    rise: FloatArray
+    """Mean sine of the elevation of a's cells over those of b that they touch, (c,)."""
     slope: FloatArray
     """Mean rise of each surface over its distance from the contact, shape (c, 2)."""
+    span: FloatArray
+    """Where each surface starts and ends around the contact, over its middle along
+    gravity [m], shape (c, 2, 2)."""
+    facing: FloatArray
+    """How far each surface faces up around the contact, the mean z of its normals,
+    shape (c, 2)."""
     upper: IntArray
     """Label of the one that lies above the other along gravity, 0 if neither does,
     shape (c,)."""
@@ -98,7 +110,11 @@ def find_contacts(surface: LabelledSurface, reach: float) -> Contacts:
         normal=column("normal", (3,)),
         convexity=column("convexity", ()),
         front=column("front", ()),
+        gap=column("gap", ()),
+        rise=column("rise", ()),
         slope=slope,
+        span=column("span", (2, 2)),
+        facing=column("facing", (2,)),
         upper=np.where(np.abs(difference) > _CLEAR_SLOPE, upper, 0),
     )
 
@@ -164,14 +180,29 @@ def _measured(surface: LabelledSurface, pairs: IntArray) -> dict[str, object]:
     zones = [_zone(surface, int(label), places) for label in labels]
     noise = float(np.median(surface.noise[pairs]))
     spacing = float(np.median(surface.spacing[pairs]))
+    middle = places.mean(axis=0)
     return {
-        "place": places.mean(axis=0),
+        "place": middle,
         "length": _touching_length(surface, labels, middles, noise + 2.0 * spacing),
         "normal": _face(surface, zones, surface.size + 1.5 * noise),
         "convexity": 0.5 * np.mean(turn / gap),
         "front": np.mean((away[:, 1] - away[:, 0]) / gap),
+        "gap": gap.mean(),
+        "rise": np.mean(between[:, 2] / gap),
         "slope": [slope for _, _, slope in zones],
+        "span": [_span(points[index, 2] - middle[2]) for index, _, _ in zones],
+        "facing": [
+            normals[index, 2].sum() / max(len(index), 1) for index, _, _ in zones
+        ],
     }
+
+
+def _span(height: FloatArray) -> FloatArray:
+    """Heights at which a surface starts and ends, (2,); zero if none of it is near."""
+    if not len(height):
+        return np.zeros(2)
+    span: FloatArray = np.quantile(height, _SPAN)
+    return span
 
 
 def _touching_length(

@@ -73,6 +73,8 @@ def segment_cloud(
 
     Raises
     ------
+    ShapeError
+        If ``colors`` or ``of_interest`` are not one for each point.
     InputError
         If the cloud is empty, has points that are not finite, or is in another frame.
 

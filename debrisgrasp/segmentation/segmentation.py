@@ -146,14 +146,20 @@ class Segmentation:
     """Which method divided what stood on the ground."""
 
     def segment(self, label: int) -> Segment:
-        """Look up a segment by its label."""
+        """Look up a segment by its label.
+
+        Raises
+        ------
+        UnknownNameError
+            If no segment has it.
+        """
         if not 1 <= label <= len(self.segments):
             known = (str(segment.label) for segment in self.segments)
             raise UnknownNameError("segment label", label, known)
         return self.segments[label - 1]
 
     def points_of(self, label: int) -> IntArray:
-        """Find the indices of the points of a segment, ascending."""
+        """Find the indices of the points of a segment, ascending, shape (m,)."""
         self.segment(label)
         return np.flatnonzero(self.labels == label)
 

@@ -227,6 +227,11 @@ def region_of_interest(
     outliers
         Share of the points that may be left out at each end of each axis: flying pixels
         would otherwise blow the volume up to several times its size.
+
+    Raises
+    ------
+    InputError
+        If the margin is negative or not finite.
     """
     if not 0 <= margin < np.inf:
         raise InputError("margin", got=margin, expected="0 or more metres")

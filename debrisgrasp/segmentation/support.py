@@ -15,9 +15,15 @@ from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import PointCloud
 
-from .contacts import Contacts, find_contacts
+from .bearing import (
+    Seen,
+    bearing_evidence,
+    bearing_features,
+    burden_evidence,
+    burden_features,
+)
+from .contacts import Contacts
 from .loads import carried_loads, removal_sequence, support_shares
-from .occlusion import occluded_shares
 from .segmentation import Segmentation
 from .surface import LabelledSurface, Shapes
 
@@ -26,22 +32,10 @@ __all__ = ["GROUND", "SupportConfig", "SupportGraph", "support_graph"]
 GROUND = 0
 """Label of the ground in relations."""
 
-_EVIDENCE = np.array([1.64, -1.42, 0.41, 1.42, -1.03, 0.24, 0.87])
-_PRIOR = -0.89
-"""Weights of the evidence that one object bears on another, and what is left without
-any: a logistic model, fitted to simulated piles at rest, in clean and noisy depth, with
-true labels and with our own. In the order of `_evidence`."""
 _GROUND_EVIDENCE = np.array([-10.3, -2.75])
 _GROUND_PRIOR = 2.71
-"""The same for resting on the ground: height of the lowest part that was seen [m], and
-probability of another support."""
-_LOAD_EVIDENCE = np.array([3.64, 2.11, -0.44, -1.65, -0.82])
-_LOAD_PRIOR = 2.73
-"""The same for something bearing on an object, seen or not: probability that something
-was seen to, occluded share of the outline, logarithm of the number of its cells,
-height of its top [m], and certainty of being one object."""
-_LENGTH_FLOOR = 0.01
-"""Added to the length of contacts before its logarithm is taken [m]."""
+"""What speaks for resting on the ground, a logistic model: height of the lowest part
+that was seen [m], and probability of another support."""
 _LEAST_CONFIDENCE = 0.05
 """Relations less likely than this are left out."""
 _LEANING = 0.5
@@ -118,11 +112,11 @@ class SupportGraph:
     [m], shape (s, 3)."""
 
     def resting_on(self, label: int) -> tuple[IntArray, FloatArray]:
-        """Labels of what bears on an object, and how likely, most likely first."""
+        """Labels (m,) of what bears on an object, how likely (m,), likeliest first."""
         return self._ends(label, own=1)
 
     def supports_of(self, label: int) -> tuple[IntArray, FloatArray]:
-        """Labels of what an object rests on, and how likely, most likely first."""
+        """Labels (m,) of what an object rests on, how likely (m,), likeliest first."""
         return self._ends(label, own=0)
 
     def _ends(self, label: int, own: int) -> tuple[IntArray, FloatArray]:
@@ -177,50 +171,55 @@ def graph_of_surface(
     config: SupportConfig,
 ) -> SupportGraph:
     """Judge who bears on whom, given the thinned cloud; see `support_graph`."""
-    n = len(segmentation.segments)
-    shapes = Shapes.of(surface, n)
-    contacts = find_contacts(surface, config.reach)
-    relations, confidence, places, steepness = _between_objects(
-        contacts, surface, shapes
+    seen = Seen.of(segmentation, cloud, surface, config.reach)
+    shapes = seen.shapes
+    relations, features = bearing_features(seen)
+    confidence = bearing_evidence().probability(features)
+    encumbrance = burden_evidence().probability(
+        burden_features(relations, confidence, seen)
     )
-    free = np.ones(n + 1)
-    np.multiply.at(free, relations[:, 0], 1.0 - confidence)
-    objects = np.arange(1, n + 1)
-    ground = _sigmoid(
-        np.column_stack([np.maximum(shapes.lowest, 0.0), 1.0 - free])[1:]
-        @ _GROUND_EVIDENCE
-        + _GROUND_PRIOR
-    )
-    relations = np.concatenate(
-        [relations, np.column_stack([objects, np.full(n, GROUND)])]
-    )
-    confidence = np.concatenate([confidence, ground])
-    places = np.concatenate([places, shapes.foot[1:]])
-    steepness = np.concatenate([steepness, np.ones(n)])
-    hidden = free[1:] * (1.0 - ground)
+    relations, confidence, hidden = _with_ground(relations, confidence, shapes)
+    places = np.concatenate([np.tile(seen.contacts.place, (2, 1)), shapes.foot[1:]])
+    upright = np.tile(np.abs(seen.contacts.normal[:, 2]) < _LEANING, 2)
+    is_leaning = np.append(upright, np.zeros(len(hidden), dtype=bool))
     kept = confidence >= _LEAST_CONFIDENCE
     relations, confidence = relations[kept], confidence[kept]
-    occluded = occluded_shares(cloud, segmentation.labels, n)
-    certainty = np.array([segment.certainty for segment in segmentation.segments])
-    encumbrance = _encumbrance(relations, confidence, shapes, occluded, certainty)
     order, certain = removal_sequence(relations, confidence, encumbrance)
     weight = _weights(shapes, config)
     shares = support_shares(
         relations, confidence, places[kept], shapes.middle, 0.2 * shapes.extents[:, 0]
     )
     return SupportGraph(
-        contacts=contacts,
+        contacts=seen.contacts,
         relations=frozen(relations, "relations", (2,), np.int64),
         confidence=frozen(confidence, "confidence", ()),
-        is_leaning=frozen(steepness[kept] < _LEANING, "is_leaning", (), np.bool_),
+        is_leaning=frozen(is_leaning[kept], "is_leaning", (), np.bool_),
         weight=frozen(weight, "weight", (2,)),
         load=frozen(carried_loads(relations, shares, weight, order)[1:], "load", (2,)),
         hidden=frozen(hidden, "hidden", ()),
         encumbrance=frozen(encumbrance, "encumbrance", ()),
-        occluded=frozen(occluded, "occluded", ()),
+        occluded=frozen(seen.occluded, "occluded", ()),
         removal_order=frozen(order, "removal order", (), np.int64),
         removal_confidence=frozen(certain, "removal confidence", ()),
         extents=frozen(shapes.extents[1:], "extents", (3,)),
+    )
+
+
+def _with_ground(
+    relations: IntArray, confidence: FloatArray, shapes: Shapes
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Relations to the ground too, and the probability of hidden support, (s,)."""
+    n = len(shapes.lowest) - 1
+    free = np.ones(n + 1)
+    np.multiply.at(free, relations[:, 0], 1.0 - confidence)
+    lowest = np.maximum(shapes.lowest, 0.0)
+    evidence = np.column_stack([lowest, 1.0 - free])[1:] @ _GROUND_EVIDENCE
+    ground = 1.0 / (1.0 + np.exp(-(evidence + _GROUND_PRIOR)))
+    to_ground = np.column_stack([np.arange(1, n + 1), np.full(n, GROUND)])
+    return (
+        np.concatenate([relations, to_ground]),
+        np.concatenate([confidence, ground]),
+        free[1:] * (1.0 - ground),
     )
 
 
@@ -252,77 +251,6 @@ def labelled_surface(
     )
 
 
-def _between_objects(
-    contacts: Contacts, surface: LabelledSurface, shapes: Shapes
-) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Relations of each contact in both directions.
-
-    Returns
-    -------
-    relations, confidence, places, steepness
-        Shapes (r, 2), (r,), (r, 3), and the z of the face's upward normal, (r,).
-    """
-    if not len(contacts):
-        return np.zeros((0, 2), np.int64), np.zeros(0), np.zeros((0, 3)), np.zeros(0)
-    relations = np.concatenate([contacts.labels, contacts.labels[:, ::-1]])
-    evidence = np.concatenate(
-        [
-            _evidence(contacts, surface, shapes, above=0),
-            _evidence(contacts, surface, shapes, above=1),
-        ]
-    )
-    confidence = _sigmoid(evidence @ _EVIDENCE + _PRIOR)
-    places = np.tile(contacts.place, (2, 1))
-    return relations, confidence, places, np.tile(np.abs(contacts.normal[:, 2]), 2)
-
-
-def _evidence(
-    contacts: Contacts, surface: LabelledSurface, shapes: Shapes, above: int
-) -> FloatArray:
-    """Gather what speaks for one end of each contact bearing on the other.
-
-    Returns
-    -------
-    FloatArray
-        Shape (c, 7): slope of the upper and of the lower surface away from the contact,
-        logarithm of the touching length, how far the upper is in front, convexity,
-        share of the upper that lies over the outline of the lower, and how far the
-        normal of their common face points up.
-    """
-    sign = 1.0 if above == 0 else -1.0
-    upper, lower = contacts.labels[:, above], contacts.labels[:, 1 - above]
-    over = [
-        shapes.share_over(surface.points[surface.cells_of(int(a))], int(b))
-        for a, b in zip(upper, lower, strict=True)
-    ]
-    return np.column_stack(
-        [
-            contacts.slope[:, above],
-            contacts.slope[:, 1 - above],
-            np.log(contacts.length + _LENGTH_FLOOR),
-            sign * contacts.front,
-            contacts.convexity,
-            over,
-            sign * contacts.normal[:, 2],
-        ]
-    )
-
-
-def _encumbrance(
-    relations: IntArray,
-    confidence: FloatArray,
-    shapes: Shapes,
-    occluded: FloatArray,
-    certainty: FloatArray,
-) -> FloatArray:
-    """Probability that something bears on each object, shape (s,)."""
-    free = np.ones(len(occluded) + 1)
-    np.multiply.at(free, relations[:, 1], 1.0 - confidence)
-    size = np.log(np.maximum(shapes.n_cells[1:], 1))
-    evidence = [1.0 - free[1:], occluded, size, shapes.highest[1:], certainty]
-    return _sigmoid(np.stack(evidence, axis=1) @ _LOAD_EVIDENCE + _LOAD_PRIOR)
-
-
 def _weights(shapes: Shapes, config: SupportConfig) -> FloatArray:
     """Bounds on the weight of each object [N], shape (s, 2).
 
@@ -336,8 +264,3 @@ def _weights(shapes: Shapes, config: SupportConfig) -> FloatArray:
     volume = np.stack([least, np.maximum(most, least)], axis=1)
     weights: FloatArray = volume * np.array(config.density) * config.gravity
     return weights
-
-
-def _sigmoid(x: FloatArray) -> FloatArray:
-    result: FloatArray = 1.0 / (1.0 + np.exp(-np.clip(x, -60.0, 60.0)))
-    return result

@@ -74,6 +74,11 @@ class StereoNoise:
             Camera of the image, which is the left imager of the pair.
         rng
             Source of randomness.
+
+        Raises
+        ------
+        ShapeError
+            If the image is not of the camera's size.
         """
         depth = np.asarray(depth, dtype=np.float64)
         if depth.shape != (intrinsics.height, intrinsics.width):

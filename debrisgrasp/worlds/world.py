@@ -46,7 +46,13 @@ class World:
         return tuple(body.name for body in self.bodies)
 
     def index(self, name: str) -> int:
-        """Position of a body among the bodies, by its name."""
+        """Position of a body among the bodies, by its name.
+
+        Raises
+        ------
+        UnknownNameError
+            If no body has it.
+        """
         if name not in self.names:
             raise UnknownNameError("body", name, self.names)
         return self.names.index(name)

@@ -11,16 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp.geometry import SE3, Intrinsics
+from debrisgrasp.geometry import SE3, Intrinsics, so3
 from debrisgrasp.io import Capture
-from debrisgrasp.sim import Settled, settled_pile
+from debrisgrasp.sim import Settled, let_fall, settled_pile
 from debrisgrasp.worlds import (
+    Body,
+    Ground,
     Measured,
     PileConfig,
     Rendered,
     StereoNoise,
+    World,
     draw_intrinsics,
     draw_view,
+    make_body,
     render,
 )
 
@@ -57,7 +61,7 @@ class FreshPile:
 
     def _capture(self, depth: np.ndarray, kind: str) -> Capture:
         return Capture(
-            depth=np.where(depth > 0, depth, np.nan),
+            depth=np.where(depth > 0, depth, np.nan).astype(np.float32),
             intrinsics=self.intrinsics,
             T_base_camera=self.T_base_camera,
             name=f"pile_{self.seed}_{kind}",
@@ -67,7 +71,52 @@ class FreshPile:
 def fresh_pile(seed: int, config: PileConfig | None = None) -> FreshPile:
     """Draw one pile and one view of it that shows most of its bodies."""
     rng = np.random.default_rng(seed)
-    settled = settled_pile(rng=rng, config=config, name=str(seed))
+    return _seen(seed, settled_pile(rng=rng, config=config, name=str(seed)), rng)
+
+
+def fresh_stack(seed: int) -> FreshPile:
+    """Draw a stack of cartons, books, tins and buckets of any proportions."""
+    rng = np.random.default_rng([seed, 1])
+    # Towers stand only if each body comes down on the middle of the others.
+    spread = float(rng.choice([0.04, 0.18]))
+    bodies = [
+        _household(rng, f"{seed}_{k}", spread) for k in range(int(rng.integers(4, 13)))
+    ]
+    world = World(tuple(bodies), Ground.level(), f"{seed} stack")
+    return _seen(seed, let_fall(world), rng)
+
+
+def _household(rng: np.random.Generator, name: str, spread: float) -> Body:
+    """Draw one body, mostly a box, over the place where it is let down."""
+    kind = rng.choice(["brick", "bucket", "pipe_wide"], p=[0.76, 0.12, 0.12])
+    radius = float(rng.uniform(0.04, 0.1))
+    length = float(rng.uniform(0.1, 0.45))
+    sizes = {
+        "brick": {
+            "length": length,
+            "width": length * float(rng.uniform(0.3, 1.0)),
+            "height": length * float(rng.uniform(0.1, 0.9)),
+        },
+        "bucket": {
+            "height": float(rng.uniform(0.1, 0.3)),
+            "radius_low": radius,
+            "radius_high": radius * float(rng.uniform(1.0, 1.6)),
+            "wall": 0.006,
+        },
+        "pipe_wide": {
+            "length": float(rng.uniform(0.1, 0.35)),
+            "radius": radius,
+            "wall": 0.01,
+        },
+    }[str(kind)]
+    rpy = [rng.choice([0.0, np.pi / 2]), 0.0, rng.uniform(-np.pi, np.pi)]
+    rpy += rng.normal(0.0, [0.03, 0.03, 0.0])
+    place = [*rng.normal([1.3, 0.0], spread), 0.0]
+    body = make_body(str(kind), sizes, float(rng.uniform(1, 3)), name=name)
+    return body.at(SE3.from_parts(so3.from_rpy(rpy), place))
+
+
+def _seen(seed: int, settled: Settled, rng: np.random.Generator) -> FreshPile:
     bodies = settled.world.bodies
     middle = np.mean([body.T_base_body.p[:2] for body in bodies], axis=0)
     intrinsics = draw_intrinsics(rng)

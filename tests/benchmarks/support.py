@@ -157,6 +157,14 @@ def count_first(
         count.free_first[name] += int(bodies[first]) not in carriers
 
 
+def seen_labels(pile: FreshPile, cloud: PointCloud) -> np.ndarray:
+    """Body of each point, 0 for the ground and for bodies hardly seen."""
+    assert cloud.pixels is not None
+    labels = np.maximum(pile.labels.ravel()[cloud.pixels].astype(int), 0)
+    size = np.bincount(labels)
+    return np.where(size[labels] >= FEWEST_PIXELS, labels, 0)
+
+
 def captures(pile: FreshPile) -> Iterator[tuple[str, Capture]]:
     yield "clean", pile.clean
     yield "noisy", pile.noisy
@@ -169,10 +177,7 @@ def main() -> None:
     for pile in fresh_piles(SEEDS):
         for kind, capture in captures(pile):
             cloud = capture.cloud()
-            assert cloud.pixels is not None
-            labels = np.maximum(pile.labels.ravel()[cloud.pixels].astype(int), 0)
-            size = np.bincount(labels)
-            labels = np.where(size[labels] >= FEWEST_PIXELS, labels, 0)
+            labels = seen_labels(pile, cloud)
             truth = Truth.of(pile, cloud, labels)
             found = segment_cloud(cloud)
             by_truth, names = true_segmentation(found, cloud, labels)

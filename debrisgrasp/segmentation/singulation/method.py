@@ -38,7 +38,7 @@ class SingulationConfig:
     """Largest step of 1/z between neighbouring cells that touch [1/m]: 3 cm at 1.5 m,
     for 300 cells of focal length; coarser images get as much more as their cells are
     larger. Larger bridges more noise and more gaps between objects."""
-    max_increase: float = 40.0
+    max_increase: float = 30.0
     """Growth of the squared error, in variances, up to which patches merge to a plane;
     larger makes fewer, coarser patches."""
     sweeps: int = 2

@@ -3,9 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from debrisgrasp.segmentation.evidence import Evidence
 from debrisgrasp.segmentation.singulation.camera import InverseDepthImage
 from debrisgrasp.segmentation.singulation.cells import cell_image
-from debrisgrasp.segmentation.singulation.evidence import Evidence, fitted_evidence
+from debrisgrasp.segmentation.singulation.evidence import fitted_evidence
 from debrisgrasp.segmentation.singulation.features import FEATURES
 from debrisgrasp.segmentation.singulation.graph import (
     BorderSum,
@@ -156,6 +157,7 @@ def test_what_points_from_a_to_b_turns_with_the_pair():
 
 def test_evidence_adds_what_each_answer_is_worth():
     evidence = Evidence.from_terms(
+        FEATURES,
         0.5,
         [
             {"questions": [["step", 0.01], ["angle", 1.0]], "log_odds": [0, 1, 2, 4]},

@@ -1,0 +1,78 @@
+"""From features to a probability: a sum of log-odds fitted to known answers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from debrisgrasp._arrays import Float32Array, FloatArray, IntArray
+
+__all__ = ["Evidence"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """A sum of log-odds, each looked up by a few comparisons of features.
+
+    Each of the k terms asks d questions "is this feature above this threshold?" (NaN is
+    not) and adds the log-odds stored for the combination of answers: a boosted ensemble
+    of symmetric trees.
+    """
+
+    features: IntArray
+    """Column of the feature in each question, shape (k, d), d at most 8."""
+    thresholds: Float32Array
+    """What it is compared with, shape (k, d)."""
+    log_odds: FloatArray
+    """What each combination of answers adds, shape (k, 2^d); question i is bit i."""
+    prior: float
+    """Log-odds before any question."""
+
+    def log_odds_of(self, features: FloatArray) -> FloatArray:
+        """Log-odds of cases with the features (n, f), shape (n,)."""
+        known = np.nan_to_num(
+            features.astype(np.float32), nan=-np.inf, posinf=np.inf, neginf=-np.inf
+        )
+        answers = known[:, self.features.ravel()] > self.thresholds.ravel()
+        by_term = answers.reshape(len(known), *self.features.shape)
+        leaf = np.packbits(by_term, axis=2, bitorder="little")[..., 0]
+        n_terms = len(self.features)
+        total: FloatArray = self.log_odds[np.arange(n_terms), leaf].sum(axis=1)
+        return self.prior + total
+
+    def probability(self, features: FloatArray) -> FloatArray:
+        """Probability of cases with the features (n, f), shape (n,)."""
+        odds: FloatArray = 1.0 / (1.0 + np.exp(-self.log_odds_of(features)))
+        return odds
+
+    @classmethod
+    def from_terms(
+        cls, names: Sequence[str], prior: float, terms: list[dict[str, Any]]
+    ) -> Evidence:
+        """Build from terms of ``questions`` (feature, threshold) and ``log_odds``.
+
+        Parameters
+        ----------
+        names
+            Of the columns of features.
+        """
+        column = {name: k for k, name in enumerate(names)}
+        questions = [term["questions"] for term in terms]
+        return cls(
+            features=np.array([[column[q[0]] for q in qs] for qs in questions]),
+            thresholds=np.array([[q[1] for q in qs] for qs in questions], np.float32),
+            log_odds=np.array([term["log_odds"] for term in terms]),
+            prior=prior,
+        )
+
+    @classmethod
+    def shipped(cls, package: str, file: str, names: Sequence[str]) -> Evidence:
+        """Read what lies beside the modules of a package."""
+        text = resources.files(package).joinpath(file).read_text("utf-8")
+        content = json.loads(text)
+        return cls.from_terms(names, content["prior"], content["terms"])

@@ -1,0 +1,96 @@
+"""What speaks for one object bearing on another."""
+
+import numpy as np
+import pytest
+
+from debrisgrasp.segmentation import SupportConfig
+from debrisgrasp.segmentation.bearing import (
+    BEARING,
+    BURDEN,
+    Seen,
+    bearing_evidence,
+    bearing_features,
+    burden_evidence,
+    burden_features,
+)
+from debrisgrasp.segmentation.support import labelled_surface
+
+from .clouds import box_at, labelled, scene_cloud, truth_of
+
+# A small block on a large one, and a third beside them that touches nothing.
+SOLIDS = (
+    box_at(1.0, 0.0, 0.1, (0.3, 0.3, 0.2), yaw=0.6),
+    box_at(1.0, 0.0, 0.26, (0.14, 0.14, 0.12), yaw=0.2),
+    box_at(1.0, 0.6, 0.1, (0.2, 0.2, 0.2)),
+)
+
+
+@pytest.fixture(scope="module")
+def seen() -> Seen:
+    cloud = scene_cloud(SOLIDS)
+    config = SupportConfig()
+    segmentation = labelled(cloud, truth_of(cloud, SOLIDS))
+    surface = labelled_surface(segmentation, cloud, config)
+    return Seen.of(segmentation, cloud, surface, config.reach)
+
+
+def test_each_contact_is_looked_at_from_both_ends(seen):
+    relations, features = bearing_features(seen)
+    assert relations.tolist() == [[1, 2], [2, 1]]
+    low, high = (dict(zip(BEARING, row, strict=True)) for row in features)
+    assert high["slope_above"] == low["slope_below"] > 0 > high["slope_below"]
+    for turned in ("front", "normal_up", "rise", "apart", "middle_rise"):
+        assert high[turned] == pytest.approx(-low[turned])
+    for common in ("log_length", "convexity", "gap", "noise", "upright"):
+        assert high[common] == low[common]
+    assert high["overlap"] == pytest.approx(1.0)
+    assert high["overlap_back"] < 0.6
+    assert high["normal_up"] > 0.8
+    assert high["rise"] > 0.3
+    assert high["guess_back"] == low["guess"] < 0.5 < high["guess"]
+
+
+def test_heights_are_those_over_the_ground(seen):
+    relations, features = bearing_features(seen)
+    high = dict(zip(BEARING, features[1], strict=True))
+    assert relations[1].tolist() == [2, 1]
+    assert high["contact_height"] == pytest.approx(0.2, abs=0.02)
+    assert high["lowest_above"] == pytest.approx(0.2, abs=0.02)
+    assert high["highest_above"] == pytest.approx(0.32, abs=0.02)
+    assert high["contact_share_below"] == pytest.approx(0.9, abs=0.15)
+    assert high["contact_share_above"] == pytest.approx(0.0, abs=0.15)
+
+
+def test_a_burden_is_told_from_what_was_seen_to_lie_on_it(seen):
+    relations, features = bearing_features(seen)
+    confidence = bearing_evidence().probability(features)
+    burden = burden_features(relations, confidence, seen)
+    assert burden.shape == (3, len(BURDEN))
+    carries = burden[:, BURDEN.index("carries")]
+    assert carries[0] == pytest.approx(confidence[1])
+    assert carries[2] == 0.0
+    encumbrance = burden_evidence().probability(burden)
+    assert encumbrance[0] > 0.8
+    assert encumbrance[1:].max() < 0.4
+
+
+def test_objects_without_contacts_have_no_relations():
+    cloud = scene_cloud(SOLIDS[2:])
+    config = SupportConfig()
+    segmentation = labelled(cloud, truth_of(cloud, SOLIDS[2:]))
+    surface = labelled_surface(segmentation, cloud, config)
+    seen = Seen.of(segmentation, cloud, surface, config.reach)
+    relations, features = bearing_features(seen)
+    assert relations.shape == (0, 2)
+    assert features.shape == (0, len(BEARING))
+    assert burden_features(relations, np.zeros(0), seen).shape == (1, len(BURDEN))
+
+
+@pytest.mark.parametrize(
+    ("evidence", "names"), [(bearing_evidence, BEARING), (burden_evidence, BURDEN)]
+)
+def test_shipped_evidence_stays_doubtful_when_nothing_is_known(evidence, names):
+    assert evidence().features.max() < len(names)
+    assert np.isfinite(evidence().log_odds).all()
+    nothing = np.full((1, len(names)), np.nan)
+    assert 0.0 < evidence().probability(nothing)[0] < 1.0
