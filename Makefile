@@ -6,13 +6,17 @@ OUT ?= out
 
 .PHONY: demo test lint types bench docs notebooks wheel clean
 
-$(VENV)/ready: pyproject.toml
+# What it takes to use it, and then what it takes to work on it.
+$(VENV)/usable: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+$(VENV)/ready: $(VENV)/usable
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
-demo: $(VENV)/ready
+demo: $(VENV)/usable
 	$(BIN)/debrisgrasp demo --out-dir $(OUT)
 
 # One process for each core; a process that computes on several would slow the others.
@@ -36,7 +40,7 @@ docs: $(VENV)/ready
 # Runs the notebooks and stores their outputs, which are read without running them.
 notebooks: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --editable '.[notebooks]'
-	$(BIN)/jupyter nbconvert --to notebook --execute --inplace docs/notebooks/*.ipynb
+	PYTHONWARNINGS=ignore $(BIN)/jupyter nbconvert --to notebook --execute --inplace docs/notebooks/*.ipynb
 
 wheel: $(VENV)/ready
 	$(BIN)/python -m build --wheel --outdir dist .

@@ -71,13 +71,17 @@ def read_yaml(path: PathLike) -> Any:
     """
     text = read_text(path)
     try:
-        return yaml.safe_load(text)
+        return yaml.load(text, Loader=_Loader)  # a safe loader
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or str(error)
         raise ConfigError(
             f"{path}{line}", got=problem, expected="well-formed YAML"
+        ) from error
+    except (ValueError, RecursionError) as error:  # no date; too many brackets
+        raise ConfigError(
+            str(path), got=str(error), expected="well-formed YAML"
         ) from error
 
 
@@ -166,6 +170,30 @@ def read_text(path: PathLike) -> str:
             got=f"a byte that is no UTF-8 at offset {error.start}",
             expected="a text file",
         ) from error
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe, and refuses a field that is given twice: only one of them would count."""
+
+    def construct_mapping(
+        self,
+        node: yaml.MappingNode,
+        deep: bool = False,  # noqa: FBT001, FBT002
+    ) -> dict[Any, Any]:
+        """Content of a mapping; its keys differ."""
+        given: set[str] = set()
+        for key, _ in node.value:
+            if key.tag == "tag:yaml.org,2002:merge":
+                continue
+            if key.value in given:
+                raise yaml.constructor.ConstructorError(
+                    problem=f"field {key.value!r} a second time",
+                    problem_mark=key.start_mark,
+                )
+            if isinstance(key.value, str):
+                given.add(key.value)
+        content: dict[Any, Any] = super().construct_mapping(node, deep=deep)
+        return content
 
 
 def _refuse_constant(name: str) -> None:

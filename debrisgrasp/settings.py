@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_range
+from debrisgrasp._fields import Fields
 from debrisgrasp._files import read_yaml
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.io import CameraPose, Capture, parse_camera_pose
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.kinematics import ArmSpec, RobotModel
-from debrisgrasp.prototypes._fields import Fields
 from debrisgrasp.segmentation import (
     DEFAULT_POINT,
     PriorityPoint,
@@ -181,11 +181,17 @@ class Settings:
         Raises
         ------
         ConfigError, UnknownNameError
-            As `RobotModel.load` and `SiteLimits.of_robot` do.
+            As `RobotModel.load` and `SiteLimits.of_robot` do; also for a drop-off of an
+            arm that the robot does not have.
         """
         if self.robot == "none":
             return None
-        return self.limits.of_robot(RobotModel.load(self.robot))
+        robot = RobotModel.load(self.robot)
+        for arm in self.drop_off:
+            if arm not in robot.arms:
+                kind = f"arm in drop_off, of robot {robot.name}"
+                raise UnknownNameError(kind, arm, robot.arms)
+        return self.limits.of_robot(robot)
 
     def pose_of_camera(self) -> CameraPose | None:
         """Pose of the camera in the base frame; None if captures bring their own.
@@ -208,8 +214,10 @@ class Settings:
 
         Parameters
         ----------
-        path, viewpoint
+        path
             As for `Capture.load`.
+        viewpoint
+            Of the sensor that saw a cloud, in its frame [m], shape (3,).
 
         Raises
         ------
@@ -340,23 +348,23 @@ def _limits(fields: Fields) -> dict[str, Any]:
 
 def _file(fields: Fields, name: str) -> Path:
     path = Path(fields.file).parent / fields.text(name)
-    if not path.is_file():
-        raise ConfigError(
-            fields.where(name),
-            got=str(path),
-            expected="an existing file",
-            mend="Paths are relative to the file of settings.",
-        )
+    _require_there(fields, name, path, "file", is_there=path.is_file())
     return path
 
 
 def _folder(fields: Fields, name: str) -> Path:
     path = Path(fields.file).parent / fields.text(name)
-    if not path.is_dir():
+    _require_there(fields, name, path, "folder", is_there=path.is_dir())
+    return path
+
+
+def _require_there(
+    fields: Fields, name: str, path: Path, kind: str, *, is_there: bool
+) -> None:
+    if not is_there:
         raise ConfigError(
             fields.where(name),
             got=str(path),
-            expected="an existing folder",
+            expected=f"an existing {kind}",
             mend="Paths are relative to the file of settings.",
         )
-    return path

@@ -184,6 +184,11 @@ class DriftMonitor:
         Three tests share the false alarms: the last look alone; a common shift of the
         last few; a slip of the head's joints common to the last few. All count the
         noise of the looks and the uncertainty of the calibration itself.
+
+        Raises
+        ------
+        ConfigError
+            If nothing was seen yet.
         """
         if not self.looks:
             raise ConfigError(

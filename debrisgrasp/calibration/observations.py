@@ -90,7 +90,7 @@ class Observations:
         return np.asarray(np.hypot(np.asarray(self.sigmas), self.kinematic_sigma))
 
     def selected(self, index: BoolArray | IntArray | Sequence[int]) -> Observations:
-        """Keep the observations that a mask or an index array names."""
+        """Keep the observations that a mask (n,) or an array of indices (m,) names."""
         rows = np.arange(len(self))[np.asarray(index)]
         return replace(
             self,

@@ -57,6 +57,8 @@ def find_tags(
 
     Raises
     ------
+    ShapeError, UnknownNameError
+        If the picture is not of the camera's size, or the family is not known.
     MissingExtraError
         If the library is not installed.
     """

@@ -26,6 +26,7 @@ from .policy_arguments import add_policy, policy_of
 from .reports import (
     PICTURE_FORMS,
     REPORT_FORMS,
+    add_reports,
     require_places,
     write_plan_reports,
     write_segmentation_picture,
@@ -125,14 +126,7 @@ def add_plan(subparsers: Subparsers) -> None:
         help="say what would help even where the plan is good",
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="grasps as JSON")
-    parser.add_argument(
-        "--report",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="report as .html or .png; may be given twice",
-    )
+    add_reports(parser, "report")
     parser.set_defaults(run=run_plan)
 
 
@@ -265,14 +259,7 @@ def add_select(subparsers: Subparsers) -> None:
         "select", help="the order in which objects would be taken, and why"
     )
     _add_capture(parser)
-    parser.add_argument(
-        "--report",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="who lies on whom, as .html or .png; may be given twice",
-    )
+    add_reports(parser, "who lies on whom,")
     add_policy(parser)
     parser.set_defaults(run=run_select)
 
@@ -302,7 +289,7 @@ def run_select(arguments: argparse.Namespace) -> int:
 def _add_capture(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "capture",
-        type=Path,
+        type=_path,
         help="a .npz, .ply or .pcd file, a 16-bit depth .png, or a folder",
     )
     parser.add_argument(
@@ -337,6 +324,13 @@ def _add_capture(parser: argparse.ArgumentParser) -> None:
 def _load(arguments: argparse.Namespace, settings: Settings | None = None) -> Capture:
     settings = settings or site_of(arguments)
     return settings.capture(arguments.capture, viewpoint=arguments.viewpoint)
+
+
+def _path(text: str) -> Path:
+    """Parse a path; an empty one would mean the working folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty, expected a file or folder")
+    return Path(text)
 
 
 def _seed(text: str) -> int:

@@ -192,6 +192,19 @@ def site(settings: Settings) -> Iterator[Finding]:
                 f"{limits.velocity.max():.2f} rad/s, hand "
                 f"{settings.limits.hand_speed:g} m/s on approach and lift",
             )
+    yield _shipped_plan(pipeline, settings)
+
+
+def _shipped_plan(pipeline: Pipeline, settings: Settings) -> Finding:
+    """Plan on the shipped capture as the site would: its robot, arm and hands."""
+    capture = Capture.load(data_path("captures", "pile.npz"))
+    plan = pipeline.plan(capture, seed=settings.seed, deadline=settings.deadline).plan
+    if not plan.grasps:
+        text = f"none, as may be for another robot than roman: {plan.why_empty}"
+        return Finding("grasps on the shipped capture", "note", text)
+    arms = ", ".join(sorted({grasp.arm or "floating hand" for grasp in plan.grasps}))
+    text = f"{len(plan.grasps)}, by {arms}"
+    return Finding("grasps on the shipped capture", "ok", text)
 
 
 def _camera(settings: Settings) -> Iterator[Finding]:

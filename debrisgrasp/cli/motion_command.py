@@ -93,7 +93,7 @@ def _run(arguments: argparse.Namespace) -> int:
         {} if chosen is None else chosen.trajectories,
         robot=result.plan.robot,
         arm=None if chosen is None else chosen.arm,
-        grasp=None if chosen is None else chosen.index,
+        index=None if chosen is None else chosen.index,
         passed_over=found.passed_over,
     )
     if out:

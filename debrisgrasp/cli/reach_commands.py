@@ -27,7 +27,7 @@ from debrisgrasp.kinematics import (
 from debrisgrasp.planning import Grasp
 
 from .arm_arguments import add_arm, chosen_arms, require_metres
-from .reports import REPORT_FORMS, require_places
+from .reports import REPORT_FORMS, add_reports, require_places
 from .tables import columns
 
 __all__ = ["add"]
@@ -61,14 +61,7 @@ def add(subparsers: Any) -> None:
         metavar="FILE",
         help="rank places for the base by the grasps of a plan instead of the region",
     )
-    parser.add_argument(
-        "--report",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="maps as .html or .png; may be given twice",
-    )
+    add_reports(parser, "maps")
     parser.set_defaults(run=_run)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import ArgumentParser
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = [
     "PICTURE_FORMS",
     "REPORT_FORMS",
+    "add_reports",
     "require_places",
     "write_coverage",
     "write_plan_reports",
@@ -31,6 +33,18 @@ REPORT_FORMS = (".html", ".png")
 """Suffixes of the reports of a plan."""
 PICTURE_FORMS = (".png",)
 """Suffixes of the picture of a segmentation."""
+
+
+def add_reports(parser: ArgumentParser, what: str) -> None:
+    """Add ``--report`` for a command that writes a page, a picture, or both."""
+    parser.add_argument(
+        "--report",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help=f"{what} as {' or '.join(REPORT_FORMS)}; may be given twice",
+    )
 
 
 def require_places(

@@ -46,7 +46,9 @@ def site_of(arguments: argparse.Namespace) -> Settings:
         if (value := getattr(arguments, name, None)) is not None:
             changes[name] = Path(value)
     if "robot" in changes:
-        changes.setdefault("arm", None)  # arms have other names on another robot
+        # Arms have other names on another robot.
+        changes.setdefault("arm", None)
+        changes["drop_off"] = {}
     return replace(settings, **changes, **_camera(arguments))
 
 

@@ -131,6 +131,11 @@ class Capture:
 
         ``"level"`` takes `T_level_camera`, whose origin is not the robot: good for
         looking at the scene and for a floating hand, not for moving an arm.
+
+        Raises
+        ------
+        CaptureError
+            For ``"level"``, if the capture has no `T_level_camera`.
         """
         if camera_pose != "level":
             return replace(self, T_base_camera=camera_pose)
@@ -144,7 +149,13 @@ class Capture:
         return replace(self, T_base_camera=self.T_level_camera)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the capture as .npz, whole or not at all."""
+        """Write the capture as .npz, whole or not at all.
+
+        Raises
+        ------
+        CaptureError
+            If the name does not end in .npz.
+        """
         path = Path(path)
         if path.suffix != ".npz":
             raise CaptureError(

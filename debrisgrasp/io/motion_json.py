@@ -1,22 +1,41 @@
-"""Motions as JSON, for whoever executes them."""
+"""Motions as JSON, for whoever executes or looks at them."""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._files import write_atomic
+from debrisgrasp._files import naming_fields, read_schema, write_atomic
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.kinematics import Trajectory
 
-__all__ = ["MOTION_SCHEMA", "motion_to_dict", "save_motion"]
+__all__ = [
+    "MOTION_SCHEMA",
+    "StoredMotion",
+    "load_motion",
+    "motion_to_dict",
+    "save_motion",
+]
 
 MOTION_SCHEMA = "debrisgrasp/motion/1"
 _DIGITS = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class StoredMotion:
+    """Motions that were read from a file."""
+
+    trajectories: Mapping[str, Trajectory]
+    """By name, in the order in which they are executed; empty if none was found."""
+    arm: str | None
+    rank: int | None
+    """Place of the grasp in its plan, counted from 1."""
 
 
 def motion_to_dict(
@@ -24,7 +43,7 @@ def motion_to_dict(
     *,
     robot: str,
     arm: str | None,
-    grasp: int | None,
+    index: int | None,
     passed_over: Sequence[tuple[int, str]],
 ) -> dict[str, Any]:
     """Motions as JSON values.
@@ -33,16 +52,17 @@ def motion_to_dict(
     ----------
     trajectories
         Motions by name, in the order in which they are executed.
-    grasp
-        Place of the grasp in its plan, counted from 0; None if there is none.
+    index
+        Of the grasp in its plan, counted from 0 as in Python; None if there is none.
+        The file counts from 1, as do tables and reports.
     passed_over
-        Grasps before it, and what stops them.
+        Indices of the grasps before it, and what stops them.
     """
     return {
         "schema": MOTION_SCHEMA,
         "robot": robot,
         "arm": arm,
-        "grasp": grasp,
+        "grasp": None if index is None else index + 1,
         "motions": [
             {
                 "name": name,
@@ -55,7 +75,7 @@ def motion_to_dict(
             for name, motion in trajectories.items()
         ],
         "passed_over": [
-            {"grasp": index, "reason": reason} for index, reason in passed_over
+            {"grasp": other + 1, "reason": reason} for other, reason in passed_over
         ],
     }
 
@@ -63,6 +83,36 @@ def motion_to_dict(
 def save_motion(content: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
     """Write what `motion_to_dict` made, whole or not at all."""
     write_atomic(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def load_motion(path: str | os.PathLike[str]) -> StoredMotion:
+    """Read what `save_motion` wrote.
+
+    Raises
+    ------
+    ConfigError
+        If the file can't be read, or is none of this schema.
+    """
+    content = read_schema(path, MOTION_SCHEMA)
+    with naming_fields(path, MOTION_SCHEMA):
+        trajectories = {
+            str(part["name"]): Trajectory(
+                joint_names=tuple(part["joints"]),
+                times=part["times"],
+                q=part["q"],
+                dq=part["dq"],
+                limits_hash=str(part["limits"]),
+            )
+            for part in content["motions"]
+        }
+        arm, rank = content["arm"], content["grasp"]
+    if trajectories and not (isinstance(arm, str) and isinstance(rank, int)):
+        raise ConfigError(
+            f"{path}",
+            got=f"arm {arm!r}, grasp {rank!r}",
+            expected="a name, and a place in the plan from 1",
+        )
+    return StoredMotion(trajectories=trajectories, arm=arm, rank=rank)
 
 
 def _rounded(array: ArrayLike) -> Any:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._files import naming_fields, read_schema, write_atomic
 from debrisgrasp.geometry import SE3, Bounds
-from debrisgrasp.planning import Advice, LoadForecast, Retreat
+from debrisgrasp.planning import Advice, LoadForecast, Retreat, SuccessForecast
 from debrisgrasp.planning.plan import Grasp, GraspPlan, PassedOver
 
 __all__ = ["SCHEMA", "load_plan", "plan_to_dict", "plan_to_json", "save_plan"]
@@ -99,7 +99,24 @@ def _grasp_to_dict(grasp: Grasp) -> dict[str, Any]:
         "object": grasp.object_label,
         "retreat": None if grasp.retreat is None else _plain(grasp.retreat),
         "load": None if grasp.load is None else _load_to_dict(grasp.load),
+        "success": None if grasp.success is None else _success_to_dict(grasp.success),
     }
+
+
+def _success_to_dict(success: SuccessForecast) -> dict[str, Any]:
+    return {
+        "probability": _rounded(success.probability),
+        "terms": _rounded(np.array(success.terms)),
+        "outside": list(success.outside),
+    }
+
+
+def _success_from_dict(content: dict[str, Any]) -> SuccessForecast:
+    return SuccessForecast(
+        probability=float(content["probability"]),
+        terms=tuple(float(term) for term in content["terms"]),
+        outside=tuple(str(name) for name in content["outside"]),
+    )
 
 
 def _load_to_dict(load: LoadForecast) -> dict[str, Any]:
@@ -196,6 +213,9 @@ def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
         retreat=None
         if content.get("retreat") is None
         else _retreat_from_dict(content["retreat"]),
+        success=None
+        if content.get("success") is None
+        else _success_from_dict(content["success"]),
     )
 
 

@@ -119,7 +119,13 @@ class KinematicChain:
         tip: str,
         locked: Mapping[str, float] | None = None,
     ) -> KinematicChain:
-        """Take the chain between two links of a robot already read."""
+        """Take the chain between two links of a robot already read.
+
+        Raises
+        ------
+        ConfigError, UnknownNameError
+            If nothing moves between the links, or a joint to lock is not known.
+        """
         locked = dict(locked or {})
         tree.require_link(base, "base link")
         tree.require_link(tip, "tip link")
@@ -264,7 +270,7 @@ class KinematicChain:
         return np.asarray(ends.mean(axis=0))
 
     def wrapped(self, q: ArrayLike) -> FloatArray:
-        """Return the same postures with turns near the middle of their ranges."""
+        """Return the same postures (..., d), turns near the middle of their ranges."""
         q = np.asarray(q, dtype=np.float64)
         require_trailing(q, "joint values", (self.n_joints,))
         turns = np.round((q - self.middle) / (2.0 * np.pi))
@@ -297,7 +303,7 @@ class KinematicChain:
         return np.asarray(np.abs(self.way(q_a, q_b)).max(axis=-1))
 
     def clipped(self, q: ArrayLike) -> FloatArray:
-        """Return the nearest postures within the limits; cyclic joints wrap first."""
+        """Return the nearest postures (..., d) within limits; cyclic joints wrap."""
         q = np.asarray(q, dtype=np.float64)
         nearest = np.where(self.is_cyclic, self.wrapped(q), q)
         return np.clip(nearest, self.lower, self.upper)
@@ -316,7 +322,7 @@ class KinematicChain:
         return rng.uniform(lower, upper, size=(n, self.n_joints))
 
     def vector(self, values: Mapping[str, float]) -> FloatArray:
-        """Joint values in the chain's order; joints not named stand at zero."""
+        """Joint values (d,) in the chain's order; joints not named stand at zero."""
         return np.array([values.get(name, 0.0) for name in self.joint_names])
 
     def named(self, q: Sequence[float] | FloatArray) -> dict[str, float]:

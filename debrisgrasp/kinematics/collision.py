@@ -231,7 +231,13 @@ class ArmCollision:
         return is_hit.reshape(batch)
 
     def self_contacts(self, q: ArrayLike) -> tuple[tuple[str, str], ...]:
-        """Pairs of links that touch in one posture (d,), by their exact solids."""
+        """Pairs of links that touch in one posture (d,), by their exact solids.
+
+        Raises
+        ------
+        ShapeError
+            If it is not one posture.
+        """
         rows, batch = self._rows(q)
         if batch:
             raise ShapeError(

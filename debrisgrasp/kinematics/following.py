@@ -54,6 +54,11 @@ def follow(
     -------
     IkResult
         Shape (k,).
+
+    Raises
+    ------
+    InputError
+        If the postures are not one for each pose.
     """
     config = config or IkConfig()
     targets = checked_poses(T_base_tip)

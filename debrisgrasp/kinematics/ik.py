@@ -115,6 +115,11 @@ def solve_distinct(
     IkResult
         Leading axes (..., n_solutions); solved ones first. Postures that came out equal
         to an earlier one (`IkConfig.separation`) have status ``STALLED``.
+
+    Raises
+    ------
+    InputError
+        If ``n_solutions`` is less than 1.
     """
     if n_solutions < 1:
         raise InputError("n_solutions", got=n_solutions, expected="at least 1")

@@ -102,7 +102,17 @@ class LimitSet:
         force: float = 150.0,
         torque: float = 40.0,
     ) -> LimitSet:
-        """Take the positions from a chain; one number stands for all joints."""
+        """Take the positions from a chain of d joints.
+
+        Parameters
+        ----------
+        velocity, acceleration
+            Largest of each joint [rad/s, rad/s^2, or m], shape (d,), or one for all.
+        deflection
+            How far forces may move the hand.
+        force, torque
+            Largest at the hand [N, N m].
+        """
         d = chain.n_joints
         return cls(
             joint_names=chain.joint_names,

@@ -128,6 +128,11 @@ def base_placements(
     -------
     tuple of BasePlacement
         Best share first; of equal ones the nearest.
+
+    Raises
+    ------
+    ShapeError
+        If there is no pose or no arm, or not one gripper for each pose.
     """
     config = config or PlacementConfig()
     T = np.asarray(T_base_hand.matrix)

@@ -212,7 +212,7 @@ class ReachMap:
         return self.admits(AxisGoals.from_columns(goals.columns))
 
     def admits(self, goals: AxisGoals) -> BoolArray:
-        """As `may_reach`, of goals already in the radial frame."""
+        """As `may_reach`, of goals (k,) already in the radial frame."""
         radius, height = goals.rows[:2]
         cell = self._cells(goals.rows)
         is_open = radius < self.radius

@@ -80,7 +80,7 @@ class ReachResult:
     """Distance between links and scene [m], shape (k,); NaN where no posture."""
 
     def improved(self, rows: IntArray, other: ReachResult) -> ReachResult:
-        """Take over what another result for some of the poses has reached."""
+        """Take over what another result, for the poses of rows (m,), has reached."""
         better = np.flatnonzero(other.is_reached)
         joints, clearance = self.joints.copy(), self.clearance.copy()
         is_reached, reasons = self.is_reached.copy(), list(self.reasons)

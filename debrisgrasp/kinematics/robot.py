@@ -137,7 +137,13 @@ class RobotModel:
         return LimitFamily.around(hardware)
 
     def posture(self, arm: str, name: str) -> dict[str, float]:
-        """Joint values of an arm's named posture."""
+        """Joint values of an arm's named posture.
+
+        Raises
+        ------
+        UnknownNameError
+            If the arm, or a posture of it, is not known.
+        """
         spec = self.arm(arm)
         if name not in spec.postures:
             raise UnknownNameError(
@@ -148,7 +154,13 @@ class RobotModel:
     def joint_values(
         self, moved: Mapping[str, float] | None = None
     ) -> dict[str, float]:
-        """Value of every joint: at rest, arms idle, but for those in ``moved``."""
+        """Value of every joint: at rest, arms idle, but for those in ``moved``.
+
+        Raises
+        ------
+        UnknownNameError
+            If the robot has no joint of a name in ``moved``.
+        """
         values = dict.fromkeys(self.tree.joints, 0.0) | dict(self.rest)
         for arm in self.arms.values():
             values |= self.posture(arm.name, arm.idle)
@@ -185,7 +197,13 @@ class RobotModel:
         ]
 
     def T_base_camera(self, moved: Mapping[str, float] | None = None) -> SE3:
-        """Nominal pose of the camera; a calibration is better where there is one."""
+        """Nominal pose of the camera; a calibration is better where there is one.
+
+        Raises
+        ------
+        ConfigError
+            If the robot's file names no camera.
+        """
         if self.camera is None:
             raise ConfigError(
                 f"camera of robot {self.name}",

@@ -121,7 +121,13 @@ class MotionSpace:
         ground_plane: FloatArray | None = None,
         spacing: float = 0.02,
     ) -> MotionSpace:
-        """Take points (n, 3) in the base frame as obstacles; nothing is unknown."""
+        """Take points (n, 3) in the base frame as obstacles; nothing is unknown.
+
+        Raises
+        ------
+        ShapeError
+            If the points are not (n, 3).
+        """
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ShapeError("points", got=points.shape, expected="(n, 3)")

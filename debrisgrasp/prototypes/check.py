@@ -37,6 +37,9 @@ _APPROACH, _APPROACH_STEP = 0.1, 0.01
 """How far out the straight approach is looked at, and in what steps [m]."""
 FACING, LEAST_SHARE = 0.5, 0.04
 """A side was seen if this share of the points faces its fingers [cosine, share]."""
+_LEAST_FACING = 0.87
+"""Where a finger rests, some of the surface faces it so far [cosine]: beyond 30 degrees
+it slides off, as it does from a pipe thicker than the hand opens."""
 _CONTACT_ACCURACY = 5e-4
 """To what accuracy the contact is then narrowed down [m]."""
 
@@ -59,7 +62,8 @@ def check(prototype: GraspPrototype, gripper: GripperModel) -> tuple[Finding, ..
     The open hand must not reach into the shape, neither where it closes nor on the
     straight way there; it must be open wider than it closes, and no wider than it can;
     and on closing the fingers of both sides must come to rest on the shape at about its
-    ``width``. Of a surface that one camera saw, one side is enough.
+    ``width``, where it faces them. Of a surface that one camera saw, one side is
+    enough.
     """
     problems = []
     depth, where = _penetration(prototype, gripper)
@@ -107,7 +111,7 @@ def contact_opening(
     float or None
         None if they close past the shape.
     """
-    surface = _surface(prototype)
+    surface, _ = _surface(prototype)
 
     def touches(opening: float) -> bool:
         solids = gripper.finger_solids(prototype.preshape, opening, side)
@@ -148,8 +152,14 @@ def _closing_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[
         contact = contact_opening(prototype, gripper, side)
         if contact is None:
             problems.append(f"the fingers of the {name} side close past the shape")
-        else:
-            contacts.append(contact)
+            continue
+        contacts.append(contact)
+        slant = _slant(prototype, gripper, side, contact)
+        if slant > np.arccos(_LEAST_FACING):
+            problems.append(
+                f"the {name} side rests where the surface slants "
+                f"{np.rad2deg(slant):.0f} degrees: the shape is too thick for the hand"
+            )
     if len(contacts) == 2:
         # The first side to touch pushes the object, or the arm gives way, until the
         # other touches too: the mean is where they hold.
@@ -167,6 +177,22 @@ def _closing_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[
     return problems
 
 
+def _slant(
+    prototype: GraspPrototype, gripper: GripperModel, side: int, opening: float
+) -> float:
+    """Smallest angle [rad] of the surface that resting fingers meet to their way.
+
+    Normals that were measured are too rough for this: they pass.
+    """
+    if isinstance(prototype.definition.shape, SurfaceShape):
+        return 0.0
+    points, normals = _surface(prototype)
+    solids = gripper.finger_solids(prototype.preshape, opening, side)
+    gaps = np.min([solid.signed_distance(points) for solid in solids], axis=0)
+    facing = side * normals[gaps < gaps.min() + PENETRATION_TOLERANCE, 0]
+    return float(np.arccos(np.clip(facing.max(), -1.0, 1.0)))
+
+
 def _penetration(
     prototype: GraspPrototype, gripper: GripperModel, retreat: float = 0.0
 ) -> tuple[float, FloatArray]:
@@ -176,7 +202,7 @@ def _penetration(
         prototype.opening, float(gripper.preshape(prototype.preshape).openings[0])
     )
     solids = [s.moved(back) for s in gripper.solids(prototype.preshape, opening)]
-    return _depths(prototype, solids, _surface(prototype))
+    return _depths(prototype, solids, _surface(prototype)[0])
 
 
 def _approach_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[str]:
@@ -192,10 +218,11 @@ def _approach_problems(prototype: GraspPrototype, gripper: GripperModel) -> list
     return []
 
 
-def _surface(prototype: GraspPrototype) -> FloatArray:
-    shape = prototype.definition.shape
-    points, _ = sample(shape.patches(), shape.parts(), _DENSE)
-    return prototype.definition.T_hand_shape.apply(points)
+def _surface(prototype: GraspPrototype) -> tuple[FloatArray, FloatArray]:
+    """Points and normals of the shape, palm frame, dense enough for contact."""
+    shape, T = prototype.definition.shape, prototype.definition.T_hand_shape
+    points, normals = sample(shape.patches(), shape.parts(), _DENSE)
+    return T.apply(points), T.rotate(normals)
 
 
 def _depths(

@@ -76,7 +76,13 @@ class GripperModel:
         return max(low, 0.0), high
 
     def opening_to_command(self, preshape: str, opening: float) -> float:
-        """Return the closing command at which the pads are ``opening`` [m] apart."""
+        """Return the closing command at which the pads are ``opening`` [m] apart.
+
+        Raises
+        ------
+        InputError
+            If the preshape doesn't open so far, or close so far.
+        """
         shape = self.preshape(preshape)
         low, high = max(float(shape.openings[-1]), 0.0), float(shape.openings[0])
         # Half a micrometre lets the ends of the range survive a round trip.

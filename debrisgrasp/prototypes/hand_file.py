@@ -10,13 +10,14 @@ from typing import TypedDict
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._fields import MAX_LENGTH, Fields
 from debrisgrasp._files import read_yaml
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.solids import Box, Capsule, Cylinder, Solid, Sphere
 
-from ._fields import MAX_LENGTH, Fields
 from .hand_kinematics import Finger, HandJoint, HandLink, Preshape
+from .pose_fields import read_pose
 
 __all__ = ["HandContent", "read_hand"]
 
@@ -50,7 +51,7 @@ def read_hand(path: str | os.PathLike[str]) -> HandContent:
     """
     fields = Fields(read_yaml(path), Path(path).name)
     base = fields.child("base")
-    T_hand_base = base.pose()
+    T_hand_base = read_pose(base)
     base.finish()
     chains = _chains(fields.child("chains"))
     fingers = tuple(
@@ -81,7 +82,7 @@ def _solids(fields: Fields, name: str) -> tuple[Solid, ...]:
 
 def _solid(fields: Fields) -> Solid:
     kind = fields.choice("type", ("box", "cylinder", "capsule", "sphere"))
-    T_link_solid = fields.pose()
+    T_link_solid = read_pose(fields)
     solid: Solid
     if kind == "box":
         size = fields.numbers("size", 3)
@@ -127,7 +128,7 @@ def _joint(fields: Fields) -> HandJoint | None:
 def _link(fields: Fields) -> tuple[HandLink, FloatArray | None]:
     pad = fields.position("pad") if "pad" in fields else None
     fields.text("name", "link")
-    link = HandLink(fields.pose(), _joint(fields), _solids(fields, "solids"))
+    link = HandLink(read_pose(fields), _joint(fields), _solids(fields, "solids"))
     fields.finish()
     return link, pad
 
@@ -157,7 +158,7 @@ def _finger(
         raise UnknownNameError(f"chain in {fields.where('chain')}", chain, chains)
     links, pad = chains[chain]
     root = HandLink(
-        T_hand_base @ fields.pose(), _joint(fields), _solids(fields, "solids")
+        T_hand_base @ read_pose(fields), _joint(fields), _solids(fields, "solids")
     )
     finger = Finger(
         fields.text("name"),

@@ -94,7 +94,13 @@ class PrototypeLibrary:
         return cls(prototypes, grippers)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write one file for each prototype, named after it."""
+        """Write one file for each prototype, named after it.
+
+        Raises
+        ------
+        OutputError
+            If a file can't be written.
+        """
         try:
             Path(folder).mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -150,7 +156,13 @@ class PrototypeLibrary:
         return PrototypeLibrary(kept, self.grippers)
 
     def packed(self) -> PackedPrototypes:
-        """Lay all prototypes out in arrays, padded to the largest."""
+        """Lay all prototypes out in arrays, padded to the largest.
+
+        Raises
+        ------
+        ConfigError
+            If the library is empty.
+        """
         if not self.prototypes:
             raise ConfigError(
                 "prototypes", got="none", expected="at least one", mend=_CHOOSE_MORE

@@ -13,11 +13,12 @@ import numpy as np
 import yaml
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._fields import MAX_LENGTH, Fields
 from debrisgrasp._files import read_yaml, write_atomic
 from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
 
-from ._fields import MAX_LENGTH, Fields
 from .gripper import GripperModel
+from .pose_fields import read_pose
 from .prototype import KINDS, PrototypeDefinition
 from .shapes import SHAPES, Shape
 from .surface_file import read_surface, surface_bytes
@@ -116,7 +117,7 @@ def definition_from(
         width=width,
         opening=opening,
         shape=shape,
-        T_hand_shape=shape_fields.pose(),
+        T_hand_shape=read_pose(shape_fields),
         kind=fields.choice("kind", KINDS, "generic"),
         has_shape_symmetry=fields.choice("symmetry", ("shape", "none"), "shape")
         == "shape",

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from debrisgrasp._files import read_json, read_schema
-from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp._files import read_json
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive.record import load_run
 from debrisgrasp.io import Capture, point_colors
 from debrisgrasp.io.calibration_json import SCHEMA as CALIBRATION
 from debrisgrasp.io.calibration_json import load_calibration
-from debrisgrasp.io.motion_json import MOTION_SCHEMA
+from debrisgrasp.io.motion_json import load_motion
 from debrisgrasp.io.plan_json import SCHEMA as PLAN
 from debrisgrasp.io.plan_json import load_plan
-from debrisgrasp.kinematics import RobotModel, Trajectory
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import PrototypeLibrary, load_grippers
 from debrisgrasp.segmentation import SupportAware, segment_cloud
 
@@ -96,7 +94,7 @@ def _from_json(
             mend="Give it with --capture FILE (capture=...).",
         )
     seen = _seen(path.stem, capture)
-    motions: Mapping[str, Any] = {} if motion is None else _motions(Path(motion))
+    stored = None if motion is None else load_motion(motion)
     name = robot or plan.robot
     return PlanContent(
         title=seen.title,
@@ -107,7 +105,9 @@ def _from_json(
         plan=plan,
         grippers=load_grippers(grippers),
         robot=_robot(name),
-        **motions,
+        motions={} if stored is None else stored.trajectories,
+        motion_grasp=0 if stored is None else (stored.rank or 1) - 1,
+        motion_arm="" if stored is None else stored.arm or "",
     )
 
 
@@ -125,27 +125,3 @@ def _seen(title: str, capture: Capture) -> PlanContent:
 
 def _robot(name: str) -> RobotModel | None:
     return None if name == "none" else RobotModel.load(name)
-
-
-def _motions(path: Path) -> Mapping[str, Any]:
-    """Read the file that ``debrisgrasp motion --out`` writes."""
-    content = read_schema(path, MOTION_SCHEMA)
-    try:
-        motions = {
-            str(part["name"]): Trajectory(
-                joint_names=tuple(part["joints"]),
-                times=part["times"],
-                q=part["q"],
-                dq=part["dq"],
-                limits_hash=str(part["limits"]),
-            )
-            for part in content["motions"]
-        }
-        arm, grasp = content["arm"], content["grasp"]
-    except (InputError, KeyError, TypeError, ValueError) as error:
-        raise ConfigError(
-            str(path), got=str(error), expected=f"values as in {MOTION_SCHEMA}"
-        ) from error
-    if not motions:
-        return {}
-    return {"motions": motions, "motion_grasp": int(grasp), "motion_arm": str(arm)}

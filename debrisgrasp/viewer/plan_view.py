@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.geometry import SE3
 from debrisgrasp.io import point_colors
 from debrisgrasp.planning import Grasp
@@ -28,14 +28,13 @@ from debrisgrasp.viz.scene import (
 from debrisgrasp.viz.words import load_rows
 
 from .contents import PlanContent
+from .recording import RecordPanel
+from .rejected import RejectedPanel
 from .stage import RobotFigure, Stage, place
-from .touching import touches
 
 __all__ = ["PlanView"]
 
-_POINT_LIMIT = 90_000
-_HITS_COLOR = (0.86, 0.08, 0.16)
-_GHOST_COLOR = (0.55, 0.58, 0.64)
+_POINT_LIMIT = 60_000
 _REGION_COLOR = (0.30, 0.36, 0.46)
 _LISTED = 25
 """Grasps, and poses of one reason, that have a button or a place on the slider."""
@@ -60,6 +59,8 @@ class PlanView:
         self._all_hands: Any = None
         self.selected = 0
         """Place of the grasp that is shown, from 1; 0 for none."""
+        self.rejected: RejectedPanel | None = None
+        self.recording: RecordPanel | None = None
         self.details: Any = None
         """Panel with the figures of what is selected."""
         self._make_panel()
@@ -71,7 +72,7 @@ class PlanView:
             return
         grasp = plan.grasps[rank - 1]
         with self._lock, self.stage.server.atomic():
-            self._clear_rejected()
+            self._clear_others()
             for other, handle in self._hands.items():
                 handle.visible = other == rank or self._all_hands.value
                 handle.opacity = None if other == rank else 0.3
@@ -84,20 +85,8 @@ class PlanView:
 
     def select_rejected(self, reason: str, number: int) -> None:
         """Show the pose ``number`` (from 0) of those that a reason ruled out."""
-        plan = self.content.plan
-        if plan is None or reason not in plan.ruled_out.reasons:
-            return
-        ruled_out = plan.ruled_out
-        rows = np.flatnonzero(ruled_out.code == ruled_out.reasons.index(reason))
-        row = int(rows[min(number, len(rows) - 1)])
-        T = SE3(ruled_out.Ts[row])
-        with self._lock, self.stage.server.atomic():
-            for handle in self._hands.values():
-                handle.visible = False
-            self.stage.remove("/arrow")
-            if self._robot is not None:
-                self._robot.stand()
-            self._draw_rejected(T, int(ruled_out.prototype[row]), reason, number, rows)
+        if self.rejected is not None:
+            self.rejected.select(reason, number)
 
     def show_motion(self, seconds: float) -> None:
         """Put the robot where it is after some seconds of its motions."""
@@ -113,12 +102,13 @@ class PlanView:
         robot = self._robot.robot
         with self._lock, self.stage.server.atomic():
             self._robot.stand(joints, hides=content.motion_arm)
-            hand = robot.link_poses(joints)[robot.arm(content.motion_arm).hand]
-            handle = self._hands.get(content.motion_grasp + 1)
-            if handle is not None:
-                for other, mesh in self._hands.items():
-                    mesh.visible = other == content.motion_grasp + 1
-                place(handle, hand)
+            palm = robot.link_poses(joints)[robot.arm(content.motion_arm).tip]
+            self._clear_others()
+            for other, mesh in self._hands.items():
+                mesh.visible = other == content.motion_grasp + 1
+                if mesh.visible:
+                    mesh.opacity = None
+                    place(mesh, palm)
         self._motion_note.content = f"**{name}**, {seconds:.2f} s"
 
     # -- scene ---------------------------------------------------------------------
@@ -139,7 +129,7 @@ class PlanView:
             "segments": by_label,
             "camera": grey if seen is None else seen[index],
         }
-        self._labels = labels[index]
+        self._index, self._labels = index, labels[index]
         size = float(np.median(point_spacing(self._points)))
         self._size = size
         self._cloud = self.stage.points("/cloud", self._points, by_label, size)
@@ -176,6 +166,22 @@ class PlanView:
         else:
             self._robot.stand(grasp.joints, hides=grasp.arm)
 
+    def _make_room(self, other: RejectedPanel | RecordPanel | None) -> None:
+        """Take grasp, posture and another panel's things away, to look at something."""
+        if other is not None:
+            other.clear()
+        for handle in self._hands.values():
+            handle.visible = False
+        self.stage.remove("/arrow")
+        if self._robot is not None:
+            self._robot.stand()
+
+    def _clear_others(self) -> None:
+        """Take away what the other panels have drawn."""
+        for panel in (self.rejected, self.recording):
+            if panel is not None:
+                panel.clear()
+
     # -- panel ---------------------------------------------------------------------
 
     def _make_panel(self) -> None:
@@ -187,12 +193,26 @@ class PlanView:
                 self._make_grasps()
             if len(plan.ruled_out):
                 with tabs.add_tab("Ruled out"):
-                    self._make_rejected()
+                    self.rejected = RejectedPanel(
+                        self.stage,
+                        content,
+                        plan.ruled_out,
+                        self._points,
+                        self._size,
+                        lambda: self._make_room(self.recording),
+                    )
         if content.motions and self._robot is not None:
             with tabs.add_tab("Motion"):
                 self._make_motion()
         with tabs.add_tab("Objects"):
             self._make_objects()
+        with tabs.add_tab("Record"):
+            self.recording = RecordPanel(
+                self.stage,
+                content,
+                lambda: self._make_room(self.rejected),
+                self._highlight,
+            )
         with tabs.add_tab("Show"):
             self._make_toggles()
         if plan is not None and plan.grasps:
@@ -227,57 +247,6 @@ class PlanView:
             handle.on_click(lambda _, rank=rank: self.select(rank))
             self._hands[rank] = handle
 
-    def _make_rejected(self) -> None:
-        plan, gui = self.content.plan, self.gui
-        assert plan is not None
-        counts = sorted(plan.ruled_out.counts().items(), key=lambda item: -item[1])
-        names = {f"{n} × {reason}": (reason, n) for reason, n in counts}
-        choice = gui.add_dropdown("reason", tuple(names))
-        most = max(1, max(n for _, n in counts) - 1)
-        number = gui.add_slider("pose", 0, most, 1, 0)
-        self._why = gui.add_markdown("Choose a pose to see what the hand would hit.")
-
-        def update(_: object) -> None:
-            reason, n = names[choice.value]
-            self.select_rejected(reason, min(int(number.value), n - 1))
-
-        choice.on_update(update)
-        number.on_update(update)
-        gui.add_button("show").on_click(update)
-
-    def _draw_rejected(
-        self, T: SE3, prototype: int, reason: str, number: int, rows: IntArray
-    ) -> None:
-        content = self.content
-        self._clear_rejected()
-        text = [f"**{reason}**, pose {number + 1} of {len(rows)}"]
-        if prototype < len(content.dictionary):
-            wanted = content.dictionary[prototype]
-            hand = content.grippers[wanted.gripper]
-            found = touches(
-                hand, wanted.preshape, wanted.opening, wanted.width, T, self._points
-            )
-            solids = [s.moved(T) for s in hand.solids(wanted.preshape, wanted.opening)]
-            self.stage.solids("/rejected/hand", solids, _GHOST_COLOR, opacity=0.45)
-            if found:
-                hit = np.unique(np.concatenate([touch.points for touch in found]))
-                self.stage.points(
-                    "/rejected/points", self._points[hit], _HITS_COLOR, 2.2 * self._size
-                )
-                touching = [touch.solid for touch in found]
-                self.stage.solids(
-                    "/rejected/solids", touching, _HITS_COLOR, opacity=0.55
-                )
-            text += [f"{wanted.name}, {wanted.gripper} {wanted.preshape}", ""]
-            text += [f"- {touch}" for touch in found[:8]]
-            if not found:
-                text.append("The hand touches no measured point on its way.")
-        self._why.content = "\n".join(text)
-
-    def _clear_rejected(self) -> None:
-        for name in ("hand", "points", "solids"):
-            self.stage.remove(f"/rejected/{name}")
-
     def _make_motion(self) -> None:
         gui = self.gui
         length = sum(motion.duration for motion in self.content.motions.values())
@@ -310,7 +279,9 @@ class PlanView:
         gui, content = self.gui, self.content
         place = {c.label: (i, c.reason) for i, c in enumerate(content.order, start=1)}
         note = gui.add_markdown("")
-        for segment in content.segmentation.segments:
+        segments = content.segmentation.segments
+        last = len(segments) + 1
+        for segment in sorted(segments, key=lambda s: place.get(s.label, (last,))[0]):
             turn, reason = place.get(segment.label, (0, ""))
             size = " × ".join(f"{100 * v:.0f}" for v in segment.extents)
             text = f"**Object {segment.label}**, {size} cm\n\n"
@@ -318,11 +289,9 @@ class PlanView:
 
             def choose(_: object, label: int = segment.label, text: str = text) -> None:
                 note.content = text
-                colors = mixed(self._colors["segments"], (1, 1, 1), 0.55)
-                colors[self._labels == label] = CHOSEN_COLOR
-                self._paint(colors)
+                self._highlight(np.asarray(content.segmentation.labels) == label)
 
-            title = f"{turn}.  " if turn else ""
+            title = f"{turn}.  " if turn else "–  "
             button = gui.add_button(f"{title}object {segment.label}, {size} cm")
             button.on_click(choose)
 
@@ -340,6 +309,14 @@ class PlanView:
             robot = self._robot
             toggle = gui.add_checkbox("robot", initial_value=True)
             toggle.on_update(lambda _: robot.show(is_shown=toggle.value))
+
+    def _highlight(self, inside: BoolArray | None) -> None:
+        """Let some points of the cloud stand out, shape (n,); None for no more."""
+        colors = self._colors["segments"]
+        if inside is not None:
+            colors = mixed(colors, (1, 1, 1), 0.55)
+            colors[inside[self._index]] = CHOSEN_COLOR
+        self._paint(colors)
 
     def _paint(self, colors: FloatArray) -> None:
         self._cloud.colors = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)

@@ -117,11 +117,13 @@ class Stage:
         )
 
     def look(self, target: FloatArray, eye: FloatArray) -> None:
-        """Let those who open the page from now on look from a place at another."""
-        camera = self.server.initial_camera
-        camera.up = (0.0, 0.0, 1.0)
-        camera.position = tuple(float(v) for v in eye)
-        camera.look_at = tuple(float(v) for v in target)
+        """Let all who have or open the page look from a place at another, base [m]."""
+        self.server.initial_camera.up = (0.0, 0.0, 1.0)
+        clients = self.server.get_clients().values()
+        cameras = [client.camera for client in clients]
+        for camera in (self.server.initial_camera, *cameras):
+            camera.position = tuple(float(v) for v in eye)
+            camera.look_at = tuple(float(v) for v in target)
 
     def remove(self, name: str) -> None:
         """Take something off the stage, and all below it."""

@@ -9,7 +9,7 @@ from importlib import import_module
 from io import StringIO
 from typing import Any
 
-from debrisgrasp.errors import InputError, MissingExtraError, OutputError
+from debrisgrasp.errors import ConfigError, InputError, MissingExtraError
 from debrisgrasp.executable import GraspMotions
 from debrisgrasp.executive.record import StoredRun
 from debrisgrasp.io import Capture
@@ -116,8 +116,8 @@ def show(
         If viser is not installed.
     InputError
         If it is nothing that can be shown.
-    OutputError
-        If the port is taken.
+    ConfigError
+        If the port is taken, or the address is none of this machine.
     """
     content = _content(thing, motions, robot)
     server = _started(host, port)
@@ -211,5 +211,10 @@ def _free_port(host: str, port: int) -> int:
         try:
             probe.bind((host, port))
         except (OSError, OverflowError) as error:
-            raise OutputError(f"port {port} of {host}", str(error)) from error
+            raise ConfigError(
+                f"port {port} of {host}",
+                got=getattr(error, "strerror", None) or str(error),
+                expected="a free port of this machine",
+                mend="Port 0 takes any that is free.",
+            ) from error
         return int(probe.getsockname()[1])

@@ -14,7 +14,7 @@ from debrisgrasp._files import write_atomic
 from .payload import payload
 from .report import Report
 
-__all__ = ["filled_page", "report_html"]
+__all__ = ["filled_page", "report_html", "with_head"]
 
 
 def report_html(path: str | os.PathLike[str], report: Report) -> None:
@@ -45,15 +45,22 @@ def filled_page(page: str, script: str, title: str, content: Mapping[str, Any]) 
     data = json.dumps(content, allow_nan=False, separators=(",", ":"))
     # Inside a script element only "<" could end it early, whatever names the data hold.
     data = data.replace("<", "\\u003c")
-    parts = {
-        "title": escape(title),
-        "style": _asset("report.css"),
-        "viewer": _asset("viewer.js"),
-        "script": _asset(script),
-        "data": data,
-    }
+    viewer = _asset("viewer.js")
+    parts = {"viewer": viewer, "script": _asset(script), "data": data}
+    return with_head(page, title, parts)
+
+
+def with_head(page: str, title: str, parts: Mapping[str, str]) -> str:
+    """Return one of our pages with the head that all share, and its parts inside it."""
+    style = _asset("report.css")
+    head = _filled(_asset("head.html"), {"title": escape(title), "style": style})
+    own = {**parts, "head": head, "title": escape(title)}
+    return _filled(_asset(page), own)
+
+
+def _filled(page: str, parts: Mapping[str, str]) -> str:
     # Split before filling, so that no part is searched for the marks of another.
-    first, *rest = _asset(page).split("{{")
+    first, *rest = page.split("{{")
     pieces = [first]
     for chunk in rest:
         name, _, text = chunk.partition("}}")

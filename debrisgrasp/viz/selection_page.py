@@ -6,7 +6,6 @@ import base64
 import io
 import os
 from html import escape
-from importlib.resources import files
 
 import numpy as np
 from PIL import Image
@@ -14,6 +13,7 @@ from PIL import Image
 from debrisgrasp._files import write_atomic
 
 from .colors import CHOSEN_COLOR, hex_color, label_colors, mixed
+from .html import with_head
 from .support_layer import Arrow, Node, SelectionReport, SupportLayer
 from .words import doubt_line
 
@@ -38,24 +38,15 @@ def selection_html(path: str | os.PathLike[str], report: SelectionReport) -> Non
     OutputError
         If the file can't be written.
     """
-    folder = files("debrisgrasp.viz") / "assets"
     n = len(report.segmentation.segments)
     layer = SupportLayer.of(report)
     parts = {
-        "title": escape(report.title),
-        "style": (folder / "report.css").read_text(encoding="utf-8"),
         "note": f"{n} object{'s' * (n != 1)}, order of removal",
         "doubt": escape(doubt_line(report.segmentation)),
         "picture": _picture(layer),
         "rows": "\n".join(_rows(report)),
     }
-    # Split before filling, so that no part is searched for the marks of another.
-    first, *rest = (folder / "selection.html").read_text(encoding="utf-8").split("{{")
-    pieces = [first]
-    for chunk in rest:
-        name, _, text = chunk.partition("}}")
-        pieces += [parts[name], text]
-    write_atomic(path, "".join(pieces))
+    write_atomic(path, with_head("selection.html", report.title, parts))
 
 
 def _rows(report: SelectionReport) -> list[str]:

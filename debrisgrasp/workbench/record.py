@@ -30,6 +30,8 @@ __all__ = ["Recording", "parse_hand_pose", "record", "taught_by_joints"]
 
 _NEIGHBORS, _CLOSE = 8, 0.018
 """A point of a surface has so many others, itself included, so near [m]."""
+_OVER = 0.01
+"""A joint may read this far beyond its limit [rad or m]."""
 _FEWEST = 60
 """Measured points with normals that a piece needs."""
 
@@ -145,7 +147,7 @@ def taught_by_joints(
     UnknownNameError
         If robot, arm or a joint is not known.
     ConfigError
-        If the arm carries another hand.
+        If the arm carries another hand, or a value is beyond the limits of its joint.
     """
     carriers = robot.arms_with(gripper)
     name = arm or (carriers[0] if carriers else None)
@@ -159,14 +161,30 @@ def taught_by_joints(
             got=repr(gripper),
             expected=f"{spec.gripper!r}, which it carries",
         )
-    for joint in joints:
+    for joint, value in joints.items():
         if joint not in robot.tree.joints:
             raise UnknownNameError(f"joint of {robot.name}", joint, robot.tree.joints)
-    return robot.link_poses(joints)[spec.hand]
+        _require_within(robot, joint, value)
+    return robot.link_poses(joints)[spec.tip]
+
+
+def _require_within(robot: RobotModel, name: str, value: float) -> None:
+    joint = robot.tree.joints[name]
+    if joint.lower - _OVER <= value <= joint.upper + _OVER:
+        return
+    is_turn = joint.kind != "prismatic"
+    raise ConfigError(
+        f"joint {name}",
+        got=value,
+        expected=f"{joint.lower:.4g} to {joint.upper:.4g} {'rad' if is_turn else 'm'}",
+        mend="Joints are in radians: 90 degrees are 1.571."
+        if is_turn
+        else "Lengths are in metres.",
+    )
 
 
 def parse_hand_pose(text: str) -> SE3:
-    """Read a pose: ``x,y,z,roll,pitch,yaw`` [m, rad], or a file with a 4x4 matrix.
+    """Read a palm pose: ``x,y,z,roll,pitch,yaw`` [m, rad], or a file with a 4x4.
 
     Raises
     ------

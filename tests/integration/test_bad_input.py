@@ -11,6 +11,7 @@ from PIL import Image
 
 import debrisgrasp
 from debrisgrasp._files import data_path
+from debrisgrasp.cli.program import build_parser
 from tests.scenes import CAMERA, LOOKING_DOWN_AND_AHEAD
 
 H, W = CAMERA.height, CAMERA.width
@@ -347,3 +348,11 @@ def test_what_is_no_capture_is_refused_from_python():
             call("pile.npz")
     with pytest.raises(debrisgrasp.DebrisGraspError, match="robot"):
         debrisgrasp.Pipeline(robot=None)
+
+
+@pytest.mark.parametrize("command", ["plan", "segment", "select", "motion", "view"])
+def test_an_empty_path_is_not_the_working_folder(command, capsys):
+    with pytest.raises(SystemExit) as ended:
+        build_parser().parse_args([command, ""])
+    assert ended.value.code == 2
+    assert "it is empty" in capsys.readouterr().err

@@ -76,6 +76,14 @@ def test_a_wrong_site_is_refused_in_one_block(refused, site, pipe_file):
     assert "wheels" in refused("doctor", "--site", site)
 
 
+def test_a_drop_off_of_an_arm_that_is_none_is_refused(refused, tmp_path, pipe_file):
+    path = tmp_path / "site.yaml"
+    path.write_text("schema: debrisgrasp/site/1\ndrop_off: {rigth: [0.6, 0]}\n")
+    message = refused("plan", pipe_file, "--site", path)
+    assert "arm in drop_off" in message
+    assert "Did you mean 'right'" in message
+
+
 @pytest.mark.usefixtures("quick")
 def test_the_doctor_finds_a_sound_site_sound(run, site):
     ended = run("doctor", "--site", site)

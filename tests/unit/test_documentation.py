@@ -1,10 +1,11 @@
-"""Every public name says what it is; every array says its shape or unit."""
+"""Every public name says what it is, its shapes and units, frames and errors."""
 
 from __future__ import annotations
 
 import ast
 import inspect
 import re
+import textwrap
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +19,9 @@ PUBLIC = ["", *sorted(part for part in LAYERS if not part.startswith("_"))]
 """Subpackages and modules that a user may import from."""
 SHAPE = re.compile(r"shape|\(\.\.\.|\([\w +*]+,[\w +*,]*\)|\[[^\]]+\]|unit|in \[0, 1\]")
 """What a shape or a unit looks like in words."""
+FRAME = re.compile(r"frame|base|camera|palm|tool|hand|coordinates|region|turn|pose of")
+NAMES_ITS_FRAMES = re.compile(r"(Ts?|R)_[a-z]+_[a-z]+$")
+"""As in ``T_base_hand``, which needs no more words."""
 
 
 def names() -> Iterator[tuple[str, str, Any]]:
@@ -59,6 +63,64 @@ def test_arrays_in_records_say_shape_or_unit():
         value = param.values[0]
         if inspect.isclass(value):
             missing += [f"{value.__name__}.{name}" for name in untold(value)]
+    assert not missing
+
+
+def functions(value: Any) -> Iterator[tuple[str, Any]]:
+    """Public functions of a value: itself, or the methods of a class."""
+    if inspect.isfunction(value):
+        yield value.__qualname__, value
+    if not inspect.isclass(value):
+        return
+    for name, member in vars(value).items():
+        inner = getattr(member, "fget", getattr(member, "__func__", member))
+        if not name.startswith("_") and inspect.isfunction(inner):
+            yield f"{value.__name__}.{name}", inner
+
+
+def public_functions() -> list[tuple[str, Any]]:
+    return [each for param in params() for each in functions(param.values[0])]
+
+
+def test_functions_of_arrays_say_shapes_or_units():
+    assert not [
+        name
+        for name, function in public_functions()
+        if any("Array" in str(kind) for kind in function.__annotations__.values())
+        and not SHAPE.search(inspect.getdoc(function) or "")
+    ]
+
+
+def test_poses_say_their_frames():
+    missing = []
+    for name, function in public_functions():
+        if function.__module__.startswith("debrisgrasp.geometry"):
+            continue  # it knows no frames
+        for argument, kind in function.__annotations__.items():
+            said = name.rpartition(".")[2] if argument == "return" else argument
+            if re.search(r"\bSE3\b", str(kind)) and not (
+                NAMES_ITS_FRAMES.match(said)
+                or FRAME.search(inspect.getdoc(function) or "")
+            ):
+                missing.append(f"{name}: {argument}")
+    assert not missing
+
+
+def test_functions_tell_the_errors_that_they_raise():
+    missing = []
+    for name, function in public_functions():
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+        raised = {
+            ast.unparse(node.exc.func)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)
+        } - {"AssertionError", "NotImplementedError"}
+        doc = inspect.getdoc(function) or ""
+        missing += [
+            f"{name}: {error}"
+            for error in raised
+            if error.endswith("Error") and error not in doc
+        ]
     assert not missing
 
 

@@ -29,6 +29,9 @@ def test_yaml_and_json_are_read(tmp_path):
     [
         ("a.yaml", "a: 1\nb: [1, 2\nc: 3\n", r"a.yaml, line \d"),
         ("a.yaml", "a: 1\n\tb: 2\n", "a.yaml, line 2"),
+        ("a.yaml", "day: 2026-13-45", "a.yaml: got month"),
+        ("a.yaml", "[" * 3000, "a.yaml: got maximum recursion"),
+        ("a.yaml", "a: 1\nb: {x: 1,\n x: 2}\n", "a.yaml, line 3.*'x' a second time"),
         ("a.yaml", "!!python/object/apply:os.getcwd []", "a.yaml, line 1"),
         ("a.json", '{"a": 1,\n "b": }', "a.json, line 2"),
         ("a.json", '{"a": NaN}', "NaN"),

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.geometry import SE3, Bounds, random_rotations
 from debrisgrasp.io.plan_json import load_plan, plan_to_dict, plan_to_json, save_plan
-from debrisgrasp.planning import Advice, LoadForecast, Retreat
+from debrisgrasp.planning import Advice, LoadForecast, Retreat, SuccessForecast
 from debrisgrasp.planning.plan import Grasp, GraspPlan, PassedOver
 
 
@@ -58,8 +58,13 @@ def plan(rng) -> GraspPlan:
             margins=(0.75, 8.0),
             limit="wrist torque",
         ),
+        success=SuccessForecast(
+            probability=0.875,
+            terms=(-0.75, -0.125, -0.5, 0.016, 0.015),
+            outside=("load",),
+        ),
     )
-    floating = replace(grasp, arm=None, joints=None, score=0.5, load=None)
+    floating = replace(grasp, arm=None, joints=None, score=0.5, load=None, success=None)
     return GraspPlan(
         grasps=(grasp, floating),
         object_label=3,

@@ -9,7 +9,13 @@ import pytest
 
 from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.sampling import fibonacci_sphere
-from debrisgrasp.prototypes import GraspPrototype, PrototypeLibrary, check
+from debrisgrasp.prototypes import (
+    GraspPrototype,
+    GripperModel,
+    PrototypeLibrary,
+    check,
+    prototype_of_shape,
+)
 from debrisgrasp.prototypes.check import contact_opening
 from debrisgrasp.prototypes.shapes import BoxShape
 
@@ -81,3 +87,15 @@ def test_fingers_meet_a_bar_between_the_pads_at_its_width() -> None:
     gripper = LIBRARY.grippers["robotiq_3f"]
     contacts = [contact_opening(prototype, gripper, side) for side in (-1, 1)]
     assert np.allclose(contacts, 0.089, atol=0.003)
+
+
+def test_a_pipe_thicker_than_the_hand_opens_slides_off():
+    hand = GripperModel.load("robotiq_3f")
+    shape = {"type": "cylinder", "diameter": 0.19, "length": 0.14, "ends": "open"}
+    shape["position"] = [0.0, 0.0, 0.18]
+    definition = prototype_of_shape("thick", shape, hand, "basic")
+    found = check(GraspPrototype.build(definition, fibonacci_sphere(1)), hand)
+    assert any("slants" in str(finding) for finding in found)
+    thin = prototype_of_shape("thin", shape | {"diameter": 0.1}, hand, "basic")
+    found = check(GraspPrototype.build(thin, fibonacci_sphere(1)), hand)
+    assert not any("slants" in str(finding) for finding in found)

@@ -14,8 +14,9 @@ import pytest
 
 import debrisgrasp
 from debrisgrasp import api
-from debrisgrasp.errors import ConfigError, InputError, MissingExtraError, OutputError
+from debrisgrasp.errors import ConfigError, InputError, MissingExtraError
 from debrisgrasp.executive.record import RunRecord, load_run
+from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.io.calibration_json import calibration_to_dict, save_calibration
 from debrisgrasp.io.motion_json import motion_to_dict, save_motion
@@ -23,6 +24,7 @@ from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import PlanningResult
 from debrisgrasp.prototypes import PrototypeLibrary
 from debrisgrasp.viewer import PlanContent, RunContent, content_of, show
+from debrisgrasp.viz.colors import CHOSEN_COLOR
 
 pytest.importorskip("viser")
 
@@ -95,15 +97,22 @@ def test_each_ruled_out_pose_tells_what_it_would_hit(window, result):
     hits["an open finger would hit something"] = "side at the grasp"
     for reason, n in ruled_out.counts().items():
         window.view.select_rejected(reason, n - 1)
-        text = window.view._why.content
+        text = window.view.rejected.why.content
         assert text.startswith(f"**{reason}**, pose {n} of {n}")
-        if reason in hits:
-            assert hits[reason] in text
-            assert drawn(window, "/rejected/points") is not None
+        if reason in hits:  # what it hits was measured, or may hide behind what was
+            said = []
+            for number in range(n):
+                window.view.select_rejected(reason, number)
+                said.append(window.view.rejected.why.content)
+                has_hits = drawn(window, "/rejected/points") is not None
+                assert has_hits == ("In its way" in said[-1])
+            assert any(hits[reason] in text for text in said)
         assert drawn(window, "/rejected/hand") is not None
         assert not drawn(window, "/hands/1").visible
+    assert drawn(window, "/rejected/pins") is not None
     window.view.select(1)
     assert drawn(window, "/rejected/hand") is None
+    assert drawn(window, "/rejected/pins") is None
 
 
 def test_the_robot_moves_along_its_path(window, result):
@@ -118,9 +127,13 @@ def test_the_robot_moves_along_its_path(window, result):
         assert name in window.view._motion_note.content
     lift = chosen.trajectories["lift"]
     q = dict(zip(lift.joint_names, lift.q[-1].tolist(), strict=True))
-    hand = result.robot.link_poses(q)[result.robot.arm(chosen.arm).hand]
+    palm = result.robot.chain(chosen.arm).fk(
+        [result.robot.joint_values(q)[n] for n in lift.joint_names]
+    )
     handle = drawn(window, f"/hands/{chosen.index + 1}")
-    assert np.allclose(handle.position, hand.p, atol=1e-6)
+    assert np.allclose(handle.position, palm.p, atol=1e-6)
+    assert np.allclose(np.abs(handle.wxyz @ so3.to_quat_wxyz(palm.R)), 1.0)
+    assert drawn(window, "/rejected/hand") is None
 
 
 def test_saved_plans_are_shown_with_their_capture_and_motions(
@@ -132,7 +145,7 @@ def test_saved_plans_are_shown_with_their_capture_and_motions(
         chosen.trajectories,
         robot="roman",
         arm=chosen.arm,
-        grasp=chosen.index,
+        index=chosen.index,
         passed_over=(),
     )
     save_motion(content, tmp_path / "motion.json")
@@ -150,10 +163,42 @@ def test_saved_plans_are_shown_with_their_capture_and_motions(
     with pytest.raises(ConfigError, match="--capture"):
         content_of(tmp_path / "grasps.json")
     (tmp_path / "motion.json").write_text('{"schema": "debrisgrasp/motion/1"}')
-    with pytest.raises(ConfigError, match="values as in"):
+    with pytest.raises(ConfigError, match="no field 'motions'"):
         content_of(
             tmp_path / "grasps.json", capture=capture, motion=tmp_path / "motion.json"
         )
+
+
+def test_a_part_is_recorded_on_the_page(window, tmp_path):
+    panel = window.view.recording
+    panel.check()
+    assert "expected one that was proposed" in panel.note.content
+    panel.object.value = "object 6"
+    panel.choose()
+    orange = np.rint(255 * np.array(CHOSEN_COLOR))
+    is_orange = (np.array(drawn(window, "/cloud").colors) == orange).all(axis=1)
+    labels = np.asarray(window.view.content.segmentation.labels)[window.view._index]
+    assert np.array_equal(is_orange, labels == 6)
+    panel.propose()
+    assert "5 poses" in panel.note.content
+    assert not drawn(window, "/hands/1").visible
+    taught = SE3.from_parts(p=(0.0, 0.0, 0.005))  # by the mouse, a little closer
+    proposed = panel._T_base_hand()
+    panel._place(proposed @ taught)
+    panel.folder.value, panel.name.value = str(tmp_path / "mine"), "part"
+    panel.save()
+    assert "wrote" in panel.note.content
+    pose = (proposed @ taught).matrix
+    assert np.allclose(panel.made.T_base_hand.matrix, pose)
+    (made,) = PrototypeLibrary.load(tmp_path / "mine")
+    assert made.width == pytest.approx(panel.made.definition.width)
+    panel.save()
+    assert "it exists" in panel.note.content
+    panel.name.value = "No Name"
+    panel.save()
+    assert "lower-case" in panel.note.content
+    window.view.select(1)
+    assert drawn(window, "/record/pose") is None
 
 
 def test_a_capture_is_shown_by_its_objects(pile):
@@ -215,7 +260,7 @@ def test_things_that_can_t_be_shown_are_refused():
 
 def test_a_taken_port_is_told(window, pile):
     port = int(window.url.rpartition(":")[2])
-    with pytest.raises(OutputError, match=str(port)):
+    with pytest.raises(ConfigError, match=f"{port}.*Port 0 takes any"):
         show(Capture.load(pile), port=port)
 
 

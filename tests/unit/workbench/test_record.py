@@ -106,7 +106,9 @@ def test_joint_values_say_where_the_hand_is():
     joint = next(iter(robot.posture(arm, "ready")))
     values = robot.posture(arm, "ready")
     pose = taught_by_joints(robot, None, values, "robotiq_3f")
-    expected = robot.link_poses(values)[robot.arm(arm).hand]
+    chain = robot.chain(arm)
+    q = [robot.joint_values(values)[name] for name in chain.joint_names]
+    expected = chain.fk(q)
     assert np.allclose(pose.matrix, expected.matrix)
     other = taught_by_joints(
         robot, arm, values | {joint: values[joint] + 0.1}, "robotiq_3f"
@@ -118,6 +120,8 @@ def test_joint_values_say_where_the_hand_is():
         taught_by_joints(robot, arm, values, "camhand")
     with pytest.raises(UnknownNameError, match="gripper"):
         taught_by_joints(robot, None, values, "tongs")
+    with pytest.raises(ConfigError, match=r"90 degrees are 1\.571"):
+        taught_by_joints(robot, None, {"right_arm_joint1": 109.0}, "robotiq_3f")
 
 
 def test_poses_are_read_from_numbers_and_files(tmp_path):

@@ -9,7 +9,6 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.errors import ConfigError, UnknownNameError
-from debrisgrasp.geometry import SE3, so3
 
 __all__ = ["MAX_LENGTH", "Fields"]
 
@@ -124,17 +123,6 @@ class Fields:
                 mend=_METRES,
             )
         return position
-
-    def pose(self) -> SE3:
-        """Pose from ``position`` [m] and ``rpy`` [rad] or ``rpy_deg``."""
-        if "rpy" in self and "rpy_deg" in self:
-            raise ConfigError(
-                self.where("rpy"), got="rpy and rpy_deg", expected="one of the two"
-            )
-        radians = self.numbers(
-            "rpy", 3, np.deg2rad(self.numbers("rpy_deg", 3, (0,) * 3))
-        )
-        return SE3.from_parts(so3.from_rpy(radians), self.position())
 
     def child(self, name: str) -> Fields:
         """Read a required section."""

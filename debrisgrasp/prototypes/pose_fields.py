@@ -1,0 +1,23 @@
+"""Reading where something is from the fields of a file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp._fields import Fields
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3, so3
+
+__all__ = ["read_pose"]
+
+
+def read_pose(fields: Fields) -> SE3:
+    """Pose from ``position`` [m] and ``rpy`` [rad] or ``rpy_deg`` [degrees]."""
+    if "rpy" in fields and "rpy_deg" in fields:
+        raise ConfigError(
+            fields.where("rpy"), got="rpy and rpy_deg", expected="one of the two"
+        )
+    radians = fields.numbers(
+        "rpy", 3, np.deg2rad(fields.numbers("rpy_deg", 3, (0,) * 3))
+    )
+    return SE3.from_parts(so3.from_rpy(radians), fields.position())
