@@ -62,6 +62,7 @@ def advice_on(
         owners=_owners(scene.cloud, cloud, labels),
         footprint=_footprint(arms),
         least_mass=result.least_mass,
+        idle=_idle(arms),
     )
     return planner.advise(situation, rng=rng)
 
@@ -74,6 +75,13 @@ def _owners(thinned: PointCloud, cloud: PointCloud, labels: IntArray) -> IntArra
         return of_pixel[thinned.pixels]
     _, nearest = cKDTree(cloud.points).query(thinned.points)
     return np.asarray(labels[nearest])
+
+
+def _idle(arms: Sequence[ArmReach]) -> list[ArmReach]:
+    """Arms of the robot that are not in use."""
+    used = {arm.name for arm in arms}
+    robots = [arm.robot for arm in arms[:1]]
+    return [ArmReach(robot, n) for robot in robots for n in robot.arms if n not in used]
 
 
 def _footprint(arms: Sequence[ArmReach]) -> Bounds | None:

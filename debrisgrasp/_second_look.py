@@ -11,9 +11,8 @@ from debrisgrasp.segmentation import Segmentation
 
 __all__ = ["BestSoFar"]
 
-_NEAR = 0.3
-"""Objects that cost the order so much more than the first choice are left alone: they
-likely carry something, however well they could be gripped."""
+_BEST = 0.95
+"""Hardly any grasp scores higher: where even this would not do, none is sought."""
 
 
 class BestSoFar:
@@ -46,13 +45,14 @@ class BestSoFar:
         return self.is_found and (self._worth >= self._doubtful or self._left <= 0)
 
     def is_worth_a_look(self, target: Target) -> bool:
-        """Whether the order takes an object nearly as gladly as the first choice.
+        """Whether a good grasp of an object would be worth more than the best so far.
 
         What stands later in the order at a lower cost carries something for certain.
         """
         if self._first is None:
             return True
-        return self._first.cost <= target.cost <= self._first.cost + _NEAR
+        gain = math.exp(self._first.cost - target.cost)
+        return gain <= 1.0 and _BEST * gain > self._worth
 
     def take(self, result: SearchResult, target: Target) -> None:
         """Keep the better of what was found and of this."""

@@ -129,6 +129,11 @@ def first_executable(
         Joint values now [rad or m]; None: each arm stands in its present posture.
     deadline
         Seconds after which no further grasp is tried.
+
+    Raises
+    ------
+    ConfigError, InputError
+        If the deadline is not positive, or the plan is for a floating hand.
     """
     if deadline is not None and not deadline > 0:
         raise ConfigError(

@@ -59,7 +59,7 @@ class PipelineConfig:
     """How far the region V reaches beyond the visible points of the object [m]."""
     max_objects: int = 5
     """How many objects to try before giving up."""
-    doubtful: float = 0.15
+    doubtful: float = 0.9
     """Below this score, objects whose turn is nearly as due are tried too; 0: none."""
     max_further: int = 2
     """How many of them at most."""

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -38,6 +38,7 @@ __all__ = [
     "pipeline_of",
     "run_trial",
     "trial",
+    "trials",
 ]
 
 NO_GRASP = "no_grasp"
@@ -110,6 +111,12 @@ class TrialRecord:
     """How far downwards the hand approaches: 1 straight down, 0 level."""
     load_margin: float = 0.0
     """Smallest limit over its load that the planner forecasts."""
+    probability: float = 0.0
+    """Of success, as the planner forecasts it."""
+    terms: tuple[float, ...] = ()
+    """What that follows from, see `debrisgrasp.planning.SUCCESS_TERMS`."""
+    rank: int = 0
+    """Which grasp of the plan was flown; 0 the first."""
     lift_overlap: float = 0.0
     """Neighbours over the object that the planner sees, as a share of its size."""
     lever: float = 0.0
@@ -129,6 +136,9 @@ class TrialRecord:
     """Computing time of the plan [s]."""
     flight_seconds: float = 0.0
     """Computing time of the flight [s]."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "terms", tuple(self.terms))
 
     @property
     def is_success(self) -> bool:
@@ -183,6 +193,24 @@ def pipeline_of(spec: TrialSpec) -> Pipeline:
 
 def trial(spec: TrialSpec, pipeline: Pipeline | None = None) -> Trial:
     """Try the first grasp of one scene and keep everything; see `run_trial`."""
+    return trials(spec, pipeline)[0]
+
+
+def trials(
+    spec: TrialSpec, pipeline: Pipeline | None = None, *, ranks: Sequence[int] = (0,)
+) -> list[Trial]:
+    """Try several grasps of one plan, each in the untouched scene.
+
+    Parameters
+    ----------
+    ranks
+        Which grasps, 0 the first; those that the plan doesn't have are left out.
+
+    Returns
+    -------
+    list of Trial
+        One for each grasp; one without a grasp if the plan is empty.
+    """
     pipeline = pipeline or pipeline_of(spec)
     scene = tier_scene(spec.tier, spec.seed, spec.scene)
     start = time.thread_time()
@@ -197,30 +225,36 @@ def trial(spec: TrialSpec, pipeline: Pipeline | None = None) -> Trial:
             why_empty=plan.why_empty or "",
             plan_seconds=plan_seconds,
         )
-        return Trial(
-            scene=scene, planned=planned, grasp=None, flight=None, record=record
+        return [
+            Trial(scene=scene, planned=planned, grasp=None, flight=None, record=record)
+        ]
+    done = []
+    for rank in [rank for rank in ranks if rank < len(plan.grasps)]:
+        grasp = plan.grasps[rank]
+        start = time.thread_time()
+        flight = fly(
+            scene.world,
+            pipeline.grippers[grasp.gripper],
+            grasp,
+            intended=intended,
+            config=_flight_config(spec, grasp),
         )
-    grasp = plan.grasps[0]
-    start = time.thread_time()
-    flight = fly(
-        scene.world,
-        pipeline.grippers[grasp.gripper],
-        grasp,
-        intended=intended,
-        config=_flight_config(spec, grasp),
-    )
-    record = TrialRecord(
-        **_facts(scene, intended, flight),
-        **_merits(grasp),
-        outcome=flight.verdict.value,
-        n_grasps=len(plan.grasps),
-        lever=_lever(scene, grasp, flight.held or intended),
-        plan_seconds=plan_seconds,
-        flight_seconds=time.thread_time() - start,
-    )
-    return Trial(
-        scene=scene, planned=planned, grasp=grasp, flight=flight, record=record
-    )
+        record = TrialRecord(
+            **_facts(scene, intended, flight),
+            **_merits(grasp),
+            outcome=flight.verdict.value,
+            rank=rank,
+            n_grasps=len(plan.grasps),
+            lever=_lever(scene, grasp, flight.held or intended),
+            plan_seconds=plan_seconds,
+            flight_seconds=time.thread_time() - start,
+        )
+        done.append(
+            Trial(
+                scene=scene, planned=planned, grasp=grasp, flight=flight, record=record
+            )
+        )
+    return done
 
 
 def _flight_config(spec: TrialSpec, grasp: Grasp) -> FlightConfig:
@@ -293,6 +327,9 @@ def _merits(grasp: Grasp) -> Mapping[str, Any]:
         merits["load_margin"] = grasp.load.margin
     if grasp.retreat is not None:
         merits["lift_overlap"] = grasp.retreat.lift_overlap
+    if grasp.success is not None:
+        merits["probability"] = grasp.success.probability
+        merits["terms"] = grasp.success.terms
     merits["steepness"] = float(-grasp.T_base_hand.R[2, 2])
     return merits
 

@@ -18,8 +18,10 @@ from .robustness import PoseUncertainty
 from .scene import GraspScene, SceneConfig
 from .search import Watch
 from .similarity import SimilarityConfig
+from .success import SUCCESS_TERMS, SuccessForecast, SuccessModel
 
 __all__ = [
+    "SUCCESS_TERMS",
     "Advice",
     "ApproachConfig",
     "Arm",
@@ -45,5 +47,7 @@ __all__ = [
     "SearchResult",
     "SimilarityConfig",
     "Situation",
+    "SuccessForecast",
+    "SuccessModel",
     "Watch",
 ]

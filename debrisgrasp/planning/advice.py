@@ -21,6 +21,7 @@ from .config import PlannerConfig
 from .hands import PackedHands
 from .inspection import Inspector
 from .ledger import Rejections
+from .placement import MOVES, is_blocked, move_words, placed
 from .reach import Arm, Distance
 from .scene import GraspScene
 from .similarity import ShapeSimilarity
@@ -29,20 +30,6 @@ __all__ = ["Advice", "Advisor", "Situation"]
 
 _FEW = 60
 """Poses looked at again for each reason; the ledger has the most promising first."""
-_MOVES = (
-    (-0.15, 0.0, 0.0),
-    (0.15, 0.0, 0.0),
-    (0.0, 0.15, 0.0),
-    (0.0, -0.15, 0.0),
-    (-0.30, 0.0, 0.0),
-    (0.30, 0.0, 0.0),
-    (0.0, 0.30, 0.0),
-    (0.0, -0.30, 0.0),
-    (0.0, 0.0, 20.0),
-    (0.0, 0.0, -20.0),
-)
-"""Ahead and to the left [m], and turn to the left [degrees]; of equal ones the first is
-advised."""
 _PROVEN, _TRIED = 3, 24
 """Moves, and poses, that are tried on the arms after the quick bound has chosen."""
 _OPENINGS = (0.02, 0.04, -0.02, -0.04)
@@ -69,7 +56,7 @@ class Advice:
     """One change, and how many of the poses ruled out it frees."""
 
     kind: str
-    """``base``, ``opening``, ``neighbour``, ``view``, or ``mass``."""
+    """``base``, ``arm``, ``opening``, ``neighbour``, ``view``, or ``mass``."""
     text: str
     """In words."""
     freed: int
@@ -97,6 +84,8 @@ class Situation:
     hand."""
     least_mass: float
     """Lower bound on the mass of the object [kg]."""
+    idle: Sequence[Arm] = ()
+    """Arms that the robot has, but that were not to be used."""
 
 
 class Advisor:
@@ -124,6 +113,7 @@ class Advisor:
         """
         questions = (
             self._base(situation, similarity, rng),
+            self._arm(situation, similarity, rng),
             self._opening(situation),
             self._neighbours(situation),
             self._view(situation, similarity),
@@ -139,38 +129,71 @@ class Advisor:
         """Move the base: the poses stay, the arms come from elsewhere."""
         if not situation.arms or situation.footprint is None:
             return
+        Ts, prototype = self._out_of_reach(situation, similarity)
+        promising = []
+        for order, move in enumerate(MOVES):
+            if is_blocked(situation.footprint, situation.distance, placed(move)):
+                continue
+            seen_from_there = (placed(move).inverse() @ SE3(Ts)).matrix
+            n = int(self._may_reach(situation, seen_from_there, prototype).sum())
+            promising.append((-n, order, move))
+        best: dict[tuple[float, ...], tuple[int, int]] = {}
+        for bound, order, move in sorted(promising)[:_PROVEN]:
+            if bound:
+                n = self._n_taken(situation, placed(move), Ts, prototype, rng)
+                # Of two moves along one line the better one is enough.
+                line = tuple(np.sign(move))
+                best[line] = min(best.get(line, (0, 0)), (-n, order))
+        for n, order in sorted(best.values())[:2]:
+            if n:
+                x, y, turn = MOVES[order]
+                yield Advice(
+                    kind="base",
+                    text=f"{-n} of {len(Ts)} out of the arms' reach free up if the "
+                    f"base {move_words(MOVES[order])}",
+                    freed=-n,
+                    of=len(Ts),
+                    change={"x": x, "y": y, "yaw": float(np.deg2rad(turn))},
+                )
+
+    def _arm(
+        self, situation: Situation, similarity: ShapeSimilarity, rng: Rng
+    ) -> Iterator[Advice]:
+        """Let another arm do it, with the hand of the first if need be."""
+        if not situation.arms:
+            return
+        Ts, prototype = self._out_of_reach(situation, similarity)
+        carried = self._grippers_of(prototype)
+        for arm in (*situation.arms, *situation.idle):
+            is_idle = arm in situation.idle
+            mine = np.flatnonzero((carried != arm.gripper) | is_idle)
+            mine = mine[arm.may_reach(SE3(Ts[mine]))]
+            if not len(mine):
+                continue
+            answer = arm.reach(SE3(Ts[mine]), situation.distance, rng=rng)
+            taken = mine[answer.is_reached]
+            hands = sorted(set(carried[taken]) - {arm.gripper})
+            if len(taken):
+                with_hand = f" with {' or '.join(hands)}" if hands else ""
+                yield Advice(
+                    kind="arm",
+                    text=f"{len(taken)} of {len(Ts)} out of reach free up for the "
+                    f"{arm.name} arm{with_hand}",
+                    freed=len(taken),
+                    of=len(Ts),
+                )
+
+    def _out_of_reach(
+        self, situation: Situation, similarity: ShapeSimilarity
+    ) -> tuple[FloatArray, IntArray]:
+        """Poses that are good but for the arms, the most promising few."""
         rows = situation.ruled_out.because(*_REACH)[:_FEW]
         Ts, prototype = _unique(situation.ruled_out, rows)
         # Poses that no arm could reach were never looked at closely.
         fits = self._is_free(situation.scene, self._hands, Ts, prototype)
         S, _ = similarity(Ts, prototype)
         fits &= self._config.minimum_score <= S
-        Ts, prototype = Ts[fits][:_TRIED], prototype[fits][:_TRIED]
-        promising = []
-        for order, move in enumerate(_MOVES):
-            if _is_blocked(situation, _placed(move)):
-                continue
-            seen_from_there = (_placed(move).inverse() @ SE3(Ts)).matrix
-            n = int(self._may_reach(situation, seen_from_there, prototype).sum())
-            promising.append((-n, order, move))
-        best: dict[tuple[float, ...], tuple[int, int]] = {}
-        for bound, order, move in sorted(promising)[:_PROVEN]:
-            if bound:
-                n = self._n_taken(situation, _placed(move), Ts, prototype, rng)
-                # Of two moves along one line the better one is enough.
-                line = tuple(np.sign(move))
-                best[line] = min(best.get(line, (0, 0)), (-n, order))
-        for n, order in sorted(best.values())[:2]:
-            if n:
-                x, y, turn = _MOVES[order]
-                yield Advice(
-                    kind="base",
-                    text=f"{-n} of {len(Ts)} out of the arms' reach free up if the "
-                    f"base {_move_words(_MOVES[order])}",
-                    freed=-n,
-                    of=len(Ts),
-                    change={"x": x, "y": y, "yaw": float(np.deg2rad(turn))},
-                )
+        return Ts[fits][:_TRIED], prototype[fits][:_TRIED]
 
     def _grippers_of(self, prototype: IntArray) -> np.ndarray:
         return np.array([self._prototypes[i].gripper for i in prototype], dtype=object)
@@ -359,34 +382,3 @@ def _unique(ruled_out: Rejections, rows: IntArray) -> tuple[FloatArray, IntArray
     _, first = np.unique(flat, axis=0, return_index=True)
     rows = rows[np.sort(first)]
     return ruled_out.Ts[rows], ruled_out.prototype[rows]
-
-
-def _placed(move: tuple[float, float, float]) -> SE3:
-    """Pose of the base after a move, in the present base frame."""
-    x, y, turn = move
-    c, s = np.cos(np.deg2rad(turn)), np.sin(np.deg2rad(turn))
-    return SE3.from_parts([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], [x, y, 0.0])
-
-
-def _is_blocked(situation: Situation, T_base_placed: SE3) -> bool:
-    """Whether the base would stand in something that was measured."""
-    assert situation.footprint is not None
-    lower, upper = situation.footprint.lower, situation.footprint.upper
-    # What the base drives over is lower than this.
-    lower = np.maximum(lower, [-np.inf, -np.inf, 0.1])
-    step = np.maximum(np.ceil((upper - lower) / 0.1), 1).astype(int)
-    axes = [
-        np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, step, strict=True)
-    ]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    gap = situation.distance(T_base_placed.apply(grid))
-    return bool((gap < 0.05).any())
-
-
-def _move_words(move: tuple[float, float, float]) -> str:
-    x, y, turn = move
-    if turn:
-        return f"turns {abs(turn):.0f} degrees to the {'left' if turn > 0 else 'right'}"
-    if x:
-        return f"moves {'forward' if x > 0 else 'back'} {100 * abs(x):.0f} cm"
-    return f"moves {100 * abs(y):.0f} cm to the {'left' if y > 0 else 'right'}"

@@ -87,12 +87,20 @@ class Walkers:
             np.maximum(value, self.best_log_quality),
         )
 
+    def offered(
+        self, rows: IntArray, Ts_base_hand: FloatArray, log_quality: FloatArray
+    ) -> Walkers:
+        """Take what is offered to some walkers where it is better than their best."""
+        candidates, value = self.best_Ts_base_hand.copy(), self.best_log_quality.copy()
+        candidates[rows], value[rows] = Ts_base_hand, log_quality
+        return self.moved(value > self.best_log_quality, candidates, value)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schedule:
     """How the temperature falls."""
 
-    sweeps: int = 30
+    sweeps: int = 24
     """Moves offered to every walker. More finds more and takes proportionally long."""
     hot: float = 0.5
     """Temperature at the start."""

@@ -11,7 +11,7 @@ from debrisgrasp.prototypes import GripperModel
 
 from .config import PlannerConfig
 
-__all__ = ["choose", "is_half_turn_symmetric"]
+__all__ = ["choose", "is_half_turn_symmetric", "turns"]
 
 _SAME_PLACE = 0.003
 """Pads this near to each other after a half turn are in the same place [m]."""
@@ -66,7 +66,7 @@ def choose(
     order = _apart(Ts, grippers, is_symmetric, value, config)
     order = _capped(order, grippers, config.n_per_hand)
     order = _capped(order, prototypes, config.n_per_prototype)
-    turn = _turns(places[order], config.region_size)
+    turn = turns(places[order], config.region_size)
     chosen = order[np.argsort(turn, kind="stable")[: config.n_best]]
     best: IntArray = chosen[np.argsort(-value[chosen], kind="stable")]
     return best
@@ -105,7 +105,7 @@ def _capped(order: IntArray, names: list[str], most: int) -> IntArray:
     return np.array(kept, dtype=np.int64)
 
 
-def _turns(places: FloatArray, size: float) -> IntArray:
+def turns(places: FloatArray, size: float) -> IntArray:
     """How many better places (k, 3), best first, are in the region of each, (k,)."""
     middles: list[FloatArray] = []
     counts: list[int] = []

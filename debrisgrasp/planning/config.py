@@ -25,13 +25,12 @@ __all__ = ["PlannerConfig"]
 _COUNTS = (
     "walkers",
     "rounds",
-    "settle_every",
     "search_points",
     "final_points",
     "refinement_sweeps",
     "max_refined",
-    "max_steadied",
-    "steadying_sweeps",
+    "refinement_steps",
+    "exchanged",
     "max_ranked",
     "n_best",
     "n_per_hand",
@@ -55,32 +54,30 @@ class PlannerConfig:
     """Small steps of the annealing."""
     global_share: tuple[float, float] = (0.6, 0.1)
     """Probability of a jump instead of a small step, at the start and at the end."""
-    refinement: LocalMove = LocalMove(position=(0.006, 0.001), rotation=(0.06, 0.01))
-    """Steps of the refinement that follows the annealing."""
-    refinement_sweeps: int = 15
-    """Steps offered to every distinct pose; only improvements are taken."""
-    steadying: LocalMove = LocalMove(position=(0.01, 0.002), rotation=(0.1, 0.02))
-    """Steps of what follows: the best go to where they expect the highest quality."""
-    steadying_sweeps: int = 8
-    """Steps offered to each of them; only improvements are taken."""
-    max_steadied: int = 24
-    """At most so many poses take those steps."""
-    max_refined: int = 200
-    """At most so many distinct poses are refined."""
+    refinement: LocalMove = LocalMove(position=(0.012, 0.0036), rotation=(0.12, 0.036))
+    """Steps of the refinement that follows the annealing: on what the list is sorted
+    by."""
+    refinement_sweeps: int = 12
+    """How often steps are offered; only improvements are taken."""
+    refinement_steps: int = 96
+    """Steps offered in each sweep, to all poses together."""
+    refined: tuple[int, int] = (40, 8)
+    """So many poses take steps in the first sweep, and in the last: the best."""
+    max_refined: int = 96
+    """At most so many distinct poses are judged by what the list is sorted by."""
+    exchanged: int = 24
+    """At so many of the best poses every other prototype of the hand is tried."""
     starts: int = 64
     """Jumps of each prototype of which the best become walkers."""
-    walkers: int = 32
+    walkers: int = 12
     """Chains per prototype. More find rarer grasps and take proportionally long."""
     alignments: int = 2
     """Steps that fit a pose to the surface before it is walked from, and before it is
     refined."""
-    rounds: int = 5
+    rounds: int = 4
     """Parts of the annealing; after each only the best walkers go on."""
     survivors: float = 0.5
     """Share of the walkers that go on after a round."""
-    settle_every: int = 6
-    """Sweeps after which the best states are solved for the arms. More often keeps the
-    search closer to what can be reached, and takes longer."""
     search_points: int = 24
     """Visible points of each prototype used during the search."""
     final_points: int = 80
@@ -114,9 +111,6 @@ class PlannerConfig:
     """``"search"``: poses that no arm may reach count as matching nothing during the
     search (Eq. 2-3 as written). ``"after"``: the search knows of no arm, and what it
     finds is tried on the arms in the end, which is how the paper had to do it."""
-    lever_scale: float = 0.35
-    """Horizontal distance from the object's visible centre at which the score is
-    halved [m]: a heavy object gripped at its end twists out of the hand."""
 
     def __post_init__(self) -> None:
         if self.reach not in ("search", "after"):
@@ -129,10 +123,11 @@ class PlannerConfig:
         require_range("PlannerConfig.starts", self.starts, self.walkers)
         require_range("PlannerConfig.alignments", self.alignments, 0)
         require_range("PlannerConfig.survivors", self.survivors, 0.01, 1.0)
+        many, few = self.refined
+        require_range("PlannerConfig.refined", few, 1, many)
         for share in self.global_share:
             require_range("PlannerConfig.global_share", share, 0.0, 1.0)
         require_range("PlannerConfig.minimum_score", self.minimum_score, 0.0, 1.0)
         require_range("PlannerConfig.minimum_evidence", self.minimum_evidence, 0.0, 1.0)
         require_range("PlannerConfig.mode_distance", self.mode_distance, 0.0)
         require_range("PlannerConfig.mode_angle", self.mode_angle, 0.0, 3.2)
-        require_range("PlannerConfig.lever_scale", self.lever_scale, 0.01)

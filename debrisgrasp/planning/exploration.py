@@ -6,23 +6,31 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from debrisgrasp._arrays import FloatArray, IntArray, Rng
 
 from .annealing import Walkers, anneal
 from .config import PlannerConfig
+from .modes import distinct
 from .postures import Postures, Settled
 from .proposals import GlobalMove, MixtureMove
 from .quality import NOTHING, GraspQuality
 
-__all__ = ["climb", "explore", "steady"]
+__all__ = ["LogMerit", "exchanged", "explore", "refine"]
+
+LogMerit = Callable[[FloatArray, IntArray, FloatArray], FloatArray]
+_IN_ANY_CASE = 4
+"""Sweeps of the refinement that are made however late it is."""
+_SETTLE_EVERY = 4
+"""Sweeps of the refinement after which the arms are asked."""
 
 
 def explore(
     quality: GraspQuality,
     postures: Postures,
     jump: GlobalMove,
-    n_prototypes: int,
+    gripper_of: NDArray[np.str_],
     config: PlannerConfig,
     *,
     rng: Rng,
@@ -31,17 +39,22 @@ def explore(
     """Anneal walkers of every prototype; after each round only the best go on.
 
     Prototypes that resemble nothing in the scene show it after a few sweeps, and the
-    time goes to the others. Every few sweeps the best states are solved for the arms,
-    and a walker whose best is out of reach goes back to where it was before.
+    time goes to the others. Of walkers that came to the same place the best goes on.
+    Then it is solved for the arms, and a walker whose best is out of reach goes back to
+    where it was before.
+
+    Parameters
+    ----------
+    gripper_of
+        Name of the hand of each prototype, shape (p,).
 
     Returns
     -------
     settled, prototype
         Last state of every walker, also of those left behind, and what each places.
     """
-    Ts, prototype = _starts(quality, jump, n_prototypes, config, rng)
-    nothing = np.full(len(Ts), -np.inf)
-    walkers = Walkers.at(Ts, quality(Ts, prototype, nothing))
+    Ts, prototype = _starts(quality, jump, len(gripper_of), config, rng)
+    walkers = Walkers.at(Ts, quality(Ts, prototype, np.full(len(Ts), -np.inf)))
     settled = postures.unknown(Walkers.at(Ts, np.full(len(Ts), NOTHING)))
     ends = np.linspace(0, config.schedule.sweeps, config.rounds + 1).astype(int)
     left: list[tuple[Settled, IntArray]] = []
@@ -55,88 +68,109 @@ def explore(
     for first, last in pairwise(ends):
         if is_over:
             break
-        if first:
-            order = np.argsort(-walkers.best_log_quality, kind="stable")
-            n_kept = max(1, round(len(order) * config.survivors))
-            kept, others = order[:n_kept], order[n_kept:]
-            left.append((settled[others], prototype[others]))
-            settled, prototype = settled[kept], prototype[kept]
-            walkers = settled.walkers
-        for sweeps in _parts(range(first, last), config.settle_every):
-            walkers = anneal(
-                walkers,
-                MixtureMove(config.local, jump, prototype, config.global_share),
-                quality.of(prototype),
-                config.schedule,
-                rng=rng,
-                sweeps=sweeps,
-                on_sweep=tell,
-            )
-            settled = postures.settled(settled, walkers, prototype)
-            walkers = settled.walkers
-            if is_over:
-                break
+        walkers = anneal(
+            walkers,
+            MixtureMove(config.local, jump, prototype, config.global_share),
+            quality.of(prototype),
+            config.schedule,
+            rng=rng,
+            sweeps=range(first, last),
+            on_sweep=tell,
+        )
+        kept = distinct(
+            walkers.best_Ts_base_hand,
+            gripper_of[prototype],
+            walkers.best_log_quality,
+            distance=config.mode_distance / 2,
+            angle=config.mode_angle / 2,
+            limit=max(1, round(len(prototype) * config.survivors)),
+        )
+        others = np.setdiff1d(np.arange(len(prototype)), kept)
+        left.append((postures.unknown(walkers[others]), prototype[others]))
+        prototype = prototype[kept]
+        settled = postures.settled(settled[kept], walkers[kept], prototype)
+        walkers = settled.walkers
     left.append((settled, prototype))
     states, places = zip(*left, strict=True)
     return Settled.together(states), np.concatenate(places)
 
 
-def climb(
+def exchanged(
     settled: Settled,
     prototype: IntArray,
     quality: GraspQuality,
-    postures: Postures,
-    config: PlannerConfig,
-    *,
-    rng: Rng,
-    on_sweep: Callable[[int, Walkers], bool],
-) -> Settled:
-    """Take every walker to the top nearby: aligned first, then by small steps."""
-    score, walkers = quality.of(prototype), settled.walkers
+    gripper_of: NDArray[np.str_],
+) -> tuple[Settled, IntArray]:
+    """Try every other prototype of the same hand where walkers are.
 
-    def offer(walkers: Walkers, Ts: FloatArray) -> Walkers:
-        value = score(Ts, walkers.log_quality)
-        return walkers.moved(value > walkers.log_quality, Ts, value)
+    What one of them finds, its neighbours in the dictionary often fit better.
 
-    for _ in range(config.alignments):
-        walkers = offer(walkers, quality.aligned(walkers.Ts_base_hand, prototype))
-    for index in range(config.refinement_sweeps):
-        progress = index / config.refinement_sweeps
-        step = config.refinement.moved(walkers.Ts_base_hand, progress, rng)
-        walkers = offer(walkers, step)
-        if not on_sweep(index, walkers):
-            break
-    return postures.settled(settled, walkers, prototype)
+    Returns
+    -------
+    settled, prototype
+        One state for each of them, with the joints of the walker as a guess.
+    """
+    is_other = gripper_of[prototype][:, None] == gripper_of
+    row, other = np.nonzero(
+        is_other & (prototype[:, None] != np.arange(len(gripper_of)))
+    )
+    Ts = quality.aligned(settled.walkers.best_Ts_base_hand[row], other)
+    walkers = Walkers.at(Ts, quality(Ts, other, np.full(len(other), NOTHING)))
+    return Settled(walkers, settled.joints[row]), other
 
 
-def steady(
+def refine(
     settled: Settled,
     prototype: IntArray,
-    score: Callable[[FloatArray, IntArray], FloatArray],
+    merit: LogMerit,
     postures: Postures,
     config: PlannerConfig,
     *,
     rng: Rng,
+    is_late: Callable[[], bool],
 ) -> Settled:
-    """Take every walker to where the quality expected is highest nearby.
+    """Take walkers uphill on what grasps are ranked by; only improvements count.
+
+    Each sweep offers the same number of steps to fewer walkers: at first one or two
+    each, in the end many to the best few.
 
     Parameters
     ----------
-    score
-        Maps poses (k, 4, 4) and prototypes (k,) to the log of what is sought (k,).
+    settled
+        States whose value is merit already.
+    merit
+        Maps poses (k, 4, 4), prototypes (k,) and the least values that matter (k,) to
+        the log of what is sought (k,).
     """
+    sweeps, (many, few) = config.refinement_sweeps, config.refined
+    sizes = np.geomspace(many, few, sweeps).round().astype(int)
     walkers = settled.walkers
-    for index in range(config.steadying_sweeps):
-        progress = index / config.steadying_sweeps
-        Ts = config.steadying.moved(walkers.Ts_base_hand, progress, rng)
-        value = score(Ts, prototype)
-        walkers = walkers.moved(value > walkers.log_quality, Ts, value)
+    for index, size in enumerate(sizes.tolist()):
+        if index >= _IN_ANY_CASE and is_late():
+            break
+        rows = distinct(
+            walkers.best_Ts_base_hand,
+            prototype,
+            walkers.best_log_quality,
+            distance=config.mode_distance / 3,
+            angle=config.mode_angle / 3,
+            limit=size,
+        )
+        if not len(rows):
+            break  # no pose has any merit, as under a mass that nothing can lift
+        tries = -(-config.refinement_steps // len(rows))
+        every = np.repeat(rows, tries)
+        Ts = config.refinement.moved(
+            walkers.best_Ts_base_hand[every], index / sweeps, rng
+        )
+        value = merit(Ts, prototype[every], walkers.best_log_quality[every])
+        best = value.reshape(len(rows), tries).argmax(axis=1)
+        best += tries * np.arange(len(rows))
+        walkers = walkers.offered(rows, Ts[best], value[best])
+        if index % _SETTLE_EVERY == _SETTLE_EVERY - 1:
+            settled = postures.settled(settled, walkers, prototype)
+            walkers = settled.walkers
     return postures.settled(settled, walkers, prototype)
-
-
-def _parts(sweeps: range, length: int) -> list[range]:
-    """Cut a range into parts of a length, the last may be shorter."""
-    return [sweeps[first : first + length] for first in range(0, len(sweeps), length)]
 
 
 def _starts(

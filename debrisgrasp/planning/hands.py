@@ -8,12 +8,21 @@ from dataclasses import dataclass
 from enum import IntFlag
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from debrisgrasp._arrays import Float32Array, FloatArray, IntArray
 from debrisgrasp.geometry import Bounds, Solid
-from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
+from debrisgrasp.prototypes import GraspPrototype, GripperModel, PrototypeLibrary
 
-__all__ = ["SPHERE_RADIUS", "HandSpace", "PackedHands", "PackedSpaces", "SpaceOfHand"]
+__all__ = [
+    "MARGIN_SHIFT",
+    "MARGIN_STEPS",
+    "SPHERE_RADIUS",
+    "HandSpace",
+    "PackedHands",
+    "PackedSpaces",
+    "SpaceOfHand",
+]
 
 GRIP_MARGIN = 0.016
 """An object may be so much wider than its prototype [m]."""
@@ -39,12 +48,20 @@ class HandSpace(IntFlag):
     """Swept by the fingers while they close, until shortly before they grip."""
 
 
+MARGIN_STEPS = 7
+"""The flags of a place also say how near palm or open fingers come to it, on the way in
+too: their upper three bits are 7 inside, 6 one cell outside, and 0 from 7 cells on."""
+MARGIN_SHIFT = 5
+"""Position of these bits."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SpaceOfHand:
     """The palm frame around one preshaped hand as a grid of `HandSpace` flags."""
 
     flags: np.ndarray
-    """Shape (nx, ny, nz), uint8; the outermost layer of cells is empty."""
+    """`HandSpace` and `MARGIN_STEPS`, shape (nx, ny, nz), uint8; the outermost layer of
+    cells is empty."""
     origin: FloatArray
     """Centre of the first cell [m], palm frame, shape (3,)."""
     spacing: float
@@ -77,7 +94,11 @@ class SpaceOfHand:
         closing = gripper.closing_region(preshape, opening)
         bounds = _union([s.bounds for s in (*gripper.palm, *fingers, closing)])
         lower = bounds.lower - np.array([0.0, 0.0, approach]) - spacing
-        shape = tuple(int(n) for n in np.ceil((bounds.upper - lower) / spacing) + 2)
+        # Above, where the hand comes from, the approach is longer than any margin.
+        widest = MARGIN_STEPS * spacing
+        lower[:2] -= widest
+        upper = bounds.upper + widest
+        shape = tuple(int(n) for n in np.ceil((upper - lower) / spacing) + 2)
         flags = np.zeros(shape, dtype=np.uint8)
         hand = cls(flags, lower, spacing)
         for solids, flag in (
@@ -90,9 +111,17 @@ class SpaceOfHand:
                 depth = 0.0 if flag is HandSpace.CLOSING else tolerance
                 hand._mark(solid, flag, depth)
         is_solid = (flags & (HandSpace.PALM | HandSpace.FINGER)) > 0
+        back = max(0, int((approach - widest) / spacing))
+        away = np.rint(distance_transform_edt(~is_solid[:, :, back:]))
+        near = np.zeros(shape, dtype=np.uint8)
+        near[:, :, back:] = MARGIN_STEPS - np.minimum(away, MARGIN_STEPS)
+        nearest = near.copy()
         # Seen from the retreated hand, a point lies farther ahead than at the end.
         for step in range(1, round(approach / spacing) + 1):
             flags[:, :, :-step][is_solid[:, :, step:]] |= np.uint8(HandSpace.APPROACH)
+            ahead = nearest[:, :, :-step]
+            np.maximum(ahead, near[:, :, step:], out=ahead)
+        flags |= nearest << MARGIN_SHIFT
         return hand
 
     def _mark(self, solid: Solid, flag: HandSpace, depth: float) -> None:
@@ -149,6 +178,52 @@ class PackedSpaces:
         found: Float32Array = (diagonal / 2).astype(np.float32)
         return found
 
+    @property
+    def half(self) -> Float32Array:
+        """Half the size of each grid along x, y, z [m], shape (h, 3)."""
+        return np.asarray(self.shape * np.float32(self.spacing / 2), dtype=np.float32)
+
+    def marked(
+        self, points: Float32Array, Ts_hand: Float32Array, which: IntArray
+    ) -> tuple[IntArray, IntArray, IntArray]:
+        """Find the cells that points lie in, seen from several hands.
+
+        Parameters
+        ----------
+        points
+            Coordinates [m] and a one, shape (4, n).
+        Ts_hand
+            Poses of the hands in the frame of the points, shape (k, 4, 4).
+        which
+            Grid of each, shape (k,).
+
+        Returns
+        -------
+        flags, pose, point
+            Flags of every cell found, and the indices of hand and point that meet in
+            it; points outside a grid are left out.
+        """
+        to_hand = Ts_hand[:, :3, :3].transpose(0, 2, 1) / np.float32(self.spacing)
+        offset = (to_hand @ Ts_hand[:, :3, 3:])[..., 0]
+        offset += self.origin[which] / np.float32(self.spacing) - np.float32(0.5)
+        shape = self.shape[which]
+        is_in = np.ones((len(which), points.shape[1]), dtype=bool)
+        axes = []
+        for axis in range(3):
+            row = np.concatenate([to_hand[:, axis], -offset[:, axis, None]], axis=1)
+            cell = row @ points
+            # The outermost layer is empty.
+            is_in &= cell >= 1
+            is_in &= cell < shape[:, axis, None].astype(np.float32)
+            axes.append(cell)
+        found = np.flatnonzero(is_in)
+        pose, point = np.divmod(found, points.shape[1])
+        flat = np.zeros(len(found), dtype=np.int64)
+        for axis, cell in enumerate(axes):
+            flat *= shape[:, axis][pose]
+            flat += cell.ravel()[found].astype(np.int64)
+        return self.flags.take(flat + self.first[which][pose]), pose, point
+
     def at(self, points_hand: Float32Array, which: IntArray) -> np.ndarray:
         """Look up the flags at points (k, 3, n) in the palm frames of hands (k,)."""
         flat = np.zeros((len(which), points_hand.shape[2]), dtype=np.int32)
@@ -183,6 +258,8 @@ class PackedHands:
     """One for each combination of hand, preshape, opening and width."""
     grip_points: FloatArray
     """Middle of the space between the fingers [m], shape (p, 3)."""
+    slack: FloatArray
+    """Least distance between the open fingers and the prototype [m], shape (p,)."""
 
     @classmethod
     def pack(
@@ -225,7 +302,15 @@ class PackedHands:
             space_index=index,
             spaces=spaces,
             grip_points=np.array(grips)[index],
+            slack=np.array([_slack(p, library.grippers[p.gripper]) for p in library]),
         )
+
+
+def _slack(prototype: GraspPrototype, gripper: GripperModel) -> float:
+    """Least distance between the open fingers of a hand and what it grips [m]."""
+    fingers = gripper.finger_solids(prototype.preshape, prototype.opening)
+    gaps = [float(s.signed_distance(prototype.points).min()) for s in fingers]
+    return min(gaps, default=0.0)
 
 
 def _cover(

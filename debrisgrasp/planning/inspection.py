@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import (
     BoolArray,
@@ -20,7 +19,7 @@ from debrisgrasp._arrays import (
     require_range,
 )
 
-from .hands import HandSpace, PackedHands
+from .hands import MARGIN_SHIFT, MARGIN_STEPS, HandSpace, PackedHands
 from .scene import GraspScene
 
 __all__ = ["Inspection", "InspectionConfig", "Inspector"]
@@ -65,6 +64,8 @@ class Inspection:
     """Points of anything else between them, shape (k,)."""
     is_in_ground: BoolArray
     """Whether a part of the hand would be below the ground, shape (k,)."""
+    margin: FloatArray
+    """How far the hand may be off before it touches something, shape (k,) [m]."""
 
     def reasons(self, config: InspectionConfig) -> dict[str, BoolArray]:
         """Which poses each reason rules out; only the first that applies counts."""
@@ -111,8 +112,11 @@ class Inspector:
 
     def __init__(self, scene: GraspScene, hands: PackedHands) -> None:
         self._scene, self._hands = scene, hands
-        self._points = np.ascontiguousarray(scene.cloud.points.T, dtype=np.float32)
-        self._tree = cKDTree(scene.cloud.points)
+        # In the order of x, so that a slice holds all points of a range.
+        order = np.argsort(scene.cloud.points[:, 0], kind="stable")
+        points = np.ones((4, len(order)), dtype=np.float32)
+        points[:3] = scene.cloud.points[order].T
+        self._points, self._is_target = points, scene.is_target[order]
 
     def __call__(self, Ts_base_hand: FloatArray, prototype: IntArray) -> Inspection:
         """Count what the hand touches in each pose.
@@ -125,24 +129,24 @@ class Inspector:
             Whose hand each carries, shape (k,).
         """
         counts = np.zeros((6, len(Ts_base_hand)), dtype=np.int64)
+        margin = np.full(len(Ts_base_hand), MARGIN_STEPS)
         spaces = self._hands.spaces
         which = self._hands.space_index[prototype]
         Ts = Ts_base_hand.astype(np.float32)
-        middle = (Ts[:, :3, :3] @ spaces.middle[which][..., None])[..., 0] + Ts[
-            :, :3, 3
-        ]
+        R, t = Ts[:, :3, :3], Ts[:, :3, 3]
+        middle = (R @ spaces.middle[which][..., None])[..., 0] + t
+        half = (np.abs(R) @ spaces.half[which][..., None])[..., 0]
         # Poses near each other share the points around them.
-        cells, group = np.unique(
-            np.floor(middle / _GROUP).astype(np.int64), axis=0, return_inverse=True
-        )
-        reach = float(spaces.radius.max()) + _GROUP * 3**0.5 / 2
-        near = self._tree.query_ball_point((cells + 0.5) * _GROUP, reach)
+        _, group = np.unique(np.floor(middle / _GROUP), axis=0, return_inverse=True)
         order = np.argsort(group.ravel(), kind="stable")
-        ends = np.cumsum(np.bincount(group.ravel(), minlength=len(cells)))
-        for points, poses in zip(near, np.split(order, ends[:-1]), strict=True):
-            if points:
-                index = np.array(points)
-                counts[:, poses] = self._counts(index, Ts[poses], which[poses])
+        ends = np.flatnonzero(np.diff(group.ravel()[order])) + 1
+        for poses in np.split(order, ends) if len(order) else []:
+            lower = (middle[poses] - half[poses]).min(axis=0)
+            upper = (middle[poses] + half[poses]).max(axis=0)
+            near = self._within(lower, upper)
+            for some in np.split(poses, range(_TOGETHER, len(poses), _TOGETHER)):
+                met = self._met(near, Ts[some], which[some])
+                counts[:, some], margin[some] = _counts(met), _margin(met)
         palm, finger, approach, swept, held, foreign = counts
         return Inspection(
             palm_hits=palm,
@@ -152,24 +156,28 @@ class Inspector:
             held=held,
             foreign=foreign,
             is_in_ground=self._is_in_ground(Ts_base_hand, prototype),
+            margin=margin * spaces.spacing,
         )
 
-    def _counts(self, index: IntArray, Ts: Float32Array, which: IntArray) -> IntArray:
-        """Rows of an `Inspection` for poses and the points around them, (6, k)."""
-        to_hand = Ts[:, :3, :3].transpose(0, 2, 1)
-        local = to_hand @ self._points[:, index] - to_hand @ Ts[:, :3, 3:]
-        flags = self._hands.spaces.at(local, which)
-        is_target = self._scene.is_target[index]
-        between = (flags & HandSpace.CLOSING) > 0
-        cases = (
-            flags & HandSpace.PALM,
-            flags & HandSpace.FINGER,
-            flags & HandSpace.APPROACH,
-            flags & HandSpace.SWEPT,
-            between & is_target,
-            between & ~is_target,
-        )
-        return np.stack([np.count_nonzero(case, axis=1) for case in cases])
+    def _within(self, lower: Float32Array, upper: Float32Array) -> IntArray:
+        """Which points lie inside a box [m], base frame."""
+        x, y, z = self._points[:3]
+        first, last = np.searchsorted(x, [lower[0], upper[0]])
+        is_near = (y[first:last] >= lower[1]) & (y[first:last] <= upper[1])
+        is_near &= (z[first:last] >= lower[2]) & (z[first:last] <= upper[2])
+        found: IntArray = np.flatnonzero(is_near) + first
+        return found
+
+    def _met(self, near: IntArray, Ts: Float32Array, which: IntArray) -> IntArray:
+        """How often poses meet each combination of flags, (k, 2, 256).
+
+        Points of others first, then those of the object.
+        """
+        points, is_target = self._points[:, near], self._is_target[near]
+        flags, pose, point = self._hands.spaces.marked(points, Ts, which)
+        meets = (2 * pose + is_target[point]) * _N_FLAGS + flags
+        n_each = np.bincount(meets, minlength=2 * _N_FLAGS * len(Ts))
+        return n_each.reshape(len(Ts), 2, _N_FLAGS)
 
     def _is_in_ground(self, Ts: FloatArray, prototype: IntArray) -> BoolArray:
         """Whether the middle of any sphere of the hand is below the ground, shape (k,).
@@ -188,5 +196,34 @@ class Inspector:
         return found
 
 
-_GROUP = 0.08
+_STRAY = 2
+"""So many points nearest to a hand don't tell its margin."""
+_GROUP = 0.06
 """Poses within a cube of this edge [m] are looked at together."""
+_TOGETHER = 8
+"""At most so many: their arrays stay in the cache."""
+_N_FLAGS = 256
+"""Combinations of the five flags of `HandSpace` and the three bits of the margin."""
+
+
+def _counts(met: IntArray) -> IntArray:
+    """Rows of an `Inspection` for poses that met points (k, 2, 256), shape (6, k)."""
+    others, target = met.swapaxes(0, 1)
+    every = others + target
+    solid = (HandSpace.PALM, HandSpace.FINGER, HandSpace.APPROACH, HandSpace.SWEPT)
+    rows = [every @ _has(flag) for flag in solid]
+    between = _has(HandSpace.CLOSING)
+    return np.stack([*rows, target @ between, others @ between])
+
+
+def _margin(met: IntArray) -> IntArray:
+    """Cells between hand and points, but for the nearest few, shape (k,)."""
+    per_step = met.reshape(len(met), 2, -1, 1 << MARGIN_SHIFT).sum(axis=(1, 3))
+    nearest_first = np.cumsum(per_step[:, :0:-1], axis=1)
+    found: IntArray = np.count_nonzero(nearest_first <= _STRAY, axis=1)
+    return found
+
+
+def _has(flag: HandSpace) -> IntArray:
+    """1 for each combination of flags that has one of them, else 0, shape (256,)."""
+    return ((np.arange(_N_FLAGS) & flag) > 0).astype(np.int64)

@@ -40,7 +40,7 @@ class Rejections:
         }
 
     def because(self, *words: str) -> IntArray:
-        """Rows whose reason contains any of some words."""
+        """Rows, shape (m,), whose reason contains any of some words."""
         codes = [
             i
             for i, reason in enumerate(self.reasons)

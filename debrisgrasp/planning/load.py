@@ -230,6 +230,61 @@ class LoadModel:
         )
         return loads
 
+    def expected_demand(
+        self,
+        Ts_base_hand: FloatArray,
+        which: IntArray,
+        levers: GripLevers,
+        wrists: FloatArray,
+    ) -> FloatArray:
+        """Load over limit at the mass expected, without the torque of joints, (k,).
+
+        The same as ``demand[:, 1]`` of `Loads`, for the many poses of a search.
+
+        Parameters
+        ----------
+        wrists
+            Largest force [N] and torque [N m] at the wrist of each row of ``levers``,
+            shape (p, 2).
+        """
+        what, config = self._object, self._config
+        R, weight = Ts_base_hand[:, :3, :3], what.expected_mass * config.gravity
+        to_com = what.com - Ts_base_hand[:, :3, 3]
+        down = -R[:, 2]
+        x, y, z = ((to_com[:, None] @ R)[:, 0] - levers.middle[which]).T
+        a, b, c = down.T
+        moment = np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
+        turn = np.abs(moment) / levers.lever[which]
+        grip = _squeeze(down, turn, _middle(*config.friction)) / levers.max_force[which]
+        torque = np.hypot(to_com[:, 0], to_com[:, 1]) / wrists[which, 1]
+        most = np.maximum(np.maximum(grip, torque), 1.0 / wrists[which, 0])
+        found: FloatArray = weight * most
+        return found
+
+    def distance(
+        self, Ts_base_hand: FloatArray, which: IntArray, levers: GripLevers
+    ) -> FloatArray:
+        """Horizontal distance from the middle of the grip to that of mass [m], (k,).
+
+        The same as ``lever`` of `Loads`.
+        """
+        R, p = Ts_base_hand[:, :2, :3], Ts_base_hand[:, :2, 3]
+        grip = (R @ levers.middle[which][..., None])[..., 0] + p
+        found: FloatArray = np.linalg.norm(self._object.com[:2] - grip, axis=1)
+        return found
+
+
+def _middle(low: float, high: float) -> float:
+    return float(np.sqrt(low * high))
+
+
+def _squeeze(down: FloatArray, turn: FloatArray, friction: float) -> FloatArray:
+    """Squeeze per weight that holds it, and turns in units of the levers, (k,)."""
+    across = np.hypot(down[:, 1], np.maximum(down[:, 2], 0.0))
+    held = np.hypot(across, turn[:, 0]) / (2.0 * friction)
+    found: FloatArray = held + np.abs(down[:, 0]) + turn[:, 1] + turn[:, 2]
+    return found
+
 
 def _grip_needed(
     down: FloatArray,
@@ -257,14 +312,12 @@ def _grip_needed(
     """
     # What presses into the palm needs no grip.
     out = np.maximum(down[:, 2], 0.0)
-    across = np.hypot(down[:, 1], out)
     along = np.abs(down[:, 0])
     low, high = config.friction
-    columns = []
-    for off, friction in ((0.0, np.sqrt(low * high)), (error, low)):
-        turn = (np.abs(moment) + off) / lever
-        held = np.hypot(across, turn[:, 0]) / (2.0 * friction)
-        columns.append(held + along + turn[:, 1] + turn[:, 2])
+    columns = [
+        _squeeze(down, (np.abs(moment) + off) / lever, friction)
+        for off, friction in ((0.0, _middle(low, high)), (error, low))
+    ]
     turn = np.maximum(np.abs(moment) - error, 0.0) / lever
     held = np.hypot(down[:, 1] / (2.0 * high), out / (2.0 * max(high, 1.0)))
     least = np.maximum(np.maximum(held, along), turn[:, 2])

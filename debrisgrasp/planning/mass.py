@@ -55,6 +55,9 @@ class LoadConfig:
     """Objects are sheets if they are no thicker than this [m]."""
     inward: float = 0.12
     """Objects are hollow if so much of their surface faces their own middle."""
+    typical: Interval = (0.5, 8.0)
+    """Most pieces weigh this much [kg]: of a wide estimate the likelier part is within;
+    what is outside is only less likely."""
     friction: Interval = (0.4, 0.8)
     """Coefficient of friction between pads and object."""
     patch: float = 0.02
@@ -63,7 +66,7 @@ class LoadConfig:
     """Acceleration of free fall [m/s^2]."""
 
     def __post_init__(self) -> None:
-        for name in ("density", "walls", "sheet", "friction"):
+        for name in ("density", "walls", "sheet", "friction", "typical"):
             low, high = getattr(self, name)
             if not 0 < low <= high < np.inf:
                 raise ConfigError(
@@ -82,6 +85,8 @@ class ObjectMass:
     build: Build
     mass: Interval
     """[kg]."""
+    expected_mass: float
+    """[kg]; within the bounds."""
     com: FloatArray
     """Estimated centre of mass [m], base frame, shape (3,)."""
     spread: FloatArray
@@ -141,14 +146,10 @@ class ObjectMass:
         return cls(
             build=build,
             mass=bounds,
+            expected_mass=_expected(bounds, config.typical),
             com=middle + 0.2 * extents[2] * sight,
             spread=axes * (np.array([0.15, 0.2, 0.35]) * extents + 0.01),
         )
-
-    @property
-    def expected_mass(self) -> float:
-        """Geometric mean of the bounds [kg]."""
-        return float(np.sqrt(self.mass[0] * self.mass[1]))
 
     @property
     def com_error(self) -> float:
@@ -195,6 +196,15 @@ def _mass_bounds(
         high = config.density[1] * max(2.0 * hull, 0.5 * float(size.prod()))
         return low, max(low, high)
     return min(low, most), max(min(high, most), low)
+
+
+def _expected(bounds: Interval, typical: Interval) -> float:
+    """Middle of the product of two log-normals, both given by their 95 % bounds."""
+    log = np.log([bounds, typical])
+    middle, spread = log.mean(axis=1), np.maximum(np.ptp(log, axis=1), _FLOOR)
+    weight = spread**-2.0
+    expected = float(np.exp((weight * middle).sum() / weight.sum()))
+    return min(max(expected, bounds[0]), bounds[1])
 
 
 def _hull_volume(points: FloatArray) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["count_near", "distinct"]
 
@@ -43,18 +43,17 @@ def distinct(
         Indices into the n poses, best first.
     """
     order = np.argsort(-value, kind="stable")
-    p, R = Ts[order, :3, 3], Ts[order, :3, :3]
+    is_near = _near(Ts[order], Ts[order], distance, angle)
+    ranked = group[order]
+    is_near &= ranked[:, None] == ranked
     kept: list[int] = []
     is_open = np.ones(len(order), dtype=bool)
-    while len(kept) < limit and is_open.any():
-        i = int(np.argmax(is_open))
-        kept.append(i)
-        trace = np.einsum("nij,ij->n", R, R[i])
-        is_near = np.linalg.norm(p - p[i], axis=1) < distance
-        is_near &= (trace - 1.0) / 2.0 > np.cos(angle)
-        is_near &= group[order] == group[order[i]]
-        is_open &= ~is_near
-        is_open[i] = False
+    for i in range(len(order)):
+        if len(kept) == limit:
+            break
+        if is_open[i]:
+            kept.append(i)
+            is_open &= ~is_near[i]
     return order[np.array(kept, dtype=np.int64)]
 
 
@@ -81,9 +80,16 @@ def count_near(
     IntArray
         Shape (k,).
     """
-    gap = np.linalg.norm(Ts[:, None, :3, 3] - others[None, :, :3, 3], axis=-1)
-    rotations = others[:, :3, :3].reshape(-1, 9)
-    trace = Ts[:, :3, :3].reshape(-1, 9) @ rotations.T
-    is_near = (gap < distance) & ((trace - 1.0) / 2.0 > np.cos(angle))
+    is_near = _near(Ts, others, distance, angle)
     found: IntArray = (is_near & (group[:, None] == others_group)).sum(axis=1)
     return found
+
+
+def _near(
+    Ts: FloatArray, others: FloatArray, distance: float, angle: float
+) -> BoolArray:
+    """Which poses (k, 4, 4) lie near which others (n, 4, 4), shape (k, n)."""
+    a, b = Ts[:, :3, 3], others[:, :3, 3]
+    gap2 = np.square(a).sum(axis=1)[:, None] + np.square(b).sum(axis=1) - 2.0 * a @ b.T
+    trace = Ts[:, :3, :3].reshape(-1, 9) @ others[:, :3, :3].reshape(-1, 9).T
+    return np.asarray((gap2 < distance**2) & (trace > 1.0 + 2.0 * np.cos(angle)))

@@ -10,6 +10,7 @@ from debrisgrasp.geometry import SE3, Bounds
 from .advice import Advice
 from .ledger import Rejections
 from .load import LoadForecast
+from .success import SuccessForecast
 
 __all__ = ["Grasp", "GraspPlan", "PassedOver", "Retreat"]
 
@@ -60,8 +61,9 @@ class Grasp:
     """Quality expected when the hand ends up a little beside the pose (see
     `PoseUncertainty`), in [0, 1]."""
     score: float
-    """What the list is sorted by, best first: ``expected`` less what load and slanted
-    faces at the pads take away."""
+    """What the list is sorted by, best first: the probability that it holds, from
+    ``expected``, the load, the faces at the pads and the room around the hand (see
+    `SuccessModel`)."""
     arm: str | None = None
     joints: Mapping[str, float] | None = None
     """Joint positions [rad or m] that take the pose; None for a floating hand."""
@@ -71,11 +73,18 @@ class Grasp:
     """What lifting the object will demand; None in files of earlier versions."""
     retreat: Retreat | None = None
     """Which way to pull; None where that was not asked."""
+    success: SuccessForecast | None = None
+    """How likely it holds; None in files of earlier versions."""
 
     @property
     def Q(self) -> float:
         """Grasp quality Q = S R C (Eq. 2)."""
         return self.S * self.R * self.C
+
+    @property
+    def success_probability(self) -> float | None:
+        """Probability that it holds, in [0, 1]; None in files of earlier versions."""
+        return None if self.success is None else self.success.probability
 
     @property
     def approach_distance(self) -> float:

@@ -12,17 +12,21 @@ from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import PrototypeLibrary
 
 from .advice import Advice, Advisor, Situation
-from .choice import choose, is_half_turn_symmetric
+from .choice import choose, is_half_turn_symmetric, turns
 from .config import PlannerConfig
 from .ledger import Ledger, Rejections
-from .load import GripLevers, LoadModel, Loads
+from .load import LoadModel, Loads
 from .mass import ObjectMass
 from .plan import Grasp
 from .reach import Arm, Distance
 from .scene import GraspScene
 from .search import GraspSearch, Modes, Watch
+from .success import success_terms
 
 __all__ = ["GraspPlanner", "SearchResult"]
+
+_SPARE = 10
+"""So many more poses than grasps are wanted are tried on the arms at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,16 +60,12 @@ class GraspPlanner:
     def __init__(self, library: PrototypeLibrary, config: PlannerConfig) -> None:
         self.prototypes = tuple(library)
         self._search = GraspSearch(library, config)
-        self._advisor = Advisor(library, self._search.hands, config)
+        self._advisor = Advisor(library, self._search.tools.hands, config)
         self._is_symmetric = np.array(
             [
                 is_half_turn_symmetric(library.grippers[p.gripper], p.preshape)
                 for p in library
             ]
-        )
-        self._levers = GripLevers.of(
-            [(library.grippers[p.gripper], p.preshape, p.width) for p in library],
-            config.load,
         )
         self._config = config
 
@@ -100,9 +100,10 @@ class GraspPlanner:
             return SearchResult((), {"the object's surface has no normals": 1})
         search_rng, arm_rng = rng.spawn(2)
         ledger = Ledger()
-        found = self._search.run(scene, arms, watch, ledger, rng=search_rng)
+        model = LoadModel(self._weighed(scene, mass), self._config.load)
+        found = self._search.run(scene, model, arms, watch, ledger, rng=search_rng)
         with watch.stage("reachability"):
-            loads = self._loads(scene, found, mass)
+            loads = model(found.Ts, found.prototype, self._search.tools.levers)
             grasps = self._ranked(found, loads, arms, distance, arm_rng, ledger)
             grasps = self._approached(scene, grasps)
         ruled_out = ledger.closed()
@@ -119,10 +120,10 @@ class GraspPlanner:
         similarity = self._search.similarity(situation.scene)
         return self._advisor(situation, similarity, rng=rng)
 
-    def _loads(self, scene: GraspScene, found: Modes, mass: float | None) -> Loads:
-        """Forecast what each mode has to carry."""
+    def _weighed(self, scene: GraspScene, mass: float | None) -> ObjectMass:
+        """Estimate what the object weighs, and where its middle is."""
         config, cloud = self._config, scene.cloud
-        what = ObjectMass.from_surface(
+        return ObjectMass.from_surface(
             cloud.points[scene.is_target],
             cloud.normals[scene.is_target],
             cloud.viewpoint,
@@ -130,7 +131,6 @@ class GraspPlanner:
             spacing=config.scene.spacing,
             mass=mass,
         )
-        return LoadModel(what, config.load)(found.Ts, found.prototype, self._levers)
 
     def retreats(
         self,
@@ -200,22 +200,36 @@ class GraspPlanner:
             loads.demand[:, 0],
         )
         rows = np.flatnonzero(~heavy)
-        grasps = []
         if not arms:
             grasps = [self._grasp(found, loads, i) for i in rows.tolist()]
-        for arm, arm_rng in zip(arms, rng.spawn(len(arms)), strict=True):
-            fits = self._search.gripper_of[found.prototype[rows]] == arm.gripper
-            if fits.any():
-                mine = rows[fits]
-                grasps += self._taken(
-                    found[mine], loads[mine], arm, distance, arm_rng, ledger
-                )
-        return self._chosen(grasps)
+            return self._chosen(grasps)
+        rngs, grasps = rng.spawn(len(arms)), []
+        rows = rows[self._turns(found[rows])]
+        # The arms are asked for as many as are wanted, and some that may fail.
+        step = self._config.n_best + _SPARE
+        for some in np.split(rows, range(step, len(rows), step)):
+            for arm, arm_rng in zip(arms, rngs, strict=True):
+                carried = self._search.tools.gripper_of[found.prototype[some]]
+                mine = some[carried == arm.gripper]
+                if len(mine):
+                    grasps += self._taken(
+                        found[mine], loads[mine], arm, distance, arm_rng, ledger
+                    )
+            chosen = self._chosen(grasps)
+            if len(chosen) == self._config.n_best:
+                break
+        return chosen
+
+    def _turns(self, found: Modes) -> IntArray:
+        """Order in which modes are offered if all can be taken."""
+        tools = self._search.tools
+        places = SE3(found.Ts).apply(tools.hands.grip_points[found.prototype])
+        return np.argsort(turns(places, self._config.region_size), kind="stable")
 
     def _chosen(self, grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
         """Distinct grasps, spread over the object, best first."""
         Ts, which = self._placed(grasps)
-        places = SE3(Ts).apply(self._search.hands.grip_points[which])
+        places = SE3(Ts).apply(self._search.tools.hands.grip_points[which])
         chosen = choose(
             Ts,
             places,
@@ -282,6 +296,16 @@ class GraspPlanner:
         prototype = self.prototypes[found.prototype[index]]
         T_base_hand = SE3(found.Ts[index])
         retreat = SE3.from_parts(p=(0.0, 0.0, -self._config.clearance.approach))
+        success = self._search.tools.success.forecast(
+            success_terms(
+                expected=found.expected[index],
+                contact=found.contact[index],
+                demand=loads.demand[index, 1],
+                lever=loads.lever[index],
+                margin=found.margin[index],
+                slack=self._search.tools.hands.slack[found.prototype[index]],
+            )
+        )
         return Grasp(
             T_base_hand=T_base_hand,
             T_base_pregrasp=T_base_hand @ retreat,
@@ -296,8 +320,7 @@ class GraspPlanner:
             expected=float(found.expected[index]),
             coverage=float(found.coverage[index]),
             support=int(found.support[index]),
-            score=float(
-                found.expected[index] * found.contact[index] * loads.preference[index]
-            ),
+            score=success.probability,
             load=loads.forecast(index),
+            success=success,
         )

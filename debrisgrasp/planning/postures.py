@@ -13,12 +13,13 @@ from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
 from debrisgrasp.geometry import SE3
 
 from .annealing import Walkers
+from .quality import NOTHING
 from .reach import Arm
 
 __all__ = ["Postures", "Settled"]
 
-_WORTH_ASKING = float(np.log(0.05))
-"""Log of the quality below which a state is no grasp even if an arm gets there."""
+_WORTH_ASKING = float(np.log(0.02))
+"""Log of the share of the best quality below which a state isn't worth solving."""
 _STEP, _TURN = 0.1, 0.6
 """Distance [m] and angle [rad] over which joints are followed."""
 
@@ -90,7 +91,8 @@ class Postures:
         """
         best, value = walkers.best_Ts_base_hand, walkers.best_log_quality
         is_new = value > before.walkers.best_log_quality
-        asked = np.flatnonzero(is_new & (value > _WORTH_ASKING))
+        least = value.max(initial=NOTHING) + _WORTH_ASKING
+        asked = np.flatnonzero(is_new & (value > max(least, NOTHING)))
         is_far = ~_is_close(before.walkers.best_Ts_base_hand[asked], best[asked])
         seeds = before.joints[asked]
         seeds[is_far] = np.nan
@@ -106,16 +108,16 @@ class Postures:
     def completed(
         self, before: Settled, prototype: IntArray
     ) -> tuple[BoolArray, Settled]:
-        """Solve what has no joints, however poor; tell which walkers hold, (k,)."""
-        walkers, joints = before.walkers, before.joints.copy()
-        rows = np.flatnonzero(np.isnan(joints).all(axis=1))
-        best, value = walkers.best_Ts_base_hand, walkers.best_log_quality
-        found, joints[rows] = self._solved(prototype[rows], best[rows], joints[rows])
-        lost = rows[~found]
-        self._missed.append((best[lost], prototype[lost], value[lost]))
-        holds = np.ones(len(joints), dtype=bool)
-        holds[lost] = False
-        return holds, Settled(walkers, joints)
+        """Solve the best states, however poor; tell which walkers hold, (k,).
+
+        The joints that they have are where the solver begins.
+        """
+        best = before.walkers.best_Ts_base_hand
+        holds, joints = self._solved(prototype, best, before.joints)
+        lost = np.flatnonzero(~holds)
+        value = before.walkers.best_log_quality[lost]
+        self._missed.append((best[lost], prototype[lost], value))
+        return holds, Settled(before.walkers, joints)
 
     def _solved(
         self, prototype: IntArray, Ts: FloatArray, seeds: FloatArray

@@ -13,7 +13,7 @@ from debrisgrasp.prototypes import PackedPrototypes
 from .annealing import Walkers
 from .scene import GraspScene
 
-__all__ = ["GlobalMove", "LocalMove", "MixtureMove"]
+__all__ = ["GlobalMove", "LocalMove", "MixtureMove", "own_frames"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +61,7 @@ class GlobalMove:
         self,
         scene: GraspScene,
         prototypes: PackedPrototypes,
+        frames: FloatArray | None = None,
         *,
         aligned_share: float = 0.5,
         spin_sigma: float = 0.15,
@@ -69,10 +70,9 @@ class GlobalMove:
     ) -> None:
         cloud = scene.cloud
         self._anchors = cloud.points[scene.target]
-        self._normals = cloud.normals[scene.target]
-        self._tangents = scene.tangents
-        self._prototypes = prototypes
-        self._n_points = prototypes.mask.sum(axis=1)
+        self._object_frames = _frame(cloud.normals[scene.target], scene.tangents)
+        self._points, self._n_points = prototypes.points, prototypes.mask.sum(axis=1)
+        self._own_frames = own_frames(prototypes) if frames is None else frames
         self._aligned_share, self._spin_sigma = aligned_share, spin_sigma
         self._steepest_ascent, self._tries = steepest_ascent, tries
 
@@ -94,20 +94,19 @@ class GlobalMove:
         k = len(prototype)
         anchor = rng.integers(len(self._anchors), size=k)
         index = rng.integers(self._n_points[prototype])
-        point = self._prototypes.points[prototype, index]
-        normal = self._prototypes.normals[prototype, index]
-        along = np.broadcast_to(np.array([0.0, 1.0, 0.0]), normal.shape)
-        own_frame = _frame(normal, along)
+        own_frame = self._own_frames[prototype, index]
         R = self._target_frames(anchor, rng) @ np.swapaxes(own_frame, -1, -2)
         Ts = np.zeros((k, 4, 4))
         Ts[:, 3, 3] = 1.0
         Ts[:, :3, :3] = R
-        Ts[:, :3, 3] = self._anchors[anchor] - (R @ point[..., None])[..., 0]
+        Ts[:, :3, 3] = (
+            self._anchors[anchor]
+            - (R @ self._points[prototype, index, :, None])[..., 0]
+        )
         return Ts
 
     def _target_frames(self, index: IntArray, rng: Rng) -> FloatArray:
         """Frames (normal, tangent, binormal) on the object, spun about the normal."""
-        frame = _frame(self._normals[index], self._tangents[index])
         is_aligned = rng.random(index.shape) < self._aligned_share
         flip = np.pi * rng.integers(2, size=index.shape)
         spin = np.where(
@@ -116,7 +115,7 @@ class GlobalMove:
             rng.uniform(0.0, 2 * np.pi, index.shape),
         )
         cos, sin = np.cos(spin)[:, None], np.sin(spin)[:, None]
-        axis, y, z = np.moveaxis(frame, -1, 0)
+        axis, y, z = np.moveaxis(self._object_frames[index], -1, 0)
         return np.stack([axis, cos * y + sin * z, cos * z - sin * y], axis=-1)
 
 
@@ -144,12 +143,21 @@ class MixtureMove:
         return candidates, is_global.astype(np.float64)
 
 
+def own_frames(prototypes: PackedPrototypes) -> FloatArray:
+    """Frames at the points of prototypes, for `GlobalMove`, shape (p, n, 3, 3).
+
+    The normal is x, and y is as near to the long axis of the prototype as can be.
+    """
+    along = np.broadcast_to(np.array([0.0, 1.0, 0.0]), prototypes.points.shape)
+    return _frame(prototypes.normals, along)
+
+
 def _frame(axis: FloatArray, hint: FloatArray) -> FloatArray:
     """Right-handed frames (..., 3, 3): x along ``axis``, y near ``hint``."""
     y = hint - (hint * axis).sum(-1, keepdims=True) * axis
     length = np.linalg.norm(y, axis=-1, keepdims=True)
     spare = np.where(np.abs(axis[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
     other = np.cross(axis, spare)
-    other = other / np.linalg.norm(other, axis=-1, keepdims=True)
+    other = other / np.maximum(np.linalg.norm(other, axis=-1, keepdims=True), 1e-9)
     y = np.where(length > 1e-3, y / np.maximum(length, 1e-3), other)
     return np.stack([axis, y, np.cross(axis, y)], axis=-1)

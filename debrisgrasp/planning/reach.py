@@ -62,7 +62,7 @@ class Arm(Protocol):
         ...
 
     def may_reach(self, T_base_hand: SE3) -> BoolArray:
-        """Tell quickly which of k palm poses are not out of reach for certain."""
+        """Tell quickly which palm poses (k,) are not out of reach for certain."""
         ...
 
     def follow(self, T_base_hand: SE3, q_before: FloatArray, *, rng: Rng) -> FloatArray:

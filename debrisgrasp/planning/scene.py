@@ -28,6 +28,8 @@ __all__ = ["NEAREST_MASK", "UNKNOWN_FLAG", "GraspScene", "SceneConfig"]
 
 UNKNOWN_FLAG = np.int32(1 << 30)
 """Set in `GraspScene.nearest` where the camera never looked."""
+_LEVEL = 0.7
+"""Least z of the normal of a plane that can be the floor of the grid."""
 _MAX_NEIGHBORS = 32
 """From so many the direction of the surface around a point is told."""
 NEAREST_MASK = np.int32(UNKNOWN_FLAG - 1)
@@ -119,6 +121,8 @@ class GraspScene:
 
         Raises
         ------
+        ShapeError
+            If ``is_object`` is not one value for each point.
         CaptureError
             If no point of the object lies in V.
         """
@@ -127,7 +131,7 @@ class GraspScene:
             raise ShapeError(
                 "object mask", got=is_object.shape, expected=f"({len(cloud)},)"
             )
-        around = region.grown(config.hand_reach)
+        around = _above(ground_plane, region.grown(config.hand_reach), config)
         near = np.flatnonzero(around.contains(cloud.points))
         wanted = is_object[near] & region.contains(cloud.points[near])
         if not wanted.any():
@@ -189,6 +193,19 @@ class GraspScene:
         """Mean of the object's visible points, one per cell [m], shape (3,)."""
         mean: FloatArray = self.cloud.points[self.is_target].mean(axis=0)
         return mean
+
+
+def _above(plane: FloatArray | None, box: Bounds, config: SceneConfig) -> Bounds:
+    """Leave out what lies deep in the ground: it is solid, and nothing else is."""
+    if plane is None or plane[2] < _LEVEL:
+        return box
+    x, y = (np.array([box.lower[i], box.upper[i]]) for i in range(2))
+    ground = -(plane[0] * x[:, None] + plane[1] * y + plane[3]) / plane[2]
+    floor = float(ground.min()) - config.ground_roughness - 4 * config.spacing
+    lower = box.lower.copy()
+    # Not so far that the region itself is cut.
+    lower[2] = np.clip(floor, lower[2], lower[2] + config.hand_reach)
+    return Bounds(lower, box.upper)
 
 
 def _with_ground(

@@ -15,23 +15,18 @@ from debrisgrasp.prototypes import PrototypeLibrary
 
 from .annealing import Walkers
 from .approach import Ways
-from .clearance import HandClearance
 from .config import PlannerConfig
-from .contacts import PadContacts, PadZones
-from .exploration import climb, explore, steady
-from .hands import PackedHands
-from .inspection import Inspector
+from .exploration import exchanged, explore, refine
 from .ledger import Ledger
+from .load import LoadModel
+from .merit import Burden, Merit, Tools
 from .modes import count_near, distinct
 from .postures import Postures, Settled
-from .proposals import GlobalMove
-from .quality import GraspQuality
+from .proposals import GlobalMove, own_frames
 from .reach import Arm
-from .robustness import expected_quality
 from .scene import GraspScene
 from .similarity import ShapeSimilarity
 from .states import Candidates, Modes
-from .surfaces import VisibleSurfaces
 
 __all__ = ["Candidates", "GraspSearch", "Modes", "Watch"]
 
@@ -52,40 +47,37 @@ class Watch(Protocol):
         ...
 
 
+_FLOOR = 1e-3
+_MISSED = 0.3
+"""Poses that no arm gets to are told of down to this share of the best."""
+
+
 class GraspSearch:
     """Searches with one dictionary of prototypes and the hands that carry them."""
 
     def __init__(self, library: PrototypeLibrary, config: PlannerConfig) -> None:
         self._packed = library.packed()
-        self._coarse = VisibleSurfaces.pack(self._packed, config.search_points)
-        self._fine = VisibleSurfaces.pack(self._packed, config.final_points)
-        self._hands = PackedHands.pack(
-            library,
-            approach=config.clearance.approach,
-            tolerance=config.inspection.tolerance,
-        )
-        self._zones = PadZones.of(library, config.contact)
-        self.gripper_of = np.array([p.gripper for p in library])
-        """Name of the hand of each prototype, shape (p,)."""
+        self._frames = own_frames(self._packed)
+        self.tools = Tools.of(library, config)
         self._config = config
-
-    @property
-    def hands(self) -> PackedHands:
-        """The hand of each prototype."""
-        return self._hands
+        self._ways: tuple[GraspScene, Ways] | None = None
 
     def similarity(self, scene: GraspScene) -> ShapeSimilarity:
         """S of a scene, with every point that the final score uses."""
-        return ShapeSimilarity(scene, self._fine, self._config.similarity)
+        return ShapeSimilarity(scene, self.tools.fine, self._config.similarity)
 
     def ways(self, scene: GraspScene) -> Ways:
-        """Ways to and from grasps in a scene."""
-        config = self._config
-        return Ways(scene, self._hands, config.approach, config.inspection)
+        """Ways to and from grasps in a scene; those of the last one are kept."""
+        config, kept = self._config, self._ways
+        if kept is None or kept[0] is not scene:
+            ways = Ways(scene, self.tools.hands, config.approach, config.inspection)
+            kept = self._ways = scene, ways
+        return kept[1]
 
     def run(
         self,
         scene: GraspScene,
+        load: LoadModel,
         arms: Sequence[Arm],
         watch: Watch,
         ledger: Ledger,
@@ -96,41 +88,44 @@ class GraspSearch:
 
         Parameters
         ----------
+        load
+            What the object weighs.
         arms
             Poses that none of them can reach for certain are not looked at.
         ledger
             Takes the poses that each reason rules out.
         """
         with watch.stage("search"):
-            quality = self._quality(scene, arms)
             asked = () if self._config.reach == "after" else arms
-            postures = Postures(asked, self.gripper_of, rng)
-            states = self._explored(scene, quality, postures, watch, rng)
-            modes = self._modes(scene, states)
-            tops = self._refined(quality, postures, modes, watch, rng)
-            tops = self._steadied(scene, postures, tops, watch, rng)
-            self._missed(scene, postures, ledger)
-            if arms and not len(tops.Ts):
-                far = self._too_far(scene, arms, watch, rng)
+            burden = Burden.on(arms, load, self.tools)
+            merit = self._merit(scene, burden, asked)
+            postures = Postures(asked, self.tools.gripper_of, rng)
+            states = self._explored(scene, merit, postures, watch, rng)
+            found = self._modes(states, merit.worth)
+            if not watch.is_late():
+                found = self._modes(self._exchanged(merit, found), merit.worth)
+            tops = self._refined(merit, postures, found, watch, rng)
+            self._missed(postures, ledger)
+            if asked and not len(tops.Ts):
+                far = self._too_far(scene, burden, arms, watch, rng)
                 every = np.ones(len(far.Ts), dtype=bool)
                 ledger.add("no arm gets that far", far.Ts, far.prototype, every)
         with watch.stage("inspection"):
-            return self._inspected(scene, tops, states, ledger)
+            return self._inspected(merit, tops, states, ledger)
 
-    def _quality(self, scene: GraspScene, arms: Sequence[Arm]) -> GraspQuality:
-        """Q-hat of this scene times what makes one grasp better than the next."""
-        config = self._config
-        return GraspQuality(
-            ShapeSimilarity(scene, self._coarse, config.similarity),
-            HandClearance(scene, self._hands, config.clearance),
+    def _merit(self, scene: GraspScene, burden: Burden, arms: Sequence[Arm]) -> Merit:
+        return Merit(
+            scene,
+            self.tools,
+            burden,
+            self.ways(scene),
             lambda Ts, prototype: self._may_reach(arms, Ts, prototype),
-            lambda Ts, prototype: self._lever_factor(scene, Ts, prototype),
         )
 
     def _explored(
         self,
         scene: GraspScene,
-        quality: GraspQuality,
+        merit: Merit,
         postures: Postures,
         watch: Watch,
         rng: Rng,
@@ -142,31 +137,55 @@ class GraspSearch:
             return not watch.is_late()
 
         settled, prototype = explore(
-            quality,
+            merit.quick,
             postures,
-            GlobalMove(scene, self._packed),
-            len(self.gripper_of),
+            GlobalMove(scene, self._packed, self._frames),
+            self.tools.gripper_of,
             self._config,
             rng=rng,
             on_sweep=on_sweep,
         )
         return Candidates.of(settled, prototype)
 
+    def _exchanged(self, merit: Merit, found: Candidates) -> Candidates:
+        """Add other prototypes of the same hands at the best poses."""
+        config = self._config
+        best = distinct(
+            found.Ts,
+            self.tools.gripper_of[found.prototype],
+            found.score,
+            distance=config.mode_distance,
+            angle=config.mode_angle,
+            limit=config.exchanged,
+        )
+        settled, prototype = exchanged(
+            found[best].settled(),
+            found.prototype[best],
+            merit.quick,
+            self.tools.gripper_of,
+        )
+        return Candidates.together([found, Candidates.of(settled, prototype)])
+
     def _too_far(
-        self, scene: GraspScene, arms: Sequence[Arm], watch: Watch, rng: Rng
+        self,
+        scene: GraspScene,
+        burden: Burden,
+        arms: Sequence[Arm],
+        watch: Watch,
+        rng: Rng,
     ) -> Candidates:
         """Distinct poses that would fit if an arm could get there."""
-        quality = self._quality(scene, ())
-        nobody = Postures((), self.gripper_of, rng)
-        states = self._explored(scene, quality, nobody, watch, rng)
-        found = self._modes(scene, states)
+        merit = self._merit(scene, burden, ())
+        nobody = Postures((), self.tools.gripper_of, rng)
+        states = self._explored(scene, merit, nobody, watch, rng)
+        found = self._modes(states, merit.worth)
         return found[~self._may_reach(arms, found.Ts, found.prototype)]
 
-    def _missed(self, scene: GraspScene, postures: Postures, ledger: Ledger) -> None:
+    def _missed(self, postures: Postures, ledger: Ledger) -> None:
         """Note the distinct poses that fit, but that no posture takes."""
         Ts, prototype, value = postures.missed()
         found = Candidates(Ts, prototype, np.exp(value), np.zeros((len(Ts), 0)))
-        found = self._modes(scene, found)
+        found = self._modes(found, _MISSED)
         every = np.ones(len(found.Ts), dtype=bool)
         ledger.add("no arm gets there", found.Ts, found.prototype, every)
 
@@ -174,91 +193,60 @@ class GraspSearch:
         self, arms: Sequence[Arm], Ts: FloatArray, prototype: IntArray
     ) -> BoolArray:
         """Which poses an arm with the right hand may reach; all if there is no arm."""
-        if not arms or self._config.reach == "after":
+        if not arms:
             return np.ones(len(Ts), dtype=bool)
         found = np.zeros(len(Ts), dtype=bool)
         for arm in arms:
-            mine = np.flatnonzero(self.gripper_of[prototype] == arm.gripper)
+            mine = np.flatnonzero(self.tools.gripper_of[prototype] == arm.gripper)
             if len(mine):
                 found[mine] |= arm.may_reach(SE3(Ts[mine]))
         return found
 
-    def _modes(self, scene: GraspScene, found: Candidates) -> Candidates:
-        """Thin the states to distinct poses of each prototype."""
+    def _modes(self, found: Candidates, worth: float) -> Candidates:
+        """Thin the states to distinct poses of each prototype.
+
+        Those below a share of the best one have little chance.
+        """
         config = self._config
-        quality = found.score / self._lever_factor(scene, found.Ts, found.prototype)
-        # Refinement and the exact scores may still lift what is a little too low.
-        found = found[quality >= 0.7 * config.minimum_score]
+        found = found[found.score >= worth * found.score.max(initial=_FLOOR)]
         kept = distinct(
             found.Ts,
             found.prototype,
             found.score,
-            distance=config.mode_distance / 2,
-            angle=config.mode_angle / 2,
+            distance=config.mode_distance * (2 / 3),
+            angle=config.mode_angle * (2 / 3),
             limit=config.max_refined,
         )
         return found[kept]
 
     def _refined(
         self,
-        quality: GraspQuality,
+        merit: Merit,
         postures: Postures,
         found: Candidates,
         watch: Watch,
         rng: Rng,
     ) -> Candidates:
-        """Climb from every pose to the top nearby."""
+        """Climb from every pose to the top nearby, on what the list is sorted by."""
         holds, settled = postures.completed(found.settled(), found.prototype)
-        found = found[holds]
-        if not len(found.Ts):
-            return found
-        settled = climb(
-            settled[np.flatnonzero(holds)],
-            found.prototype,
-            quality,
+        rows = np.flatnonzero(holds)
+        settled, prototype = settled[rows], found.prototype[rows]
+        Ts = settled.walkers.best_Ts_base_hand
+        value = merit(Ts, prototype, np.full(len(Ts), -np.inf))
+        settled = refine(
+            Settled(Walkers.at(Ts, value), settled.joints),
+            prototype,
+            merit,
             postures,
             self._config,
             rng=rng,
-            on_sweep=lambda _index, _walkers: not watch.is_late(),
+            is_late=watch.is_late,
         )
-        return Candidates.of(settled, found.prototype)
-
-    def _steadied(
-        self,
-        scene: GraspScene,
-        postures: Postures,
-        found: Candidates,
-        watch: Watch,
-        rng: Rng,
-    ) -> Candidates:
-        """Add, next to the best, poses that lose less when the hand ends up beside."""
-        if not len(found.Ts) or watch.is_late():
-            return found
-        clearance = HandClearance(scene, self._hands, self._config.clearance)
-
-        def score(Ts: FloatArray, prototype: IntArray) -> FloatArray:
-            value = self._expected(scene, clearance, Ts, prototype)
-            value *= self._lever_factor(scene, Ts, prototype)
-            return np.log(np.maximum(value, 1e-9))
-
-        most = self._config.max_steadied
-        chosen = found[np.argsort(-found.score, kind="stable")[: 4 * most]]
-        value = score(chosen.Ts, chosen.prototype)
-        best = np.argsort(-value, kind="stable")[:most]
-        chosen = chosen[best]
-        steadied = steady(
-            Settled(Walkers.at(chosen.Ts, value[best]), chosen.joints),
-            chosen.prototype,
-            score,
-            postures,
-            self._config,
-            rng=rng,
-        )
-        return Candidates.together([found, Candidates.of(steadied, chosen.prototype)])
+        return Candidates.of(settled, prototype)
 
     def _inspected(
         self,
-        scene: GraspScene,
+        merit: Merit,
         found: Candidates,
         states: Candidates,
         ledger: Ledger,
@@ -267,106 +255,28 @@ class GraspSearch:
         config = self._config
         if not len(found.Ts):
             return Modes.none()
-        similarity = self.similarity(scene)
-        S, coverage = (
-            term.astype(np.float64) for term in similarity(found.Ts, found.prototype)
-        )
-        clearance = HandClearance(scene, self._hands, config.clearance)
-        C = clearance.exposure(found.Ts, found.prototype)
-        look = Inspector(scene, self._hands)(found.Ts, found.prototype)
-        look = self.ways(scene).relieved(look, found.Ts, found.prototype)
-        ok = np.ones(len(S), dtype=bool)
-        for reason, applies in look.reasons(config.inspection).items():
-            by = look.amount(reason)
-            ledger.add(reason, found.Ts, found.prototype, applies, by)
-            ok &= ~applies
-        thickness = similarity.evidence_of_thickness(found.Ts, found.prototype)
-        is_guess = ok & clearance.is_blind(found.Ts, found.prototype)
-        is_guess &= thickness < config.minimum_evidence
-        ledger.add(
-            "the object may be thicker than what was seen of it",
-            found.Ts,
-            found.prototype,
-            is_guess,
-        )
-        ok &= ~is_guess
-        contact = PadContacts(scene, self._zones, config.contact)(
-            found.Ts, found.prototype
-        )
-        is_slanted = ok & (contact < config.contact.least)
-        ledger.add(
-            "the faces are too slanted for the fingers",
-            found.Ts,
-            found.prototype,
-            is_slanted,
-        )
-        ok &= ~is_slanted
-        quality = S * C
-        is_poor = ok & (quality < config.minimum_score)
-        ledger.add(
-            "the shape fits too poorly", found.Ts, found.prototype, is_poor, quality
-        )
-        ok &= ~is_poor
-        Ts, prototype = found.Ts[ok], found.prototype[ok]
-        expected = self._expected(scene, clearance, Ts, prototype)
-        score = expected * contact[ok] * self._lever_factor(scene, Ts, prototype)
-        kept = Modes(
-            Ts=Ts,
-            prototype=prototype,
-            S=S[ok],
-            C=C[ok],
-            coverage=coverage[ok],
-            expected=expected,
-            contact=contact[ok],
-            score=score,
-            support=np.zeros(len(Ts), dtype=np.int64),
-            effective_samples=_effective_count(states.score),
-        )
+        modes, ok = merit.judged(found.Ts, found.prototype, ledger)
+        modes = modes[ok]
+        gripper = self.tools.gripper_of
         best = distinct(
-            kept.Ts,
-            self.gripper_of[kept.prototype],
-            kept.score,
+            modes.Ts,
+            gripper[modes.prototype],
+            modes.score,
             distance=config.mode_distance,
             angle=config.mode_angle,
             limit=config.max_ranked,
         )
-        modes = kept[best]
+        modes = modes[best]
         support = count_near(
             modes.Ts,
-            self.gripper_of[modes.prototype],
+            gripper[modes.prototype],
             states.Ts,
-            self.gripper_of[states.prototype],
+            gripper[states.prototype],
             distance=config.mode_distance,
             angle=config.mode_angle,
         )
-        return replace(modes, support=support)
-
-    def _expected(
-        self,
-        scene: GraspScene,
-        clearance: HandClearance,
-        Ts_base_hand: FloatArray,
-        prototype: IntArray,
-    ) -> FloatArray:
-        """Mean of S C over the errors of the pose, shape (k,)."""
-        similarity = ShapeSimilarity(scene, self._coarse, self._config.similarity)
-
-        def quality(Ts: FloatArray, which: IntArray) -> FloatArray:
-            return similarity(Ts, which)[0] * clearance(Ts, which, np.zeros(len(Ts)))
-
-        return expected_quality(
-            quality, self._config.uncertainty, Ts_base_hand, prototype
-        )
-
-    def _lever_factor(
-        self, scene: GraspScene, Ts: FloatArray, prototype: IntArray
-    ) -> FloatArray:
-        """Discount for gripping away from the object's middle, in (0, 1], (k,)."""
-        local = self._hands.grip_points[prototype]
-        grip = (Ts[:, :2, :3] @ local[..., None])[..., 0] + Ts[:, :2, 3]
-        lever2 = np.square(grip - scene.centroid[:2]).sum(axis=1)
-        factor: FloatArray = 1.0 / (1.0 + lever2 / self._config.lever_scale**2)
-        return factor
+        effective = _effective_count(states.score)
+        return replace(modes, support=support, effective_samples=effective)
 
 
 def _effective_count(weight: FloatArray) -> float:

@@ -66,6 +66,8 @@ class Modes:
     """Mean of S C over the errors of the pose."""
     contact: FloatArray
     """Probability that both sides press within their friction cones."""
+    margin: FloatArray
+    """How far the hand may be off before it touches something [m]."""
     score: FloatArray
     """What the list is sorted by."""
     support: IntArray
@@ -85,6 +87,7 @@ class Modes:
             coverage=empty,
             expected=empty,
             contact=empty,
+            margin=empty,
             score=empty,
             support=index,
         )

@@ -68,6 +68,7 @@ def main() -> None:
             truth = ObjectMass(
                 build=Build.SOLID,
                 mass=(body.mass, body.mass),
+                expected_mass=body.mass,
                 com=com,
                 spread=np.zeros((3, 3)),
             )

@@ -13,6 +13,7 @@ import json
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from functools import lru_cache
 from pathlib import Path
 
@@ -21,7 +22,7 @@ import numpy as np
 from debrisgrasp.cli.tables import columns
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.sim import TIERS
-from debrisgrasp.trials import TrialRecord, TrialSpec, pipeline_of, trial
+from debrisgrasp.trials import TrialRecord, TrialSpec, pipeline_of, trials
 
 from .physics_pictures import save_picture
 from .report import publish
@@ -48,14 +49,19 @@ def planner(robot: str, order: str) -> Pipeline:
     return pipeline_of(TrialSpec(tier="pile", seed=0, robot=robot, order=order))
 
 
-def tried(job: tuple[TrialSpec, Path | None]) -> TrialRecord:
-    """Run one trial; draw it if it failed and a folder is given."""
-    spec, folder = job
-    done = trial(spec, planner(spec.robot, spec.order))
-    if folder is not None and not done.record.is_success:
-        name = f"{spec.tier}_{spec.seed}_{done.record.outcome}.png"
-        save_picture(folder / name, done)
-    return done.record
+Job = tuple[TrialSpec, tuple[int, ...], Path | None]
+
+
+def tried(job: Job) -> list[TrialRecord]:
+    """Fly grasps of one plan; draw those that fail if a folder is given."""
+    spec, ranks, folder = job
+    done = trials(spec, planner(spec.robot, spec.order), ranks=ranks)
+    for one in done:
+        if folder is not None and not one.record.is_success:
+            rank = f"_{one.record.rank}" if one.record.rank else ""
+            name = f"{spec.tier}_{spec.seed}{rank}_{one.record.outcome}.png"
+            save_picture(folder / name, one)
+    return [one.record for one in done]
 
 
 def success_table(
@@ -76,16 +82,16 @@ def success_table(
     return columns([title, "held", "share", "95 %", "failures"], rows)
 
 
-def kept(records: Iterable[TrialRecord], path: Path | None) -> list[TrialRecord]:
+def kept(records: Iterable[list[TrialRecord]], path: Path | None) -> list[TrialRecord]:
     """Collect records, and write each to a file as it comes."""
-    if path is None:
-        return list(records)
     found = []
-    with path.open("w") as file:
-        for record in records:
-            file.write(json.dumps(record.as_dict()) + "\n")
-            file.flush()
-            found.append(record)
+    with ExitStack() as stack:
+        file = None if path is None else stack.enter_context(path.open("w"))
+        for some in records:
+            found += some
+            if file is not None:
+                file.writelines(json.dumps(r.as_dict()) + "\n" for r in some)
+                file.flush()
     return found
 
 
@@ -97,6 +103,9 @@ def options() -> argparse.Namespace:
     parser.add_argument("--robot", default="roman")
     parser.add_argument("--order", default="support_aware")
     parser.add_argument("--reactive", action="store_true", help="yielding lift")
+    parser.add_argument(
+        "--ranks", type=int, nargs="+", default=[0], help="which grasps of each plan"
+    )
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--failures", type=Path, metavar="DIR", help="pictures")
     parser.add_argument("--records", type=Path, metavar="FILE", help="JSON lines")
@@ -116,6 +125,7 @@ def main() -> None:
                 order=chosen.order,
                 is_lift_reactive=chosen.reactive,
             ),
+            tuple(chosen.ranks),
             chosen.failures,
         )
         for tier in chosen.tier or list(TARGETS)
@@ -133,7 +143,7 @@ def main() -> None:
         "kind": lambda r: r.kind,
         "prototype": lambda r: r.prototype,
         "hand": lambda r: r.gripper,
-        "score": lambda r: f"{int(10 * r.score) / 10:.1f}" if r.prototype else "",
+        "forecast": lambda r: f"{int(10 * r.probability) / 10:.1f}",
         "mass": lambda r: "heavy" if r.mass > 8.0 else "8 kg or less",
     }
     for title, key in keys.items():

@@ -50,14 +50,17 @@ from .truth import intended, verdict
 SEEDS = 20
 LONG_SEEDS = 2
 LONG = PlannerConfig(
-    starts=320,
+    starts=960,
     walkers=160,
-    schedule=Schedule(sweeps=120),
-    refinement_sweeps=60,
-    max_refined=800,
+    schedule=Schedule(sweeps=48),
+    max_refined=960,
+    exchanged=240,
+    refined=(400, 40),
+    refinement_sweeps=24,
+    refinement_steps=640,
     max_ranked=400,
 )
-"""Twenty times the moves: 160 walkers of each prototype for 120 sweeps."""
+"""Twenty times the moves."""
 PILES = range(9000, 9010)
 N_BEST = 5
 TARGETS = {

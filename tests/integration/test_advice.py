@@ -43,6 +43,16 @@ def test_an_object_out_of_reach_is_reached_from_where_the_advice_sends_the_base(
     assert roman.plan(moved).plan.grasps
 
 
+def test_an_idle_arm_is_named_if_it_gets_there(dictionary):
+    left = capture_of([lying_pipe(length=0.5, position=(0.85, 0.75, 0.3))])
+    right = Pipeline(robot="roman", arm="right", prototypes=dictionary)
+    plan = right.plan(left, advise=True).plan
+    advice = [a for a in plan.advice if a.kind == "arm"]
+    assert advice
+    assert "left arm" in advice[0].text
+    assert 0 < advice[0].freed <= advice[0].of
+
+
 def test_what_is_too_heavy_says_what_could_be_lifted(heavy, floating):
     assert not heavy.grasps
     assert "too heavy" in heavy.why_empty

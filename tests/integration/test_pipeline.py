@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -75,7 +76,8 @@ def test_numbers_of_every_grasp_agree_with_each_other(pipe_result):
     plan = pipe_result.plan
     assert plan.why_empty is None
     for grasp in plan.grasps:
-        assert 0.0 < grasp.score <= grasp.Q == grasp.S * grasp.C * grasp.R <= 1.0
+        assert 0.0 < grasp.Q == grasp.S * grasp.C * grasp.R <= 1.0
+        assert 0.0 < grasp.score <= 1.0
         assert grasp.S <= 1.0
         assert grasp.C <= 1.0
         assert grasp.object_label == plan.object_label
@@ -149,6 +151,19 @@ def test_after_the_deadline_no_further_object_is_tried(
     reasons = [passed.reason for passed in plan.passed_over]
     assert "not tried" not in reasons[0]
     assert "not tried: the deadline had passed" in reasons[1:]
+
+
+def test_threads_that_share_a_pipeline_get_the_plans_of_one(
+    pipeline, pipe_capture, block_capture
+):
+    captures = [pipe_capture, block_capture, pipe_capture]
+    alone = [pipeline.plan(capture).plan for capture in captures]
+    with ThreadPoolExecutor(3) as pool:
+        together = [r.plan for r in pool.map(pipeline.plan, captures)]
+    for one, other in zip(alone, together, strict=True):
+        assert [g.score for g in one.grasps] == [g.score for g in other.grasps]
+        poses = [[g.T_base_hand.matrix for g in p.grasps] for p in (one, other)]
+        assert np.array_equal(*poses)
 
 
 def test_an_object_that_does_not_fit_is_passed_over_with_a_reason(

@@ -57,9 +57,9 @@ def test_a_doubtful_one_stays_where_nothing_is_better():
 
 
 def test_an_object_that_likely_carries_something_is_left_alone():
-    best = BestSoFar(0.25, 2)
+    best = BestSoFar(0.7, 2)
     assert best.is_worth_a_look(target(5, 3.0))
-    best.take(found(0.1), target(1, 0.2))
+    best.take(found(0.6), target(1, 0.2))
     assert best.is_worth_a_look(target(2, 0.4))
     assert not best.is_worth_a_look(target(3, 0.8))
     # It comes later although it costs less: something surely lies on it.

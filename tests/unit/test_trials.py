@@ -7,7 +7,14 @@ import pytest
 
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.sim import SceneConfig, Verdict
-from debrisgrasp.trials import NO_GRASP, TrialRecord, TrialSpec, pipeline_of, trial
+from debrisgrasp.trials import (
+    NO_GRASP,
+    TrialRecord,
+    TrialSpec,
+    pipeline_of,
+    trial,
+    trials,
+)
 
 pytest.importorskip("mujoco")
 
@@ -41,6 +48,17 @@ def test_the_record_says_what_the_planner_said(done):
     assert pytest.approx(done.grasp.Q) == done.record.Q
     assert done.record.n_bodies == 1
     assert done.record.kind == done.scene.world.bodies[0].kind
+
+
+def test_further_grasps_of_a_plan_are_flown_in_the_untouched_scene(done):
+    spec = TrialSpec(tier="isolated", seed=1, robot="none")
+    n = len(done.planned.plan.grasps)
+    again, last = trials(spec, pipeline_of(spec), ranks=(0, n - 1, n))
+    assert again.record.outcome == done.record.outcome
+    assert again.record.rise == pytest.approx(done.record.rise)
+    assert (again.record.rank, last.record.rank) == (0, n - 1)
+    assert last.record.probability == last.grasp.success_probability
+    assert last.record.terms == last.grasp.success.terms
 
 
 def test_specs_that_make_no_sense_are_refused():

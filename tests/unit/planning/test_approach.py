@@ -115,6 +115,20 @@ def test_the_inspection_forgives_a_blocked_approach_only_where_another_is_free(h
         assert reasons["the approach is blocked"].all() != is_forgiven
 
 
+@pytest.mark.parametrize("gap", [0.002, 0.009, 0.02, 0.06])
+def test_the_margin_is_the_distance_to_the_nearest_thing(gap, hands, library):
+    prototype = library[NAME]
+    hand = library.grippers[prototype.gripper]
+    solids = hand.solids(prototype.preshape, prototype.opening)
+    side = max(solid.moved(GRIP).bounds.upper[0] for solid in solids)
+    wall = patch([0.0, 0.0, 0.0], (0.6, 0.4))[:, [2, 1, 0]] + [side + gap, 0.0, 0.25]
+    look = Inspector(scene_with(wall), hands)(GRIP.matrix[None], np.zeros(1, dtype=int))
+    alone = Inspector(scene_with(), hands)(GRIP.matrix[None], np.zeros(1, dtype=int))
+    # A solid counts from its tolerance on; cells and thinned points blur it.
+    expected = min(gap + 0.004, alone.margin[0])
+    assert look.margin[0] == pytest.approx(expected, abs=0.0065)
+
+
 def test_a_neighbour_beside_the_hand_ends_its_retreat_there(hands):
     wall = patch([0.0, 0.0, 0.0], (0.3, 0.4))[:, [2, 1, 0]] + [0.25, 0.0, 0.25]
     ways = Ways(scene_with(wall), hands, CONFIG, InspectionConfig())

@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp.planning import PlannerConfig
-from debrisgrasp.planning.exploration import steady
+from debrisgrasp.planning.exploration import refine
 from debrisgrasp.planning.postures import Postures
 from tests.unit.planning.test_postures import HANDS, SlidingArm, at
 
-CONFIG = PlannerConfig(steadying_sweeps=40)
+CONFIG = PlannerConfig(refinement_sweeps=40, refined=(10, 10), mode_distance=0.0)
 
 
 def hill(top: float):
     """Log of a score in (0, 1] that is highest at x = top."""
 
-    def score(Ts: np.ndarray, _prototype: np.ndarray) -> np.ndarray:
+    def score(
+        Ts: np.ndarray, _prototype: np.ndarray, _needed: np.ndarray
+    ) -> np.ndarray:
         return -0.5 * ((Ts[:, 0, 3] - top) / 0.1) ** 2
 
     return score
@@ -26,8 +28,16 @@ def climbed(top: float, arms, rng) -> np.ndarray:
     which = np.ones(10, dtype=int)
     postures = Postures(arms, HANDS, rng)
     score = hill(top)
-    start = at(x, score(at(x, 0.0).Ts_base_hand, which))
-    found = steady(postures.unknown(start), which, score, postures, CONFIG, rng=rng)
+    start = at(x, score(at(x, 0.0).Ts_base_hand, which, x))
+    found = refine(
+        postures.unknown(start),
+        which,
+        score,
+        postures,
+        CONFIG,
+        rng=rng,
+        is_late=lambda: False,
+    )
     assert (found.walkers.best_log_quality >= start.best_log_quality).all()
     return found.walkers.best_Ts_base_hand[:, 0, 3] - x
 

@@ -53,6 +53,7 @@ def ball(mass=(2.0, 8.0), com=(0.9, 0.0, 0.2), spread=0.02) -> ObjectMass:
     return ObjectMass(
         build=Build.SOLID,
         mass=mass,
+        expected_mass=float(np.sqrt(mass[0] * mass[1])),
         com=np.array(com),
         spread=spread * np.eye(3),
     )
@@ -120,6 +121,24 @@ def test_a_known_mass_replaces_the_bounds():
     )
     assert what.mass == (4.0, 4.0)
     assert what.expected_mass == pytest.approx(4.0)
+
+
+def test_the_expected_mass_is_drawn_to_what_most_pieces_weigh(rng):
+    for kind in ("crate", "pallet", "brick"):
+        _, points, normals = seen(kind, rng)
+        expected = []
+        for typical in ((0.5, 8.0), (1e-6, 1e6), (7.0, 7.1)):
+            config = LoadConfig(typical=typical)
+            what = ObjectMass.from_surface(
+                points, normals, VIEW.p, config, spacing=0.01
+            )
+            assert what.mass[0] <= what.expected_mass <= what.mass[1]
+            expected.append(what.expected_mass)
+        usual, free, sure = np.log(expected)
+        middle = np.log(what.mass).mean()
+        assert free == pytest.approx(middle, abs=0.2)
+        assert abs(usual - np.log(2.0)) <= abs(middle - np.log(2.0)) + 1e-9
+        assert sure == pytest.approx(np.log(np.clip(7.05, *what.mass)), abs=0.05)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 40])

@@ -78,10 +78,10 @@ def test_joints_are_followed_over_a_step_but_not_over_a_jump(postures, right):
 def test_nobody_is_asked_about_states_that_are_no_grasp_or_not_new(postures, right):
     which = np.array([1, 1])
     start = postures.unknown(at([0.1, 0.1], POOR))
-    poor = postures.settled(start, at([9.0, 9.0], np.log(0.01)), which)
-    assert not right.seeds
-    good = postures.settled(poor, at([0.5, 0.4], GOOD), which)
-    postures.settled(good, good.walkers, which)
+    poor = at([9.0, 0.4], [np.log(0.005), GOOD])
+    settled = postures.settled(start, poor, which)
+    assert [len(seeds) for seeds in right.seeds] == [1]
+    postures.settled(settled, settled.walkers, which)
     assert len(right.seeds) == 1
 
 

@@ -1,0 +1,393 @@
+"""What grasps are ranked by, for many poses at once, and what rules poses out.
+
+The search climbs on a quick stand-in for it, `GraspQuality`, and then on this itself:
+what is sought is what the list is sorted by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from scipy.special import expit, log_expit
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp.prototypes import PrototypeLibrary
+
+from .approach import Ways
+from .clearance import ClearanceConfig, HandClearance
+from .config import PlannerConfig
+from .contacts import PadContacts, PadZones
+from .hands import SPHERE_RADIUS, PackedHands
+from .inspection import Inspection, Inspector
+from .ledger import Ledger
+from .load import GripLevers, LoadModel
+from .quality import GraspQuality
+from .reach import Arm
+from .scene import GraspScene
+from .similarity import ShapeSimilarity, SimilarityConfig
+from .states import Modes
+from .success import SuccessModel, success_terms
+from .surfaces import VisibleSurfaces
+
+__all__ = ["Burden", "Merit", "Tools", "blurred"]
+
+_FLAWED = 5.0
+"""What a pose that an inspection would rule out loses [log-odds]: a search may pass
+through it, but mostly stays on the other side."""
+_GUESS = "the object may be thicker than what was seen of it"
+_SLANTED = "the faces are too slanted for the fingers"
+_POOR = "the shape fits too poorly"
+_STEEP = 3.0
+"""At least so much: what fits poorly is ruled out, however light it is."""
+_CHANCE = 3.6
+"""The stand-in may be off by so much [log-odds]."""
+_FAINT = 1e-3
+"""S below this adds nothing to a mean, so that C is not asked."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tools:
+    """What a search needs of its dictionary, whatever the scene."""
+
+    hands: PackedHands
+    coarse: VisibleSurfaces
+    fine: VisibleSurfaces
+    zones: PadZones
+    levers: GripLevers
+    success: SuccessModel
+    gripper_of: np.ndarray
+    """Name of the hand of each prototype, shape (p,)."""
+    config: PlannerConfig
+
+    @classmethod
+    def of(cls, library: PrototypeLibrary, config: PlannerConfig) -> Tools:
+        """Collect them."""
+        packed = library.packed()
+        return cls(
+            hands=PackedHands.pack(
+                library,
+                approach=config.clearance.approach,
+                tolerance=config.inspection.tolerance,
+            ),
+            coarse=VisibleSurfaces.pack(packed, config.search_points),
+            fine=VisibleSurfaces.pack(packed, config.final_points),
+            zones=PadZones.of(library, config.contact),
+            levers=GripLevers.of(
+                [(library.grippers[p.gripper], p.preshape, p.width) for p in library],
+                config.load,
+            ),
+            success=SuccessModel.load(),
+            gripper_of=np.array([p.gripper for p in library]),
+            config=config,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Burden:
+    """What the object weighs on hands and wrists."""
+
+    model: LoadModel
+    levers: GripLevers
+    wrists: FloatArray
+    """Largest force [N] and torque [N m] at the wrist that carries each prototype's
+    hand, shape (p, 2)."""
+
+    @classmethod
+    def on(cls, arms: Sequence[Arm], model: LoadModel, tools: Tools) -> Burden:
+        """Burden of an object on the arms that may carry it."""
+        wrists = np.full((len(tools.gripper_of), 2), np.inf if not arms else 0.0)
+        for arm in arms:
+            mine = tools.gripper_of == arm.gripper
+            wrists[mine] = np.maximum(wrists[mine], arm.wrench_limits)
+        return cls(model, tools.levers, np.maximum(wrists, 1e-9))
+
+    def __call__(
+        self, Ts_base_hand: FloatArray, prototype: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Load over limit, and lever [m], of poses (k, 4, 4) of prototypes (k,)."""
+        demand = self.model.expected_demand(
+            Ts_base_hand, prototype, self.levers, self.wrists
+        )
+        return demand, self.model.distance(Ts_base_hand, prototype, self.levers)
+
+
+def blurred(config: PlannerConfig) -> tuple[SimilarityConfig, ClearanceConfig]:
+    """Kernels as wide as the error of the pose makes them.
+
+    One look with these comes close to the mean of many looks around the pose: a
+    Gaussian of the distance, blurred by a Gaussian error, is a wider Gaussian.
+    """
+    error, similarity = config.uncertainty.position, config.similarity
+    clearance = config.clearance
+    allowance = max(clearance.allowance - 0.6 * error, 0.0)
+    softness = min(clearance.softness + error, SPHERE_RADIUS - allowance)
+    return (
+        replace(similarity, sigma=min(float(np.hypot(similarity.sigma, error)), 0.1)),
+        replace(clearance, allowance=allowance, softness=softness),
+    )
+
+
+class Merit:
+    """Probability that a grasp holds, in one scene.
+
+    Parameters
+    ----------
+    burden
+        Load over limit of poses.
+    ways
+        Ways into the scene.
+    may_reach
+        Maps poses (k, 4, 4) and prototypes (k,) to whether an arm may get there.
+    """
+
+    def __init__(
+        self,
+        scene: GraspScene,
+        tools: Tools,
+        burden: Burden,
+        ways: Ways,
+        may_reach: Callable[[FloatArray, IntArray], BoolArray],
+    ) -> None:
+        config = tools.config
+        self._tools, self._config = tools, config
+        self._burden, self._may_reach = burden, may_reach
+        self.fine = ShapeSimilarity(scene, tools.fine, config.similarity)
+        self.clearance = HandClearance(scene, tools.hands, config.clearance)
+        self.contacts = PadContacts(scene, tools.zones, config.contact)
+        self._coarse = ShapeSimilarity(scene, tools.coarse, config.similarity)
+        self._inspector = Inspector(scene, tools.hands)
+        self._ways = ways
+        wide, soft = blurred(config)
+        self.quick = GraspQuality(
+            ShapeSimilarity(scene, tools.coarse, wide),
+            HandClearance(scene, tools.hands, soft),
+            may_reach,
+            self.preference,
+        )
+        """A stand-in that takes one look at each pose."""
+
+    @property
+    def worth(self) -> float:
+        """Share of the best quick value below which a pose has little chance."""
+        return float(np.exp(-_CHANCE / self._steepness))
+
+    @property
+    def _steepness(self) -> float:
+        """Log-odds that the stand-in gives to the log of S C."""
+        return max(float(self._tools.success.weights[0]), _STEEP)
+
+    def preference(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
+        """Factor in (0, 1] on S C that stands for load and slack of the hand, (k,).
+
+        The success model is linear in the logs of both, so that the product grows with
+        the log-odds; but S C counts for more than in the model, because what fits
+        poorly is ruled out in the end.
+        """
+        k = len(prototype)
+        full = np.ones(k)
+        demand, lever = self._burden(Ts_base_hand, prototype)
+        terms = success_terms(
+            expected=full,
+            contact=full,
+            demand=demand,
+            lever=lever,
+            margin=0.0 * full,
+            slack=self._tools.hands.slack[prototype],
+        )
+        best = success_terms(
+            expected=full[:1],
+            contact=full[:1],
+            demand=0.0 * full[:1],
+            lever=0.0 * full[:1],
+            margin=0.0 * full[:1],
+            slack=full[:1],
+        )
+        weights = self._tools.success.weights
+        odds = (terms - best) @ weights / self._steepness
+        factor: FloatArray = np.exp(np.minimum(odds, 0.0))
+        return factor
+
+    def inspection(self, Ts_base_hand: FloatArray, prototype: IntArray) -> Inspection:
+        """Close look at poses; what has another free way in isn't blocked."""
+        look = self._inspector(Ts_base_hand, prototype)
+        return self._ways.relieved(look, Ts_base_hand, prototype)
+
+    def is_guess(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
+        """Whether nothing tells how thick the object is behind a finger, (k,)."""
+        found = self.clearance.is_blind(Ts_base_hand, prototype)
+        rows = np.flatnonzero(found)
+        seen = self.fine.evidence_of_thickness(Ts_base_hand[rows], prototype[rows])
+        found[rows] = seen < self._config.minimum_evidence
+        return found
+
+    def expected(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
+        """Mean of S C over the errors of the pose, shape (k,)."""
+        offsets = self._config.uncertainty.offsets().matrix
+        S = self._around(Ts_base_hand, prototype, offsets)
+        return self._cleared(S, Ts_base_hand, prototype, offsets)
+
+    def __call__(
+        self, Ts_base_hand: FloatArray, prototype: IntArray, needed: FloatArray
+    ) -> FloatArray:
+        """Log of the probability that a grasp holds, shape (k,).
+
+        Parameters
+        ----------
+        Ts_base_hand, prototype
+            Poses (k, 4, 4), and what each places (k,).
+        needed
+            Least value that matters (k,): what is provably below it may come out as
+            minus infinity.
+        """
+        few = self._config.uncertainty.few_offsets().matrix
+        rows = np.flatnonzero(self._may_reach(Ts_base_hand, prototype))
+        burden = self._burden(Ts_base_hand[rows], prototype[rows])
+        known = _Known(rows, Ts_base_hand[rows], prototype[rows], *burden)
+        # Cheapest first; what is not known yet is taken to be as good as can be.
+        known = self._left(known, needed)
+        S = self._around(known.Ts, known.prototype, few)
+        known = self._left(replace(known, S=S, expected=S.mean(axis=1)), needed)
+        contact = self.contacts(known.Ts, known.prototype)
+        known = self._left(replace(known, contact=contact), needed)
+        expected = self._cleared(known.S, known.Ts, known.prototype, few)
+        known = self._left(replace(known, expected=expected), needed)
+        look = self.inspection(known.Ts, known.prototype)
+        odds = self._odds(replace(known, margin=look.margin))
+        odds[~self._passes(look, known)] -= _FLAWED
+        value = np.full(len(prototype), -np.inf)
+        value[known.rows] = log_expit(odds)
+        return value
+
+    def judged(
+        self, Ts: FloatArray, prototype: IntArray, ledger: Ledger
+    ) -> tuple[Modes, BoolArray]:
+        """Look at poses with every point and the exact solids.
+
+        Parameters
+        ----------
+        ledger
+            Takes those that are ruled out, each for the first reason that applies.
+
+        Returns
+        -------
+        modes, is_left
+            What was found of each, and which are not ruled out, (k,).
+        """
+        config = self._config
+        S, coverage = (term.astype(np.float64) for term in self.fine(Ts, prototype))
+        C = self.clearance.exposure(Ts, prototype)
+        contact = self.contacts(Ts, prototype)
+        look = self.inspection(Ts, prototype)
+        quality, ok = S * C, np.ones(len(S), dtype=bool)
+        causes: dict[str, tuple[BoolArray, FloatArray | IntArray | None]] = {
+            reason: (applies, look.amount(reason))
+            for reason, applies in look.reasons(config.inspection).items()
+        }
+        causes |= {
+            _GUESS: (self.is_guess(Ts, prototype), None),
+            _SLANTED: (contact < config.contact.least, None),
+            _POOR: (quality < config.minimum_score, quality),
+        }
+        for reason, (applies, by) in causes.items():
+            ledger.add(reason, Ts, prototype, applies & ok, by)
+            ok &= ~applies
+        expected = np.zeros(len(S))
+        expected[ok] = self.expected(Ts[ok], prototype[ok])
+        known = _Known(
+            np.arange(len(S)),
+            Ts,
+            prototype,
+            *self._burden(Ts, prototype),
+            expected=expected,
+            contact=contact,
+            margin=look.margin,
+        )
+        modes = Modes(
+            Ts=Ts,
+            prototype=prototype,
+            S=S,
+            C=C,
+            coverage=coverage,
+            expected=expected,
+            contact=contact,
+            margin=look.margin,
+            score=expit(self._odds(known)),
+            support=np.zeros(len(S), dtype=np.int64),
+        )
+        return modes, ok
+
+    def _left(self, known: _Known, needed: FloatArray) -> _Known:
+        """Go on with the poses that may still come up to what is needed."""
+        return known[log_expit(self._odds(known)) > needed[known.rows]]
+
+    def _odds(self, known: _Known) -> FloatArray:
+        terms = success_terms(
+            expected=known.expected,
+            contact=known.contact,
+            demand=known.demand,
+            lever=known.lever,
+            margin=known.margin,
+            slack=self._tools.hands.slack[known.prototype],
+        )
+        model = self._tools.success
+        odds: FloatArray = terms @ model.weights + model.intercept
+        return odds
+
+    def _passes(self, look: Inspection, known: _Known) -> BoolArray:
+        """Which poses nothing rules out, shape (k,)."""
+        config = self._config
+        ok = known.contact >= config.contact.least
+        for applies in look.reasons(config.inspection).values():
+            ok &= ~applies
+        rows = np.flatnonzero(ok)
+        Ts, prototype = known.Ts[rows], known.prototype[rows]
+        S, _ = self.fine(Ts, prototype)
+        C = self.clearance.exposure(Ts, prototype)
+        ok[rows] = config.minimum_score <= S * C
+        ok[rows] &= ~self.is_guess(Ts, prototype)
+        return ok
+
+    def _around(
+        self, Ts: FloatArray, prototype: IntArray, offsets: FloatArray
+    ) -> FloatArray:
+        """S of poses around each of (k, 4, 4), shape (k, n)."""
+        moved = (Ts[:, None] @ offsets).reshape(-1, 4, 4)
+        S, _ = self._coarse(moved, np.repeat(prototype, len(offsets)))
+        return S.reshape(len(Ts), len(offsets)).astype(np.float64)
+
+    def _cleared(
+        self, S: FloatArray, Ts: FloatArray, prototype: IntArray, offsets: FloatArray
+    ) -> FloatArray:
+        """Mean of S (k, n) times C over the poses around each, shape (k,)."""
+        row, column = np.nonzero(S > _FAINT)
+        moved, value = Ts[row] @ offsets[column], S.copy()
+        clear = self.clearance(moved, prototype[row], np.zeros(len(row)))
+        value[row, column] *= clear
+        mean: FloatArray = value.mean(axis=1)
+        return mean
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known:
+    """Poses that may still matter, and what is known of them; one row each."""
+
+    rows: IntArray
+    Ts: FloatArray
+    prototype: IntArray
+    demand: FloatArray
+    lever: FloatArray
+    S: FloatArray = field(default_factory=lambda: np.ones((1, 1)))
+    expected: FloatArray = field(default_factory=lambda: np.ones(1))
+    contact: FloatArray = field(default_factory=lambda: np.ones(1))
+    margin: FloatArray = field(default_factory=lambda: np.ones(1))
+
+    def __getitem__(self, kept: BoolArray) -> _Known:
+        columns = {item.name: getattr(self, item.name) for item in fields(self)}
+        return _Known(
+            **{
+                name: column if len(column) == 1 != len(kept) else column[kept]
+                for name, column in columns.items()
+            }
+        )

@@ -1,0 +1,172 @@
+"""How likely a grasp holds: a logistic model fitted to grasps flown in physics.
+
+What the planner measures of a grasp are six numbers of different kinds. How much each
+of them matters was not guessed but fitted to flights of whole plans on debris of known
+shape and mass; the file of coefficients says which, and when.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import data_path, read_schema
+from debrisgrasp.errors import ConfigError
+
+__all__ = ["SUCCESS_TERMS", "SuccessForecast", "SuccessModel", "success_terms"]
+
+SCHEMA = "debrisgrasp.success/1"
+SUCCESS_TERMS = ("fit", "contact", "load", "lever", "margin", "slack")
+"""What success depends on, in the order of `success_terms`."""
+_LEAST = 1e-3
+"""Qualities below this are as bad as this."""
+_SHORT_LEVER = 0.1
+"""Shorter levers don't help: the centre of mass isn't known better [m]."""
+_LONG_LEVER = 0.6
+"""Longer levers hurt no more [m]."""
+_ENOUGH_MARGIN = 0.024
+"""Wider margins around the hand don't help [m]."""
+_ENOUGH_SLACK = 0.020
+"""Wider gaps between fingers and prototype don't help [m]."""
+
+
+def success_terms(
+    *,
+    expected: FloatArray,
+    contact: FloatArray,
+    demand: FloatArray,
+    lever: FloatArray,
+    margin: FloatArray,
+    slack: FloatArray,
+) -> FloatArray:
+    """Put what is known of k grasps into the terms of the model.
+
+    Parameters
+    ----------
+    expected
+        Quality expected over the errors of the pose, in [0, 1], shape (k,).
+    contact
+        Probability that the pads press within the friction cones, shape (k,).
+    demand
+        Load over limit at the mass expected, shape (k,).
+    lever
+        Horizontal distance from the middle of the grip to the centre of mass [m], shape
+        (k,). The load has it too; but what the mass really is, it only multiplies, and
+        what hangs far beside the hand tilts and drags.
+    margin
+        How far the hand may be off before it touches something [m], shape (k,).
+    slack
+        Least distance between the open fingers and the prototype [m], shape (k,).
+
+    Returns
+    -------
+    FloatArray
+        Shape (k, 6), see `SUCCESS_TERMS`.
+    """
+    columns = (
+        np.log(np.maximum(expected, _LEAST)),
+        np.log(np.maximum(contact, _LEAST)),
+        -np.log1p(demand),
+        -np.clip(lever - _SHORT_LEVER, 0.0, _LONG_LEVER - _SHORT_LEVER),
+        np.clip(margin, 0.0, _ENOUGH_MARGIN),
+        np.clip(slack, 0.0, _ENOUGH_SLACK),
+    )
+    return np.stack(np.broadcast_arrays(*columns), axis=-1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SuccessForecast:
+    """How likely a grasp holds."""
+
+    probability: float
+    """That the object comes up with the hand and stays in it, in [0, 1]."""
+    terms: tuple[float, ...] = ()
+    """What it follows from, in the order of `SUCCESS_TERMS`."""
+    outside: tuple[str, ...] = ()
+    """Terms (`SUCCESS_TERMS`) outside what the flights covered: the probability is
+    extrapolated."""
+
+    @property
+    def in_words(self) -> str:
+        """Say it, and how far it can be trusted."""
+        said = f"holds with a probability of {self.probability:.0%}"
+        if self.outside:
+            said += f", extrapolated in {' and '.join(self.outside)}"
+        return said
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SuccessModel:
+    """Log-odds of success, linear in the terms of a grasp."""
+
+    weights: FloatArray
+    """Shape (6,), in the order of `SUCCESS_TERMS`."""
+    intercept: float
+    lower: FloatArray
+    """Least value of each term in the flights, shape (6,)."""
+    upper: FloatArray
+    """Greatest one, shape (6,)."""
+    date: str = ""
+    """When it was fitted."""
+    campaign: str = ""
+    """To what."""
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str] | None = None) -> SuccessModel:
+        """Read coefficients; those shipped by default.
+
+        Raises
+        ------
+        ConfigError
+            If the file can't be read or is malformed.
+        """
+        path = data_path("planning", "success.json") if path is None else path
+        content = read_schema(path, SCHEMA)
+        try:
+            terms = [content["terms"][name] for name in SUCCESS_TERMS]
+            values = np.array(
+                [[t["weight"], t["least"], t["greatest"]] for t in terms], dtype=float
+            )
+            intercept = float(content["intercept"])
+            told = str(content["date"]), str(content["campaign"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise ConfigError(
+                f"coefficients in {path}",
+                got=repr(error),
+                expected="date, campaign, intercept, and weight, least and greatest of "
+                + ", ".join(SUCCESS_TERMS),
+            ) from error
+        if not np.isfinite([intercept, *values.ravel()]).all():
+            raise ConfigError(
+                f"coefficients in {path}", got="NaN or inf", expected="finite numbers"
+            )
+        weights, lower, upper = values.T
+        return cls(
+            weights=weights,
+            intercept=intercept,
+            lower=lower,
+            upper=upper,
+            date=told[0],
+            campaign=told[1],
+        )
+
+    def probability(self, terms: FloatArray) -> FloatArray:
+        """Probability of success of grasps with these terms (k, 6), shape (k,)."""
+        found: FloatArray = expit(terms @ self.weights + self.intercept)
+        return found
+
+    def forecast(self, terms: FloatArray) -> SuccessForecast:
+        """Probability for one grasp (6,), and whether it is extrapolated."""
+        is_off = (terms < self.lower) | (terms > self.upper)
+        names = tuple(
+            name for name, off in zip(SUCCESS_TERMS, is_off, strict=True) if off
+        )
+        return SuccessForecast(
+            probability=float(self.probability(terms)),
+            terms=tuple(terms.tolist()),
+            outside=names,
+        )

@@ -1,0 +1,91 @@
+"""The forecast of success: monotone, honest about its range, and loud when broken."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from debrisgrasp._files import data_path
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.planning import SUCCESS_TERMS, SuccessModel
+from debrisgrasp.planning.success import success_terms
+
+MODEL = SuccessModel.load()
+GOOD = {
+    "expected": 0.5, "contact": 1.0, "demand": 0.2, "lever": 0.3, "margin": 0.02,
+    "slack": 0.015,
+}  # fmt: skip
+BETTER = {
+    "expected": 1, "contact": 1, "demand": -1, "lever": -1, "margin": 1, "slack": 1,
+}  # fmt: skip
+"""Sign of what is good."""
+
+
+def terms_of(**values):
+    return success_terms(**{k: np.asarray(v) for k, v in (GOOD | values).items()})
+
+
+def test_more_of_anything_good_never_hurts():
+    assert (MODEL.weights >= 0).all()
+    for name, sign in BETTER.items():
+        steps = np.linspace(0.01, 1.0, 30) * GOOD[name]
+        found = MODEL.probability(terms_of(**{name: steps}))
+        assert (np.diff(found) * sign >= -1e-12).all()
+
+
+@given(
+    st.floats(0, 1),
+    st.floats(0, 1),
+    st.floats(0, 1e6),
+    st.floats(0, 1),
+    st.floats(-1, 1),
+)
+def test_whatever_is_known_of_a_grasp_gives_a_probability(a, b, c, d, e):
+    terms = terms_of(expected=a, contact=b, demand=c, lever=d, margin=e)
+    told = MODEL.forecast(terms)
+    assert 0.0 <= told.probability <= 1.0
+    assert told.terms == tuple(terms)
+
+
+def test_what_no_flight_covered_is_said_to_be_extrapolated():
+    usual = MODEL.forecast(np.clip(terms_of(), MODEL.lower, MODEL.upper))
+    assert usual.outside == ()
+    assert "extrapolated" not in usual.in_words
+    heavy = MODEL.forecast(terms_of(demand=1e4))
+    assert "load" in heavy.outside
+    assert "extrapolated in load" in heavy.in_words
+
+
+def test_a_batch_is_told_as_each_of_it():
+    many = terms_of(expected=np.array([0.2, 0.5, 0.9]))
+    alone = [MODEL.forecast(row).probability for row in many]
+    assert MODEL.probability(many) == pytest.approx(alone)
+
+
+def test_shipped_coefficients_say_when_and_on_what_they_were_fitted():
+    assert len(MODEL.date) == 10
+    assert "flights" in MODEL.campaign
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda c: c["terms"].pop("load"),
+        lambda c: c["terms"]["fit"].update(weight=float("1e999")),
+        lambda c: c["terms"]["fit"].update(weight="much"),
+        lambda c: c.update(schema="debrisgrasp.success/9"),
+        lambda c: c.pop("intercept"),
+    ],
+)
+def test_broken_coefficients_are_refused(spoil, tmp_path):
+    content = json.loads(data_path("planning", "success.json").read_text())
+    assert set(content["terms"]) == set(SUCCESS_TERMS)
+    spoil(content)
+    path = tmp_path / "success.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(ConfigError):
+        SuccessModel.load(path)
