@@ -9,9 +9,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api import calibrate, plan, plan_motion, segment, select
+    from .api import calibrate, clear, plan, plan_motion, segment, select
     from .calibration import Calibration
     from .errors import DebrisGraspError
+    from .executive import SimulatedTask
     from .geometry import SE3, Bounds, Intrinsics, PointCloud
     from .io import Capture
     from .pipeline import Pipeline, PipelineConfig, PlanningResult, Progress
@@ -36,8 +37,10 @@ __all__ = [
     "PointCloud",
     "Progress",
     "Settings",
+    "SimulatedTask",
     "__version__",
     "calibrate",
+    "clear",
     "plan",
     "plan_motion",
     "segment",
@@ -45,9 +48,10 @@ __all__ = [
 ]
 
 _HOME = {
-    "api": ("calibrate", "plan", "plan_motion", "segment", "select"),
+    "api": ("calibrate", "clear", "plan", "plan_motion", "segment", "select"),
     "calibration": ("Calibration",),
     "errors": ("DebrisGraspError",),
+    "executive": ("SimulatedTask",),
     "geometry": ("SE3", "Bounds", "Intrinsics", "PointCloud"),
     "io": ("Capture",),
     "pipeline": ("Pipeline", "PipelineConfig", "PlanningResult", "Progress"),

@@ -3,6 +3,7 @@
 They change only when frames, robots or hands do, so they are kept beside the text.
 """
 
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 
 from debrisgrasp import Capture, Pipeline
+from debrisgrasp.cli import main
 from debrisgrasp.geometry import SE3
 from debrisgrasp.io import data_path
 from debrisgrasp.kinematics import RobotModel
@@ -237,7 +239,21 @@ def other_arms() -> None:
     write(figure, "other_arms.webp")
 
 
+def demo() -> None:
+    """Shrink the report of `debrisgrasp demo`."""
+    with tempfile.TemporaryDirectory() as folder:
+        main(["demo", "--out-dir", folder])
+        page = plt.imread(Path(folder) / "report.png")
+    height, width = page.shape[:2]
+    figure = plt.figure(figsize=(0.8 * width / 100, 0.8 * height / 100), dpi=100)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    axes.imshow(page, interpolation="lanczos")
+    write(figure, "demo.webp")
+
+
 if __name__ == "__main__":
+    demo()
     robot_frames()
     hand_frames()
     transforms()

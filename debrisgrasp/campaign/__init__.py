@@ -11,6 +11,7 @@ from .accounting import (
     system_reliability,
     tabulate,
 )
+from .arm_run import run_arm
 from .fake_run import run_fake
 from .intervals import Interval, jeffreys, newcombe, wilson
 from .physics_run import run_physics
@@ -18,7 +19,7 @@ from .rates import FaultRates, Rate, random_faults
 from .record import CHECKS, CLASSES, SUCCESS, UNCLASSIFIED, RunRecord
 from .results import comparison_to_json, load_results, save_results, tables_to_json
 from .runner import Campaign, Progress, load_records
-from .specs import FAKE_TIERS, WORLDS, RunSpec, draw_specs, fake_world
+from .specs import FAKE_TIERS, LEVELS, WORLDS, RunSpec, draw_specs, fake_world
 from .workers import ClusterWorkers, LocalWorkers, OwnWorkers
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "CLASSES",
     "CLASS_ORDER",
     "FAKE_TIERS",
+    "LEVELS",
     "SUCCESS",
     "UNCLASSIFIED",
     "WORLDS",
@@ -52,6 +54,7 @@ __all__ = [
     "load_results",
     "newcombe",
     "random_faults",
+    "run_arm",
     "run_fake",
     "run_physics",
     "save_results",

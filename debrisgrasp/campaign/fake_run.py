@@ -11,42 +11,43 @@ import numpy as np
 
 from debrisgrasp.executive import (
     STAGES,
-    Executive,
     RunEnd,
     RunResult,
+    Simulated,
     State,
     TaskSettings,
+    simulate,
 )
 from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.robot import (
-    FakeConfig,
-    FakeRobot,
-    FakeTruth,
-    InjectedRobot,
-    fake_robot,
-    inject,
-)
+from debrisgrasp.robot import FakeTruth
 from debrisgrasp.worlds import Body
 
 from .record import SUCCESS, RunRecord
 from .specs import RunSpec, fake_world
 
-__all__ = ["run_fake"]
+__all__ = [
+    "DRIVE_OVER",
+    "Watch",
+    "is_in_the_way",
+    "pipeline_of_roman",
+    "record_of",
+    "run_fake",
+]
 
 _LEFT_AT = re.compile(r"at \((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\)")
 """How the task names the place of an object that it leaves."""
-_DRIVE_OVER = 0.04
+DRIVE_OVER = 0.04
 """Boards on the ground are no obstacle; all else is to be removed [m]."""
 _NEAR = 0.1
 """A place that is nearer than this to a body's box is the body's [m]."""
 
 
-class _Watch:
-    """Hears of every state: arms faults, and ends a run that may not recover."""
+class Watch:
+    """Hears of every state, and ends a run that may not recover."""
 
-    def __init__(self, injected: InjectedRobot, *, recovery: bool) -> None:
+    def __init__(self, *, recovery: bool) -> None:
         self.reached: list[str] = []
-        self._injected, self._recovery = injected, recovery
+        self._recovery = recovery
 
     def on_state(self, state: State) -> None:
         """Take note of the state that begins."""
@@ -54,11 +55,10 @@ class _Watch:
             # As a person would who stands beside the robot.
             raise KeyboardInterrupt
         self.reached.append(state.value)
-        self._injected.on_state(state.value)
 
 
 @cache
-def _pipeline() -> Pipeline:
+def pipeline_of_roman() -> Pipeline:
     """Load the planner once in each process; it remembers nothing of its runs."""
     return Pipeline(robot="roman")
 
@@ -72,43 +72,34 @@ def run_fake(spec: RunSpec) -> RunRecord:
         If there is no such tier.
     """
     start = time.thread_time()
-    world_rng, robot_rng, fault_rng, task_rng = np.random.default_rng(spec.seed).spawn(
-        4
-    )
-    pipeline = _pipeline()
-    model = pipeline.robot
-    assert model is not None
-    world = fake_world(spec.tier, world_rng)
-    # Only an injected fault takes the zero of a gripper.
-    fake = fake_robot(
-        model, world, rng=robot_rng, config=FakeConfig(is_initialised=True)
-    )
-    injected = inject(fake.robot, spec.faults, rng=fault_rng, world=fake)
-    watch = _Watch(injected, recovery=spec.recovery)
+    rng = np.random.default_rng(spec.seed)
+    world = fake_world(spec.tier, rng.spawn(1)[0])
+    watch = Watch(recovery=spec.recovery)
     settings = TaskSettings(
         max_removals=spec.max_removals,
         max_attempts=spec.max_attempts,
-        drive_over=_DRIVE_OVER,
+        drive_over=DRIVE_OVER,
     )
-    executive = Executive(
-        injected.robot, settings, pipeline=pipeline, observers=(watch,), rng=task_rng
+    done = simulate(
+        world,
+        settings,
+        spec.faults,
+        pipeline=pipeline_of_roman(),
+        observers=(watch,),
+        rng=rng,
     )
-    result = executive.run()
-    return _record(
-        spec, result, fake, watch, injected, settings, time.thread_time() - start
-    )
+    return record_of(spec, done, watch, settings, time.thread_time() - start)
 
 
-def _record(
+def record_of(
     spec: RunSpec,
-    result: RunResult,
-    fake: FakeRobot,
-    watch: _Watch,
-    injected: InjectedRobot,
+    done: Simulated,
+    watch: Watch,
     settings: TaskSettings,
     seconds: float,
 ) -> RunRecord:
-    truth = fake.truth()
+    """Put together what a run leaves behind; ``seconds`` of computing."""
+    result, truth = done.result, done.truth
     failure = result.fault_class
     last = result.faults[-1] if result.faults else None
     reached = tuple(stage.value for stage in STAGES if stage.value in watch.reached)
@@ -117,10 +108,9 @@ def _record(
         at_last = [name for name in watch.reached if name in reached]
         is_stage = last is not None and last.state in STAGES
         failed_stage = last.state.value if last and is_stage else at_last[-1]
-    in_the_way = [body for body in truth.world.bodies if _is_in_the_way(body, settings)]
+    in_the_way = [body for body in truth.world.bodies if is_in_the_way(body, settings)]
     overlooked = [body.name for body in in_the_way if not _is_named(body, result)]
     is_cleared = result.end is RunEnd.CLEARED
-    is_latched = all(arm.is_stopped for arm in fake.arms.values())
     must_stand = result.end in (RunEnd.STOPPED, RunEnd.INTERRUPTED)
     unexpected = [e.message for e in result.faults if "unexpected" in e.values]
     return RunRecord(
@@ -132,7 +122,7 @@ def _record(
         fault=None if failure is None or last is None else last.fault,
         end=result.end.value,
         faults=tuple(event.fault for event in result.faults),
-        injected=injected.happened,
+        injected=done.happened,
         n_objects=len(in_the_way) + len(truth.removed),
         n_removed=len(truth.removed),
         checks={
@@ -140,7 +130,7 @@ def _record(
             "commands_outside_limits": len(truth.violations),
             "wrenches_above_limits": len(truth.overloads),
             "false_cleared": int(is_cleared and bool(overlooked)),
-            "stops_not_latched": int(must_stand and not is_latched),
+            "stops_not_latched": int(must_stand and not done.is_latched),
         },
         seconds=round(seconds, 3),
         details=_details(result, truth, overlooked),
@@ -181,7 +171,7 @@ def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _is_in_the_way(body: Body, settings: TaskSettings) -> bool:
+def is_in_the_way(body: Body, settings: TaskSettings) -> bool:
     """Whether a body stands in the workspace, higher than what may be driven over."""
     _, high = _box(body)
     middle = body.T_base_body.apply(body.center_of_mass)

@@ -19,12 +19,14 @@ from debrisgrasp.worlds import (
     come_to_rest,
     draw_body,
     generate_pile,
+    let_down,
     named_scene,
 )
 
-__all__ = ["FAKE_TIERS", "WORLDS", "RunSpec", "draw_specs", "fake_world"]
+__all__ = ["FAKE_TIERS", "LEVELS", "WORLDS", "RunSpec", "draw_specs", "fake_world"]
 
 WORLDS = ("fake", "mujoco")
+LEVELS = ("hand", "arm")
 _CENTER = (0.98, 0.0)
 _STURDY = ("cinder_block", "lumber_4x4", "brick", "pipe_wide", "crate_handle")
 """Kinds that a hand can take hold of in any attitude."""
@@ -60,7 +62,7 @@ def fake_world(tier: str, rng: Rng) -> World:
     """Make the scene of a tier, at rest, or raise `UnknownNameError`."""
     if tier not in FAKE_TIERS:
         raise UnknownNameError("tier", tier, FAKE_TIERS)
-    return come_to_rest(FAKE_TIERS[tier](rng)).world
+    return come_to_rest(let_down(FAKE_TIERS[tier](rng)).world).world
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +81,9 @@ class RunSpec:
     """One of `WORLDS`: a robot in memory, or the physics of the extra ``sim``."""
     tier: str = "few"
     """Kind of scene: of `FAKE_TIERS`, or of `debrisgrasp.sim.TIERS`."""
+    level: str = "hand"
+    """In physics, one of `LEVELS`: the first grasp by a flying hand, or the whole task
+    by both arms."""
     faults: tuple[Injection, ...] = ()
     recovery: bool = True
     """Whether the task answers faults; if not, the first one ends the run."""
@@ -90,6 +95,8 @@ class RunSpec:
     def __post_init__(self) -> None:
         if self.world not in WORLDS:
             raise UnknownNameError("world", self.world, WORLDS)
+        if self.level not in LEVELS:
+            raise UnknownNameError("level", self.level, LEVELS)
         if self.seed < 0:
             raise ConfigError("seed", got=self.seed, expected="0 or more")
         require_range("max_attempts", self.max_attempts, 1, 10_000)
@@ -110,7 +117,13 @@ class RunSpec:
 
     @staticmethod
     def from_json(content: Mapping[str, Any]) -> RunSpec:
-        """Read what `to_json` wrote, for instance to repeat the run of a record."""
+        """Read what `to_json` wrote, for instance to repeat the run of a record.
+
+        Raises
+        ------
+        ConfigError
+            If a field is missing, or means nothing.
+        """
         values = dict(content)
         faults = tuple(Injection.from_json(entry) for entry in values.pop("faults", ()))
         try:
@@ -127,6 +140,7 @@ def draw_specs(
     seed: int,
     world: str = "fake",
     tier: str = "few",
+    level: str = "hand",
     faults: FaultSource | None = None,
     recovery: bool = True,
     max_removals: int | None = None,
@@ -138,6 +152,11 @@ def draw_specs(
     ----------
     faults
         Draws the faults of a run, as `FaultRates.drawn` and `random_faults` do.
+
+    Raises
+    ------
+    ConfigError
+        If ``n`` is not in 1 to 1000000.
     """
     if not 1 <= n <= 1_000_000:
         raise ConfigError("runs of a campaign", got=n, expected="1 to 1000000")
@@ -150,6 +169,7 @@ def draw_specs(
                 seed=int(rng.integers(2**31)),
                 world=world,
                 tier=tier,
+                level=level,
                 faults=() if faults is None else faults(rng),
                 recovery=recovery,
                 max_removals=max_removals,

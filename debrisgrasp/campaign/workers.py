@@ -13,7 +13,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib import import_module
-from multiprocessing import get_all_start_methods, get_context
+from multiprocessing import forkserver, get_all_start_methods, get_context
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Protocol
 
@@ -76,6 +76,7 @@ class LocalWorkers:
         )
         try:
             with _one_thread_each():
+                _serve(context)
                 yield Crew(executor, 2 * count, self.time_limit)
         except BaseException:
             # Ends the runs under way; their results would be thrown away.
@@ -161,6 +162,17 @@ def _context() -> Any:
     context = get_context("forkserver")
     context.set_forkserver_preload(["debrisgrasp.campaign"])
     return context
+
+
+def _serve(context: Any) -> None:
+    """Start the server of processes, out of reach of Ctrl-C, as all that it starts."""
+    if context.get_start_method() != "forkserver":
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _follow_parent(reader: Connection) -> None:

@@ -38,6 +38,13 @@ def add(subparsers: Subparsers) -> None:
         help="robot in memory, or physics (extra 'sim') (default: fake)",
     )
     parser.add_argument(
+        "--level",
+        choices=("hand", "arm"),
+        default="hand",
+        help="in physics: one grasp by a flying hand, or the whole task by both arms "
+        "(default: hand)",
+    )
+    parser.add_argument(
         "--tier",
         help="kind of scene: single, few, pile, or a scene of the paper; with mujoco: "
         "isolated, stacked, pile, ... (default: few, or pile)",

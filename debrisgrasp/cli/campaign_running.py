@@ -25,6 +25,7 @@ from debrisgrasp.campaign import (
     draw_specs,
     load_results,
     random_faults,
+    run_arm,
     run_fake,
     run_physics,
     save_results,
@@ -41,6 +42,11 @@ __all__ = ["run_campaigns"]
 
 _INTERRUPTED = 130
 _RANDOM = "random"
+_RUNS = {
+    ("fake", "hand"): run_fake,
+    ("mujoco", "hand"): run_physics,
+    ("mujoco", "arm"): run_arm,
+}
 
 
 def run_campaigns(arguments: argparse.Namespace) -> int:
@@ -89,10 +95,18 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
             expected="--world fake",
             mend="Only the robot in memory can be struck by faults.",
         )
+    if arguments.world == "fake" and arguments.level != "hand":
+        raise ConfigError(
+            "--level",
+            got=f"{arguments.level} with --world fake",
+            expected="--world mujoco",
+            mend="The robot in memory always has its arms.",
+        )
     common: dict[str, Any] = {
         "seed": arguments.seed,
         "world": arguments.world,
         "tier": tier,
+        "level": arguments.level,
         "recovery": not arguments.no_recovery,
         "max_removals": arguments.max_removals,
     }
@@ -100,7 +114,7 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
     header = {**common, "version": debrisgrasp.__version__, "faults": arguments.faults}
     return Campaign(
         specs=draw_specs(arguments.n, faults=source, **common),
-        run_one=run_fake if arguments.world == "fake" else run_physics,
+        run_one=_RUNS[arguments.world, arguments.level],
         folder=arguments.out,
         header=header,
     )

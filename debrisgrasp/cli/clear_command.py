@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from debrisgrasp.errors import OutputError
+from debrisgrasp.errors import ConfigError, OutputError
 
 from .commands import Subparsers, _seed, version
 from .reports import require_places
@@ -120,10 +120,9 @@ def _clear(arguments: argparse.Namespace) -> int:
 
 def _facts(done: Simulated) -> dict[str, object]:
     result = done.result
-    failure = result.fault_class
     return {
         "end": result.end.value,
-        "class": "success" if failure is None else failure.value,
+        "class": _counted(done),
         "removed": list(done.truth.removed),
         "attempts": len(result.attempts),
         "faults": [event.fault for event in result.faults],
@@ -131,6 +130,14 @@ def _facts(done: Simulated) -> dict[str, object]:
         "left": dict(result.left),
         "seconds": round(result.duration, 3),
     }
+
+
+def _counted(done: Simulated) -> str | None:
+    """Class of a run; one that a person ended early says nothing, and has none."""
+    if done.result.end.value == "interrupted":
+        return None
+    failure = done.result.fault_class
+    return "success" if failure is None else failure.value
 
 
 def _summary(done: Simulated) -> str:
@@ -144,11 +151,11 @@ def _summary(done: Simulated) -> str:
         lines.append(", ".join(words))
     for name, reason in result.left.items():
         lines.append(f"left: {name}: {reason}")
-    failure = result.fault_class
+    failure, counted = result.fault_class, _counted(done)
     lines.append(
         f"{result.end.value} after {result.duration:.0f} s of the robot's time: "
-        f"{result.n_removed} removed; counts as "
-        + ("success" if failure is None else failure.value)
+        f"{result.n_removed} removed; "
+        + (f"counts as {counted}" if counted else "not counted")
     )
     if failure is not None and result.faults:
         lines.append(f"ended by: {result.faults[-1].message}")
@@ -161,17 +168,26 @@ def _replay(arguments: argparse.Namespace) -> int:
     from debrisgrasp.executive.simulated import SimulatedTask
 
     before = load_run(arguments.folder)
+    taken = decisions(before.events)
+    if not taken:
+        raise ConfigError(
+            f"{arguments.folder}", got="no decision", expected="a run that began"
+        )
     if arguments.against:
         events = load_run(arguments.against).events
     else:
         again = MemoryRecord()
         SimulatedTask.from_json(before.inputs).run(again)
         events = again.events
-    found = differences(before.events, events)
+    if not before.is_whole:
+        # A run that was killed: what there is of it is compared.
+        events = decisions(events)[: len(taken)]
+    found = differences(taken, events)
     if arguments.json:
-        print(json.dumps({"same": not found, "differences": [str(d) for d in found]}))
-    elif found:
-        print("\n".join(map(str, found)))
-    else:
-        print(f"the same {len(decisions(before.events))} decisions")
+        facts = {"same": not found, "is_whole": before.is_whole}
+        print(json.dumps({**facts, "differences": [str(d) for d in found]}))
+        return 1 if found else 0
+    if not before.is_whole:
+        print(f"{arguments.folder} ends after {len(taken)} decisions, without an end")
+    print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
     return 1 if found else 0

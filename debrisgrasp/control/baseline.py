@@ -110,6 +110,11 @@ def judge_baseline(
         not add up to a large one.
     age
         Seconds since the present bias was found; it bounds how far it may have moved.
+
+    Raises
+    ------
+    InputError
+        If there are no looks.
     """
     if len(looks) == 0:
         raise InputError("looks for a baseline", got=0, expected="at least two")

@@ -94,6 +94,11 @@ class TaskFrame:
         ----------
         point, direction
             In base [m], shapes (3,); the direction need not have unit length.
+
+        Raises
+        ------
+        ConfigError
+            If the direction is zero.
         """
         x = np.asarray(direction, dtype=np.float64)
         require_finite(x, "direction of the line")
@@ -288,7 +293,10 @@ class Compliance:
         T_base_ee: SE3,
         T_base_ee_nominal: SE3 | None = None,
     ) -> SE3:
-        """Goal after the deflection (Eq. 13, 14); arguments as for `twist`."""
+        """Goal after the deflection in base (Eq. 13, 14), for a wrench [N, N m], (6,).
+
+        Arguments as for `twist`.
+        """
         twist = self.twist(wrench_ee, T_base_ee, T_base_ee_nominal)
         nominal = parts(T_base_ee_nominal or T_base_ee)
         moved = tuple(twist.tolist())

@@ -115,8 +115,8 @@ class LegController:
         reading
             The present one; the arm must stand at the start of the leg.
         reference
-            Mean load at a standstill (`reference_wrench`), six floats, axes of the
-            hand; used with the policy ``motion``. None: the present load.
+            Mean load at a standstill (`reference_wrench`) [N, N m], shape (6,), axes
+            of the hand; used with the policy ``motion``. None: the present load.
         """
         supervisor, guard = self._supervisor, self.guard
         safety = supervisor.start(reading)
@@ -128,7 +128,7 @@ class LegController:
                 supervisor.baseline_fault(now),
                 *self._load_faults(safety.load, supervisor.load_limits(now)),
                 self._place_fault(servo),
-                *([guard.braking_fault(self._braking_time(servo))] if guard else []),
+                *([guard.braking_fault(self.braking_time(servo))] if guard else []),
             )
             if words
         ]
@@ -190,8 +190,8 @@ class LegController:
             contact_gain(tensor, contact.mass_lever),
         )
 
-    def _braking_time(self, servo: ServoState) -> float:
-        """How long the joints need to stop from the leg's speed [s]."""
+    def braking_time(self, servo: ServoState) -> float:
+        """How long the joints need to stop from the leg's speed where they are [s]."""
         begin, ahead = self.leg.at(0.0), self.leg.at(min(self._pace, 1.0))
         _, _, J = self._servo.kinematics.pose_and_jacobian(servo.q)
         step, _ = self._servo.solved(J, pose_error(*begin, *ahead))

@@ -91,6 +91,8 @@ def reference_wrench(
 
     Raises
     ------
+    ShapeError
+        If the loads are not (n, 6).
     InputError
         If there are too few samples, or they scatter too much.
     """

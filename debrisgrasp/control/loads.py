@@ -95,7 +95,7 @@ class LoadModel:
         object.__setattr__(self, "_tool", (g, tuple(com), tuple(bias)))
 
     def with_bias(self, bias: ArrayLike) -> LoadModel:
-        """Return the model after a new baseline."""
+        """Return the model after a new baseline: the bias [N, N m], shape (6,)."""
         return replace(self, bias=six(bias, "bias"))
 
     def with_payload(self, payload: Body) -> LoadModel:
@@ -126,10 +126,16 @@ class LoadModel:
 
     def reading(self, load_ee: ArrayLike, R_base_ee: Rotation) -> FloatArray:
         """Return what the sensor reads under a load; undoes `load_ee`, shape (6,)."""
-        load = self.T_ee_ft.inverse().map_wrench(six(load_ee, "load"))
-        R = np.array(R_base_ee).reshape(3, 3) @ self.T_ee_ft.R
-        total = load + self.bias + _weight(self.tool, R, self.gravity)
-        return np.asarray(self.wrench_sign * total)
+        (R, p), (g, com, bias), s = self._mount, self._tool, self.wrench_sign
+        load = six(load_ee, "load").tolist()
+        weight = turned_back(R_base_ee, g)
+        wrench = (*weight, *cross(com, weight))
+        a, b, c, d, e, f = [
+            x + y + z for x, y, z in zip(load, wrench, bias, strict=True)
+        ]
+        x, y, z = cross(p, (a, b, c))
+        force = turned_back(R, (a, b, c))
+        return s * np.array([*force, *turned_back(R, (d - x, e - y, f - z))])
 
     def load_ee(self, raw: Sequence[float], R_base_ee: Rotation) -> Wrench:
         """Load at the hand: equation (7) with the inverse that power demands.
@@ -258,10 +264,22 @@ def identify_payload(
     no effect. A constant tare instead of this is wrong by ``2 m g sin(angle / 2)``
     after the hand has turned by an angle.
 
+    Parameters
+    ----------
+    raw
+        Readings of the sensor [N, N m], shape (n, 6).
+    R_base_ft
+        Orientation of the sensor at each, shape (n, 3, 3).
+
     Returns
     -------
     payload, is_complete
         ``is_complete`` is false if the centre of mass is only known across gravity.
+
+    Raises
+    ------
+    InputError
+        If the mass comes out negative: something pushes the hand up.
     """
     raw, R, g = _readings(raw, R_base_ft, model.gravity)
     load = model.load_ft(raw, R)

@@ -76,6 +76,11 @@ def choose_pull(
     candidates
         Directions to choose from, the preferred first, shape (c, 3); None: a cone
         around the default pull, which is back along the road and up.
+
+    Raises
+    ------
+    InputError
+        If the object has no points, or a candidate is zero.
     """
     config = config or PullConfig()
     own = frozen(object_points, "points of the object", (None, 3))

@@ -117,6 +117,8 @@ class CartesianServo:
 
         Raises
         ------
+        ShapeError
+            If it has another number of joints.
         InputError
             If the posture is not finite or lies outside the limits.
         """

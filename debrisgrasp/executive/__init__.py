@@ -6,7 +6,7 @@ from .record import MemoryRecord, RunRecord, StoredRun, load_run
 from .replay import Difference, differences
 from .run import Executive, Observer
 from .settings import TaskSettings
-from .simulated import Simulated, SimulatedTask
+from .simulated import Simulated, SimulatedTask, simulate
 from .states import STAGES, State
 
 __all__ = [
@@ -31,4 +31,5 @@ __all__ = [
     "differences",
     "fault_named",
     "load_run",
+    "simulate",
 ]

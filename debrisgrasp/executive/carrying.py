@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from debrisgrasp.control import (
     Compliance,
     LegOutcome,
@@ -9,14 +11,17 @@ from debrisgrasp.control import (
     identify_payload,
 )
 from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import SE3
 from debrisgrasp.motion import MotionPlan, UnknownSpace
 
 from .context import Context, Held, LimbState
 from .drag import drag
-from .drive import Drive, mean_wrench
+from .drive import Drive
 from .dropoff import drop_postures
-from .moves import carrying, planned, space_of
+from .moves import carrying, free_share, planned, space_of
+from .pacing import careful
 from .result import Done, FaultFound, StepResult
+from .senses import mean_wrench
 from .triage import Way
 
 __all__ = ["lift", "transport", "verify_hold"]
@@ -27,6 +32,12 @@ _HIGHER = 0.12
 """How far an object is lifted once more where no way is free around it [m]."""
 _CAREFUL = 0.3
 """Share of the usual speed on a way on which what is held may touch something."""
+_AROUND = 0.05
+"""Room around what is held over the rest of the pile [m]."""
+_LEAST = 5e-3
+"""A shorter lift is none [m]."""
+_SPARE = 0.02
+"""The last bit of what an arm reaches is left to what pushes it [m]."""
 _FREE = 0.6
 """Share of the lift after which what lies below no longer matters."""
 
@@ -42,7 +53,9 @@ def lift(context: Context) -> StepResult:
     translation, rotation = settings.compliance
     drive = Drive(context, held.arm)
     z0 = float(limb.pose(context.posture(limb)).p[2])
-    height = _height_to_go(context, z0)
+    height = _height_to_go(context, limb, held, z0)
+    if height < _LEAST:
+        return Done({"share": 1.0})  # higher it can't be
     end = drive.leg(
         [0.0, 0.0, height],
         speed=settings.lift_speed * context.cycle.speed,
@@ -56,15 +69,42 @@ def lift(context: Context) -> StepResult:
         words = f"the arm got {100 * end.share:.0f} % of the lift far"
         return FaultFound("too_heavy", words, held.arm, {"share": end.share})
     peak = context.cycle.peak_force
-    return Done({"peak_force": round(peak, 1), "share": round(end.share, 3)})
+    facts = {"height": round(height, 3), "share": round(end.share, 3)}
+    return Done({"peak_force": round(peak, 1), **facts})
 
 
-def _height_to_go(context: Context, z: float) -> float:
-    """Tell what is left of the lift, if it was interrupted [m]."""
+def _height_to_go(context: Context, limb: LimbState, held: Held, z: float) -> float:
+    """Tell how far to lift: clear of the pile, as far as the arm can [m].
+
+    What is left of it if it was interrupted, and some more if something was touched
+    on the way from there.
+    """
     motion = context.cycle.motion
     assert motion is not None
-    begun = float(motion.grasp.T_base_hand.p[2])
-    return max(context.settings.lift - max(z - begun, 0.0), 0.02)
+    least = context.settings.lift
+    q = context.posture(limb)
+    if held.is_lifted:
+        begun = float(motion.grasp.T_base_hand.p[2])
+        wanted = max(least - max(z - begun, 0.0), _HIGHER)
+        return wanted * free_share(limb, q, np.array([0.0, 0.0, wanted]))
+    wanted = max(_height_over_pile(context, held, limb.pose(q)), least)
+    share = free_share(limb, q, np.array([0.0, 0.0, wanted]))
+    return max(share * wanted - _SPARE, least)
+
+
+def _height_over_pile(context: Context, held: Held, T_base_hand: SE3) -> float:
+    """Tell how far what is held must rise to be over all that is around it [m]."""
+    seen, label = context.cycle.seen, context.cycle.label
+    if seen is None or label is None or not len(held.points_hand):
+        return 0.0
+    labels = seen.segmentation.labels
+    others = seen.cloud.points[(labels != label) & (labels != 0)]
+    own = T_base_hand.apply(held.points_hand)
+    low, high = own.min(axis=0) - _AROUND, own.max(axis=0) + _AROUND
+    inside = ((others[:, :2] > low[:2]) & (others[:, :2] < high[:2])).all(axis=1)
+    if not inside.any():
+        return 0.0
+    return float(others[inside, 2].max() - own[:, 2].min()) + _AROUND
 
 
 def verify_hold(context: Context) -> StepResult:
@@ -117,10 +157,12 @@ def transport(context: Context) -> StepResult:
         return found
     assert found.trajectory is not None
     context.is_in_pile = None
-    fault = drive.follow(found.trajectory, pace=pace)
+    begun = context.now()
+    paces = careful(context, limb, held.points_hand, found.trajectory, pace)
+    fault = drive.follow(found.trajectory, pace=paces)
     if fault is not None:
         return fault
-    return Done({"seconds": round(found.trajectory.duration / pace, 3)})
+    return Done({"seconds": round(context.now() - begun, 3)})
 
 
 def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | None:

@@ -23,6 +23,8 @@ from .triage import Triage, Way, judge
 
 __all__ = ["plan_grasp", "plan_motion", "select"]
 
+_ALIKE, _ALIKE_TURN = 0.03, 0.35
+"""Grasps nearer to each other than this are one [m], [rad]."""
 _SPECK = 20
 """Fewer cells of surface than this are noise, wherever they are."""
 
@@ -164,9 +166,17 @@ def plan_grasp(context: Context) -> StepResult:
     label = None if cycle.seen.is_marked is not None else cycle.label
     seed = int(context.rng.integers(2**31))
     found = context.pipeline.plan(cycle.seen, object_label=label, seed=seed)
-    grasps = [g for g in found.plan.grasps if g.arm in context.limbs]
+    mark = context.marks.of(cycle.centroid or (np.inf,) * 3)
+    failed = [] if mark is None else mark.failed
+    grasps = [
+        grasp
+        for grasp in found.plan.grasps
+        if grasp.arm in context.limbs and not any(_is_like(grasp, f) for f in failed)
+    ]
     if not grasps:
         why = found.plan.why_empty or "no hand in use takes any of the grasps"
+        if failed and found.plan.grasps:
+            why = "all grasps are like those that failed"
         unreached = found.plan.rejections.get("out of reach", 0)
         name = (
             "unreachable"
@@ -179,6 +189,15 @@ def plan_grasp(context: Context) -> StepResult:
     )
     best = cycle.plan.plan.grasps[0]
     return Done({"seed": seed, "grasps": len(grasps), "best": _grasp_facts(best)})
+
+
+def _is_like(grasp: Grasp, failed: Grasp) -> bool:
+    """Whether a grasp is about one that was tried in vain."""
+    if grasp.arm != failed.arm:
+        return False
+    T, T_failed = grasp.T_base_hand, failed.T_base_hand
+    turn = np.arccos(np.clip((np.trace(T.R.T @ T_failed.R) - 1.0) / 2.0, -1.0, 1.0))
+    return bool(np.linalg.norm(T.p - T_failed.p) < _ALIKE and turn < _ALIKE_TURN)
 
 
 def _mostly(rejections: Mapping[str, int]) -> bool:
@@ -215,6 +234,10 @@ def plan_motion(context: Context) -> StepResult:
     cycle = context.cycle
     assert cycle.plan is not None
     assert cycle.seen is not None
+    for limb in context.limbs.values():
+        broken = limb.limits.controller.violation(context.posture(limb), tolerance=1e-3)
+        if broken:
+            return FaultFound("start_outside_limits", broken, limb.name)
     settings = context.settings
     config = MotionsConfig(
         lift=(0.0, 0.0, settings.lift), tries=6, clamp=settings.clamp

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp._arrays import BoolArray, FloatArray, Rng
 from debrisgrasp.control import (
     Body,
     GripController,
@@ -68,6 +68,10 @@ class LimbState:
     baseline_time: float = 0.0
     """When that was, by the robot's clock [s]."""
     commissioned_bias: FloatArray = field(default_factory=lambda: np.zeros(6))
+    q_last: Sequence[float] | FloatArray | None = None
+    """Joints when they were read last in a motion."""
+    is_own_joint: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """Which of its joints no other arm moves, shape (d,)."""
 
     def pose(self, q: FloatArray) -> SE3:
         """Pose of the palm in base."""

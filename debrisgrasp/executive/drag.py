@@ -17,11 +17,11 @@ from .states import State
 
 __all__ = ["drag", "drive_back"]
 
-_SPEED = 0.08
+_SPEED = 0.03
 """Of the base while it pulls [m/s]."""
-_RATE = 0.15
+_RATE = 0.03
 """At which it turns what it pulls out of the way [rad/s]."""
-_TURN = 1.1
+_TURN = 0.6
 """By which it turns [rad]."""
 _SHARE = 0.8
 """Share of the limit of the force at which pulling ends."""
@@ -48,7 +48,7 @@ def drag(context: Context) -> StepResult:
     ]
     seconds = sum(phase[2] for phase in phases)
     begun = base.read()
-    pull = _Pull(context, base, phases, _SHARE * drive.limb.limits.controller.force)
+    pull = _Pull(context, base, phases, _SHARE * drive.limits.force)
     translation, rotation = settings.compliance
     end = drive.leg(
         [0.0, 0.0, _CREEP],

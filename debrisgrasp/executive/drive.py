@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import hypot
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,15 +14,12 @@ from debrisgrasp.control import (
     Compliance,
     ContactGuard,
     ControllerConfig,
-    FingerReading,
-    GripPhase,
     LegController,
     LegOutcome,
     LegState,
     Reading,
     SafetyConfig,
     SafetyState,
-    Stop,
     Supervisor,
     TarePolicy,
 )
@@ -32,25 +28,24 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
-from .context import FINGER_TICKS, Context
-from .noticed import fault_of_stop, refused
+from .noticed import refused
+from .pacing import times_at
 from .result import FaultFound
+from .senses import Senses
 from .states import State
 
 __all__ = ["Drive", "LegEnd"]
 
-_ZERO = (0.0,) * 6
-_SAFETY = SafetyConfig(jump_force=80.0, jump_torque=25.0)
-"""Pieces of a pile that come free let the load change by more than a sensor's noise."""
-_AMONG = replace(_SAFETY, jump_force=400.0, jump_torque=60.0)
-"""Fingers that meet on an object push the wrist no more, from one tick to the next;
-what slides in a pile may fall onto the hand. The absolute limits hold all the same."""
-_CARRYING = replace(_SAFETY, motion_force=60.0, motion_torque=15.0)
+_SAFETY = SafetyConfig()
+_CARRYING = replace(_SAFETY, motion_force=30.0, motion_torque=8.0)
 """What is carried should touch nothing."""
-_TOUCHING = (State.APPROACH, State.CLOSE, State.VERIFY_GRASP, State.RECOVER)
-_SPARE = 0.95
+_SPARE = 0.9
 """Share of a planned speed that is used: between its knots a motion, and more so one
 that is run backwards, may exceed its acceleration by a few percent."""
+_BRAKES_WITHIN = 0.03
+"""Slower is a leg on which the joints need longer to stop [s]."""
+_JUMPED = 0.15
+"""Farther than this no joint gets while the arm brakes and stands [rad]."""
 _AT_START = 0.03
 """A trajectory begins where the arm stands, within this [rad or m]."""
 _BRAKING = 0.1
@@ -79,23 +74,8 @@ class LegEnd:
         return (1.0 - self.share) * self.length
 
 
-class Drive:
+class Drive(Senses):
     """Moves one limb; each method returns the fault that ended it, or what it did."""
-
-    def __init__(self, context: Context, arm: str) -> None:
-        self.context, self.limb = context, context.limbs[arm]
-        self.devices = self.limb.limb
-        self.clock = context.robot.clock
-        self.period = context.settings.period
-        self._tick = 0
-        self.load: Wrench = _ZERO
-        """Latest load at the hand, absolute, in its axes [N, N m]."""
-
-    def read(self) -> Reading:
-        """Measure joints and wrench."""
-        joints = self.devices.arm.read()
-        wrench = self.devices.sensor.read()
-        return Reading(self.clock.now(), joints.q, wrench.wrench_ft, wrench.time)
 
     def engage(self) -> FaultFound | None:
         """Have the drives follow, as a transaction: read back, or else undone."""
@@ -115,7 +95,18 @@ class Drive:
         broken = self.limb.limits.controller.violation(q, tolerance=1e-3)
         if broken:
             return FaultFound("start_outside_limits", broken, name)
-        return None
+        return self._jumped(q)
+
+    def _jumped(self, q: FloatArray) -> FaultFound | None:
+        """Notice that joints read otherwise than when the last motion was over."""
+        last, own = self.limb.q_last, self.limb.is_own_joint
+        if last is None or len(last) != len(q):
+            return None
+        away = np.abs(q - np.asarray(last, dtype=np.float64))[own]
+        if not away.max(initial=0.0) > _JUMPED:
+            return None
+        words = f"a joint reads {away.max():.2f} rad from where it stood"
+        return FaultFound("encoder_jump", words, self.limb.name)
 
     def stand(self, seconds: float) -> list[Reading] | FaultFound:
         """Stand, and return all readings."""
@@ -132,8 +123,13 @@ class Drive:
             readings.append(reading)
         return readings
 
-    def follow(self, trajectory: Trajectory, *, pace: float = 1.0) -> FaultFound | None:
-        """Follow a planned motion at a share of its speed, supervised."""
+    def follow(
+        self, trajectory: Trajectory, *, pace: float | FloatArray = 1.0
+    ) -> FaultFound | None:
+        """Follow a planned motion at a share of its speed, supervised.
+
+        Shares at equal distances of its time, shape (k,), change on the way.
+        """
         limits = self.limb.limits.planner
         try:
             limits.require_same(trajectory.limits_hash, "a trajectory")
@@ -149,9 +145,8 @@ class Drive:
         if gap > _AT_START:
             words = f"{gap:.3f} rad from the start of the motion"
             return FaultFound("plan_collision", words, self.limb.name)
-        step = _SPARE * pace * self.period
-        n = int(np.ceil(trajectory.duration / step))
-        path = trajectory.at(step * np.arange(1, n + 1))[0]
+        times = times_at(trajectory, _SPARE * np.atleast_1d(pace), self.period)
+        path, n = trajectory.at(times)[0], len(times)
         # The plan began within the planner's limits, the arm perhaps a little outside.
         share = np.minimum(self.period * np.arange(1, n + 1) / _BLEND, 1.0)
         fade = 1.0 - share * share * (3.0 - 2.0 * share)
@@ -166,7 +161,7 @@ class Drive:
             arm.command(q)
             fault, state, _ = self.ticked(supervisor, state, q, is_moving=True)
             if fault is not None:
-                arm.stop()
+                self._halt()
                 return fault
         return self._settle(supervisor, state, rows[-1] if rows else list(begun.q))
 
@@ -209,8 +204,10 @@ class Drive:
         for attempt in range(4):
             pace = speed * 0.5**attempt
             found = self._begun(goal, pace, guard, compliance, tare, limits)
-            is_slow_enough = isinstance(found, tuple) or "brake" not in found.message
-            if is_slow_enough:
+            if isinstance(found, FaultFound):
+                if "brake" not in found.message:
+                    break
+            elif found[0].braking_time(found[1].servo) <= _BRAKES_WITHIN:
                 break
         if isinstance(found, FaultFound):
             return found
@@ -222,12 +219,12 @@ class Drive:
             state, command = controller.step(state, reading)
             self._note(reading.time, command.load)
             if command.stop is not None:
-                arm.stop()
+                self._halt()
                 return self._fault(command.stop, reading)
             arm.command(command.q)
             fault = self._watched_fingers(command.load)
             if fault is not None:
-                arm.stop()
+                self._halt()
                 return fault
             if until is not None and until(command.load):
                 arm.disengage()  # the drives brake by themselves
@@ -242,7 +239,7 @@ class Drive:
             clock.wait_until(clock.now() + self.period)
             state, command = controller.step(state, self.read())
             if command.stop is not None:
-                arm.stop()
+                self._halt()
                 return self._fault(command.stop, reading)
             arm.command(command.q)
         return LegEnd(state.outcome, state.share, controller.leg.length)
@@ -267,13 +264,13 @@ class Drive:
             controller = LegController(
                 limb.reach.chain,
                 replace(
-                    limits or limb.limits.controller,
+                    limits or self.limits,
                     deflection=self.context.settings.clamp,
                 ),
                 limb.loads,
                 leg,
                 ControllerConfig(
-                    period=self.period, speed=speed, tare=tare, safety=self._safety
+                    period=self.period, speed=speed, tare=tare, safety=_SAFETY
                 ),
                 compliance=compliance,
                 guard=guard,
@@ -286,23 +283,16 @@ class Drive:
             return refused("; ".join(engagement.refusals), reading, limb.name)
         return controller, engagement.state
 
-    def fingers(self) -> FingerReading:
-        """Measure the fingers."""
-        read = self.devices.gripper.read()
-        return FingerReading(read.openings, read.forces)
-
     @property
     def _safety(self) -> SafetyConfig:
-        if self.context.state is State.TRANSPORT:
-            return _CARRYING
-        return _AMONG if self.context.state in _TOUCHING else _SAFETY
+        return _CARRYING if self.context.state is State.TRANSPORT else _SAFETY
 
     def supervised(self) -> tuple[Supervisor, SafetyState | FaultFound]:
         """Begin to watch the arm: who watches, and its state, or why not."""
         limb = self.limb
         supervisor = Supervisor(
             limb.kinematics,
-            limb.limits.controller,
+            self.limits,
             limb.loads,
             self.period,
             self._safety,
@@ -328,68 +318,12 @@ class Drive:
         clock.wait_until(clock.now() + self.period)
         reading = self.read()
         state, verdict = supervisor.step(
-            state, reading, commanded, _ZERO, is_moving=is_moving
+            state, reading, commanded, self._expected(state), is_moving=is_moving
         )
         self._note(reading.time, verdict.load)
         if state.stop is not None:
-            self.devices.arm.stop()
+            self._halt()
             return self._fault(state.stop, reading), state, reading
         if with_fingers:
             return self._watched_fingers(verdict.load), state, reading
         return None, state, reading
-
-    def _watched_fingers(self, load: tuple[float, ...]) -> FaultFound | None:
-        """While something is held: go on squeezing, and notice when it is lost."""
-        held = self.context.held
-        if held is None or held.arm != self.limb.name or not held.is_watched:
-            return None
-        if self._tick % FINGER_TICKS:
-            return None
-        fingers = self.fingers()
-        carried = self.carried(load) if held.is_lifted else None
-        held.state, command = held.watch.step(
-            held.state, fingers._replace(carried=carried)
-        )
-        self.devices.gripper.command(command)
-        if held.state.phase in (GripPhase.SLIPPED, GripPhase.LOST):
-            what = held.state.phase.value
-            words = f"{what}: fingers at "
-            words += ", ".join(f"{1e3 * x:.0f}" for x in fingers.openings) + " mm"
-            fault = "slip" if held.state.phase is GripPhase.SLIPPED else "finger_jammed"
-            return FaultFound(fault, words, self.limb.name)
-        return None
-
-    def carried(self, load: tuple[float, ...]) -> float:
-        """Weight that a load at the hand amounts to [N]."""
-        R, _ = self.limb.kinematics.pose(self._q)
-        return -(R[6] * load[0] + R[7] * load[1] + R[8] * load[2])
-
-    @property
-    def _q(self) -> list[float]:
-        q: list[float] = np.asarray(self.devices.arm.read().q, dtype=float).tolist()
-        return q
-
-    def push(self) -> FloatArray:
-        """Latest force on the hand in the axes of base [N], shape (3,)."""
-        R, _ = self.limb.kinematics.pose(self._q)
-        return np.asarray(np.reshape(R, (3, 3)) @ np.array(self.load[:3]))
-
-    def _note(self, time: float, load: tuple[float, ...]) -> None:
-        self._tick += 1
-        self.load = load
-        cycle = self.context.cycle
-        force, torque = hypot(*load[:3]), hypot(*load[3:])
-        cycle.peak_force = max(cycle.peak_force, force)
-        cycle.peak_torque = max(cycle.peak_torque, torque)
-        if not self._tick % FINGER_TICKS:
-            self.context.trace.append((time, force, torque))
-
-    def _fault(self, stop: Stop, reading: Reading) -> FaultFound:
-        return fault_of_stop(stop, reading, self.context.state, self.limb.name)
-
-
-def mean_wrench(readings: list[Reading]) -> FloatArray:
-    """Mean of the raw wrenches, shape (6,)."""
-    raw = np.array([np.asarray(r.wrench_ft, dtype=np.float64) for r in readings])
-    mean: FloatArray = raw.mean(axis=0)
-    return mean

@@ -14,10 +14,12 @@ from .result import FaultFound
 
 __all__ = ["loosen", "open_hand", "run_grip"]
 
-_LOOSENED = 0.03
-"""How far fingers open to let go [m] ..."""
 _OPENING_FORCE = 30.0
-"""... and with how much force [N]."""
+"""With which fingers open among other things [N]."""
+_FELT = 2.0
+"""A finger that feels more still holds [N]."""
+_CREEP, _STALLED = 5e-4, 0.4
+"""Fingers that move by less [m] for so long [s] have met something."""
 
 
 def run_grip(
@@ -63,6 +65,8 @@ def open_hand(drive: Drive, preshape: str, opening: float) -> FaultFound | None:
     """
     gripper = drive.devices.gripper
     gripper.preshape(preshape, opening)
+    n = len(gripper.read().openings)
+    gripper.command(GripCommand((opening,) * n, _OPENING_FORCE))
     end = drive.clock.now() + 6.0
     widest: tuple[float, ...] = ()
     while drive.clock.now() < end:
@@ -78,25 +82,33 @@ def open_hand(drive: Drive, preshape: str, opening: float) -> FaultFound | None:
 
 
 def loosen(drive: Drive, most: float) -> FaultFound | None:
-    """Open every finger a little, until none feels anything to hold."""
+    """Open all fingers as far as they stood during the approach, and no harder.
+
+    So far there was room for them; where there is none any more, they stop.
+    """
     gripper = drive.devices.gripper
     before = gripper.read().openings
-    goals = tuple(min(x + _LOOSENED, max(most, x)) for x in before)
-    end = drive.clock.now() + 3.0
+    goals = tuple(max(x, most) for x in before)
+    end, last, since = drive.clock.now() + 4.0, before, drive.clock.now()
     while drive.clock.now() < end:
         gripper.command(GripCommand(goals, _OPENING_FORCE))
         drive.context.wait(FINGER_TICKS * drive.period)
-        hand = gripper.read()
-        is_there = all(
-            x > goal - 0.004 for x, goal in zip(hand.openings, goals, strict=True)
-        )
-        if is_there:
+        now = gripper.read().openings
+        if all(x > goal - 0.004 for x, goal in zip(now, goals, strict=True)):
+            break
+        if max(abs(x - y) for x, y in zip(now, last, strict=True)) > _CREEP:
+            last, since = now, drive.clock.now()
+        if drive.clock.now() - since > _STALLED:
             break
     hand = gripper.read()
     gone = [x - y for x, y in zip(hand.openings, before, strict=True)]
     wanted = [x - y for x, y in zip(goals, before, strict=True)]
-    stuck = [i for i, (x, y) in enumerate(zip(gone, wanted, strict=True))
-             if x < min(0.004, 0.5 * y)]  # fmt: skip
+    # One that something outside keeps from opening more holds nothing, either.
+    stuck = [
+        i
+        for i, (x, y, force) in enumerate(zip(gone, wanted, hand.forces, strict=True))
+        if x < min(0.004, 0.5 * y) and force > _FELT
+    ]
     if stuck:
         words = f"finger {stuck[0] + 1} opened by {1e3 * gone[stuck[0]]:.1f} mm"
         return FaultFound("finger_jammed", words, drive.limb.name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
@@ -11,6 +13,7 @@ from debrisgrasp.control import (
     GripController,
     GripPhase,
     LegOutcome,
+    SafetyConfig,
     TarePolicy,
     reference_wrench,
 )
@@ -24,6 +27,7 @@ from .context import FINGER_TICKS, Context, Held, LimbState
 from .drive import Drive, LegEnd
 from .fingers import open_hand, run_grip
 from .moves import planned, space_of
+from .pacing import careful
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["approach", "close", "pregrasp", "switch", "verify_grasp"]
@@ -44,14 +48,19 @@ _PUSHED = 45.0
 """Pushed by more while it closes, the hand gives way [N] ..."""
 _GIVE = 0.0015
 """... by so much [m] ..."""
-_GIVES = 30
-"""... so many times."""
+_GIVES = 8
+"""... so many times: then the object pushes the hand off, or it was never around it."""
 _RESISTANCE = 10.0
 """A finger that feels so much stops until the others do, too [N]."""
 _CLOSING = 0.04
 """Speed of the pads [m/s]."""
-_SETTLING = 40
-"""Steps in which the force of the fingers grows, and settles."""
+_GUARD = ContactGuard(force=50.0)
+_RAMP, _SETTLING = 32, 8
+"""Steps in which the force of the fingers grows, and settles ..."""
+_WAITS = 60
+"""... and at most so many in which it waits for the fingers on the other side ..."""
+_ANSWERED = 0.3
+"""... until those feel this share of what the first ones do."""
 _THICKEST = 0.1
 """[m]."""
 _SQUEEZED = 0.015
@@ -77,7 +86,10 @@ def pregrasp(context: Context) -> StepResult:
             return found
         assert found.trajectory is not None
         reach = found.trajectory
-    fault = drive.follow(reach, pace=context.cycle.speed)
+    solids = limb.hand.solids(grasp.preshape, _opening(limb, grasp))
+    corners = np.concatenate([solid.mesh()[0] for solid in solids])
+    paces = careful(context, limb, corners, reach, context.cycle.speed)
+    fault = drive.follow(reach, pace=paces)
     if fault is not None:
         return fault
     context.is_in_pile = motion.arm
@@ -116,7 +128,9 @@ def switch(context: Context) -> StepResult:
     force = float(np.linalg.norm(reference[:3]))
     if force > context.settings.empty_load + 4.0:
         words = f"an empty hand in free space bears {force:.1f} N"
-        return FaultFound("bias_drift", words, limb.name, {"force": force})
+        has_jumped = force > SafetyConfig().jump_force
+        name = "bias_jump" if has_jumped else "bias_drift"
+        return FaultFound(name, words, limb.name, {"force": force})
     return Done({"force": round(force, 2)})
 
 
@@ -128,7 +142,7 @@ def approach(context: Context) -> StepResult:
     end: LegEnd | FaultFound
     for n_aside in range(_ASIDES + 1):
         aim = SE3.from_parts(goal.R, goal.p + shift)
-        end = drive.leg(aim, speed=settings.approach_speed, guard=ContactGuard())
+        end = drive.leg(aim, speed=settings.approach_speed, guard=_GUARD)
         if isinstance(end, FaultFound):
             return end
         if end.outcome is LegOutcome.DONE or end.left <= _AT_GRASP:
@@ -196,8 +210,9 @@ def _given_way(
     push = drive.push()
     force = float(np.linalg.norm(push))
     if n_before >= _GIVES:
-        words = f"{force:.0f} N push the hand after it gave way {n_before} times"
-        return FaultFound("early_contact", words, held.arm, {"force": force})
+        words = f"closing pushes the hand off: {force:.0f} N after it gave way "
+        words += f"{n_before} times"
+        return FaultFound("empty_grip", words, held.arm, {"force": force})
     context.held = None  # the fingers wait
     end = drive.leg(_GIVE / force * push, speed=0.02, tare=TarePolicy.SESSION)
     context.held = held
@@ -205,18 +220,38 @@ def _given_way(
 
 
 def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
-    """Squeeze until the fingers have settled; from there on a travel means slip."""
+    """Squeeze until the fingers have settled; from there on a travel means slip.
+
+    The force grows only while fingers on both sides feel it, and the arm gives way to
+    what it pushes the hand aside with: else the wrist would bear it.
+    """
     gripper, first = drive.limb.limb.gripper, held.state
     context.held = None
     config = held.grip.config
-    least, most = config.resistance, config.squeeze
-    for k in range(1, _SETTLING + 1):
+    n_gives = n_waits = level = 0
+    while level < _RAMP + _SETTLING:
+        share = min(level / _RAMP, 1.0)
+        force = config.resistance + share * (config.squeeze - config.resistance)
         _, command = held.grip.step(first, drive.fingers())
-        force = least + (most - least) * min(k / (_SETTLING - 8), 1.0)
         gripper.command(command._replace(force=force))
         stood = drive.stand(4 * context.settings.period)
         if isinstance(stood, FaultFound):
             return stood
+        if hypot(*drive.load[:3]) > _PUSHED:
+            halted = tuple(drive.fingers().openings)
+            gripper.command(command._replace(openings=halted, force=config.resistance))
+            level //= 2
+            fault = _given_way(context, held, drive, n_gives)
+            if fault is not None:
+                return fault
+            context.held, n_gives = None, n_gives + 1
+        elif _is_answered(drive, config.resistance):
+            level += 1
+        else:
+            level, n_waits = max(level - 1, 0), n_waits + 1
+        if n_waits > _WAITS:
+            words = "the fingers of one side feel nothing of what the others squeeze"
+            return FaultFound("empty_grip", words, held.arm)
     context.held = held
     openings = tuple(drive.fingers().openings)
     travel = max(a - b for a, b in zip(first.held_openings, openings, strict=True))
@@ -225,6 +260,16 @@ def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
         return FaultFound("empty_grip", words, held.arm, {"travel": travel})
     held.state = first._replace(held_openings=openings)
     return Done({"openings": [round(x, 4) for x in openings]})
+
+
+def _is_answered(drive: Drive, least: float) -> bool:
+    """Whether fingers on both sides feel the squeeze."""
+    sums = {True: 0.0, False: 0.0}
+    forces = drive.fingers().forces
+    for finger, force in zip(drive.limb.hand.fingers, forces, strict=True):
+        sums[finger.side > 0] += force
+    low, high = sorted(sums.values())
+    return high < least or low > _ANSWERED * high
 
 
 def verify_grasp(context: Context) -> StepResult:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from debrisgrasp._arrays import BoolArray
 from debrisgrasp.control import PostureKinematics
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
@@ -58,8 +59,21 @@ def limbs_of(
             kinematics=PostureKinematics(reach.chain),
             loads=limb.loads,
             commissioned_bias=np.array(limb.loads.bias),
+            is_own_joint=_own_joints(robot, name),
         )
     return limbs
+
+
+def _own_joints(robot: Robot, name: str) -> BoolArray:
+    """Which joints of an arm no other arm has, shape (d,)."""
+    others = {
+        joint
+        for other, limb in robot.limbs.items()
+        if other != name
+        for joint in limb.arm.joint_names
+    }
+    names = robot.limbs[name].arm.joint_names
+    return np.array([joint not in others for joint in names])
 
 
 def _require_reach(reach: ArmReach, place: tuple[float, float]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.planning import Grasp
 
 __all__ = ["Mark", "Marks"]
 
@@ -31,6 +32,8 @@ class Mark:
     """How many objects had been removed when it was last tried."""
     is_heavy: bool = False
     """Whether it was too heavy to lift."""
+    failed: list[Grasp] = field(default_factory=list)
+    """Grasps that were tried on it."""
 
 
 @dataclass(eq=False)

@@ -22,6 +22,7 @@ from .result import FaultFound
 __all__ = [
     "back_out",
     "carrying",
+    "free_share",
     "planned",
     "put_down",
     "reversed_motion",
@@ -31,8 +32,6 @@ __all__ = [
 
 _BACK = 0.12
 """How far a hand backs out of the pile [m]."""
-_LOWERING = 0.03
-"""Speed of the hand while it lowers what it holds [m/s]."""
 _FIRST = 10
 """Looks at the weight before any may count as less."""
 _BARE = np.array([0.0, 0.0, 1.0, 0.0])
@@ -144,21 +143,39 @@ def back_out(context: Context, arm: str) -> FaultFound | None:
     motion = context.cycle.motion
     shift = -_BACK * T.R[:, 2]
     if motion is not None and motion.arm == arm:
-        came_from = motion.grasp.T_base_pregrasp.p - T.p
-        if float(came_from @ shift) > 0.0 and np.linalg.norm(came_from) < 0.3:
-            shift = came_from
+        # Straight out: aside it would draw its fingers along what they touch.
+        far = float((motion.grasp.T_base_pregrasp.p - T.p) @ -T.R[:, 2])
+        if 0.0 < far < 0.3:
+            shift = -far * T.R[:, 2]
     if np.linalg.norm(shift) < 5e-3:
         return None
-    legs = LegPlanner(limb.reach.chain, limb.limits.controller)
-    plan = legs.plan(
-        np.clip(q, limb.limits.controller.lower, limb.limits.controller.upper),
-        CartesianLeg.along(T, shift).goal,
-    )
-    if plan.share < 0.1:
+    share = free_share(limb, q, shift)
+    if share < 0.1:
         return None
-    way = plan.share * shift
-    end = Drive(context, arm).leg(way, speed=0.08, tare=TarePolicy.SESSION)
+    way = share * shift
+    speed = context.settings.lift_speed
+    end = Drive(context, arm).leg(way, speed=speed, tare=TarePolicy.SESSION)
     return end if isinstance(end, FaultFound) else None
+
+
+def free_share(limb: LimbState, q: FloatArray, way: FloatArray) -> float:
+    """Tell how much of a straight way (3,) of the hand an arm can go.
+
+    Folded onto itself it would find no way on from there; but if it is so already, it
+    must get out.
+    """
+    limits = limb.limits.controller
+    alone = MotionSpace(measured=None, unknown=None, ground_plane=_BARE)
+    test = limb.planner.exact_test(alone, with_hand=False)
+    start = np.clip(q, limits.lower, limits.upper)
+
+    def is_free(row: FloatArray) -> bool:
+        return bool(test.is_free(row[None])[0])
+
+    legs = LegPlanner(
+        limb.reach.chain, limits, is_free=is_free if is_free(start) else None
+    )
+    return legs.plan(start, CartesianLeg.along(limb.pose(start), way).goal).share
 
 
 def to_rest(context: Context, arm: str) -> FaultFound | None:
@@ -195,17 +212,9 @@ def put_down(context: Context, most: float) -> FaultFound | None:
         return None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
     if held.is_lifted:
-        T = limb.pose(context.posture(limb))
-        legs = LegPlanner(limb.reach.chain, limb.limits.controller)
-        plan = legs.plan(
-            np.clip(
-                context.posture(limb),
-                limb.limits.controller.lower,
-                limb.limits.controller.upper,
-            ),
-            CartesianLeg.along(T, [0.0, 0.0, -most]).goal,
+        depth = most * free_share(
+            limb, context.posture(limb), np.array([0.0, 0.0, -most])
         )
-        depth = plan.share * most
         if depth > 2e-3:
             end = _lowered(drive, depth)
             # Loaded to its limit already, the hand can't go down: it lets go here.
@@ -225,8 +234,8 @@ def _lowered(drive: Drive, depth: float) -> LegEnd | FaultFound:
         weight = sum(least[:_FIRST]) / _FIRST
         return sum(least[-5:]) < 5.0 * (weight - max(4.0, 0.3 * weight))
 
-    way = [0.0, 0.0, -depth]
-    return drive.leg(way, speed=_LOWERING, tare=TarePolicy.SESSION, until=lies)
+    way, speed = [0.0, 0.0, -depth], drive.context.settings.lift_speed
+    return drive.leg(way, speed=speed, tare=TarePolicy.SESSION, until=lies)
 
 
 def let_go(context: Context, opening: float | None = None) -> FaultFound | None:

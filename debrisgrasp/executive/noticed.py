@@ -33,10 +33,10 @@ def fault_of_stop(stop: Stop, reading: Reading, state: State, arm: str) -> Fault
     if stop.fault is Fault.WRENCH_LOST:
         is_number = np.isfinite(np.asarray(reading.wrench_ft, dtype=np.float64)).all()
         name = "clock_disorder" if is_number else "wrench_nan"
-    elif stop.fault is Fault.OVERLOAD or (
-        state is State.TRANSPORT and (stop.fault is Fault.MOTION_OVERLOAD)
-    ):
+    elif stop.fault is Fault.OVERLOAD:
         name = _overload(stop, state)
+    elif stop.fault is Fault.MOTION_OVERLOAD and state is State.TRANSPORT:
+        name = "plan_collision"  # what is carried touched something
     else:
         name = _NAMES[stop.fault]
     return FaultFound(name, stop.message, arm, {"time": stop.time})

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 import numpy as np
 
 from debrisgrasp.errors import DriverError
+from debrisgrasp.geometry import voxel_downsample
 
-from .context import Context
+from .context import Context, Held
 from .drag import drive_back
 from .drive import Drive
 from .faults import Action
-from .fingers import loosen
+from .fingers import loosen, open_hand
 from .moves import back_out, let_go, put_down, to_rest
 from .outcome import FaultEvent
 from .relief import relieve
 from .result import Done, FaultFound, StepResult
+from .states import State
 from .table import Answer
 
 __all__ = ["clear_up", "recover", "reset_stops", "stop_all"]
@@ -25,6 +29,8 @@ _CALM = 1.0
 """How long to stand after something swung [s]."""
 _STANDS_WITHIN, _STILL = 2.0, 0.05
 """[s]."""
+_LOOK = 0.1
+"""How long a hand that should be empty is weighed [s]."""
 _LOWERED = 0.3
 """How far what is held is lowered at most, to put it back [m]."""
 
@@ -40,6 +46,10 @@ def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
         fault = _moved_inside(context, event)
         if fault is not None:
             return fault
+    if answer.resume is State.LIFT and context.held is not None:
+        fault = relieve(context, context.held.arm)
+        if fault is not None:
+            return fault
     if answer.action is Action.HOLD:
         context.wait(_CALM)
         context.cycle.speed *= 0.5
@@ -53,32 +63,74 @@ def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
 def clear_up(context: Context) -> FaultFound | None:
     """Put down what is held, back out, and bring every arm to rest."""
     held = context.held
-    loaded = context.is_in_pile if held is None else held.arm
-    fault = None if loaded is None else relieve(context, loaded)
-    if fault is not None:
-        return fault
+    busy = context.is_in_pile if held is None else held.arm
+    fault: FaultFound | None = None
     if held is not None:
         held.is_watched = False
-        fault = put_down(context, _LOWERED) if held.is_lifted else let_go(context)
-        if fault is not None:
-            return fault
-    elif context.is_in_pile is not None and context.is_closed:
-        fault = _opened(context, context.is_in_pile)
-        if fault is not None:
-            return fault
+    if held is not None and held.is_lifted:
+        fault = relieve(context, held.arm) or put_down(context, _LOWERED)
+        _remember(context, held)
+    elif busy is not None:
+        # What presses on a hand that has lifted nothing is its own squeeze first.
+        if held is not None:
+            fault = let_go(context)
+        elif context.is_closed:
+            fault = _opened(context, busy)
+        fault = fault or relieve(context, busy)
+    if fault is not None:
+        return fault
     # A trunk that both arms share must be back before the idle arm is at rest again.
-    busy = context.is_in_pile if held is None else held.arm
     for name, limb in sorted(context.limbs.items(), key=lambda item: item[0] != busy):
         if name == busy:
-            fault = back_out(context, name)
-            if fault is not None:
-                return fault
+            fault = back_out(context, name) or _hanging(context, name)
+        else:
+            fault = relieve(context, name)  # on its way it may have met something
+        if fault is not None:
+            return fault
         fault = to_rest(context, name) or drive_back(context)
         if fault is not None:
             return fault
         limb.limb.arm.disengage()
     context.is_in_pile = None
     return None
+
+
+def _remember(context: Context, held: Held) -> None:
+    """Take what was put down on the way for an obstacle where no camera looks."""
+    limb = context.limbs[held.arm]
+    lying = limb.pose(context.posture(limb)).apply(held.points_hand)
+    if not len(lying) or context.settings.bounds.contains(lying.mean(axis=0)):
+        return
+    fallen = lying - [0.0, 0.0, max(float(lying[:, 2].min()), 0.0)]
+    context.dropped.append(fallen[voxel_downsample(fallen, 0.02)])
+
+
+def _hanging(context: Context, arm: str) -> FaultFound | None:
+    """Notice that something is still caught in a hand that was opened and drawn out.
+
+    No way to rest would be planned around it.
+    """
+    drive, settings = Drive(context, arm), context.settings
+    stood = drive.stand(_LOOK)
+    if isinstance(stood, FaultFound):
+        return stood
+    force = hypot(*drive.load[:3])
+    if force < settings.empty_load:
+        return None
+    limb = drive.limb
+    motion = context.cycle.motion
+    preshape = next(iter(limb.hand.preshapes))
+    if motion is not None and motion.arm == arm:
+        preshape = motion.grasp.preshape
+    fault = open_hand(drive, preshape, limb.hand.preshape(preshape).widths[1])
+    stood = drive.stand(_LOOK)
+    if fault is not None or isinstance(stood, FaultFound):
+        return fault or (stood if isinstance(stood, FaultFound) else None)
+    force = hypot(*drive.load[:3])
+    if force < settings.empty_load:
+        return None
+    words = f"{force:.0f} N on a hand that was opened and drawn back: something hangs "
+    return FaultFound("not_released", words + "in it", arm, {"force": force})
 
 
 def stop_all(context: Context) -> list[str]:
@@ -150,14 +202,15 @@ def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
             arm.command((q + (inside - q) * share).tolist())
             context.wait(context.settings.period)
         context.wait(0.1)
+        limb.q_last = None
     return None
 
 
 def _opened(context: Context, arm: str) -> FaultFound | None:
-    """Loosen a hand that holds nothing, before it is drawn back.
-
-    Opened wide it would push against whatever lies around it.
-    """
-    limb = context.limbs[arm]
-    widest = max(shape.widths[1] for shape in limb.hand.preshapes.values())
-    return loosen(Drive(context, arm), widest)
+    """Open a hand that holds nothing as it was on its way in, before it goes out."""
+    drive, motion = Drive(context, arm), context.cycle.motion
+    widest = max(shape.widths[1] for shape in drive.limb.hand.preshapes.values())
+    if motion is not None and motion.arm == arm:
+        shape = drive.limb.hand.preshape(motion.grasp.preshape)
+        widest = min(motion.grasp.opening, shape.widths[1])
+    return loosen(drive, widest)

@@ -9,9 +9,10 @@ from debrisgrasp.geometry import voxel_downsample
 
 from .context import Context
 from .drag import drive_back
-from .drive import Drive, mean_wrench
+from .drive import Drive
 from .moves import back_out, let_go, put_down, to_rest
 from .result import Done, FaultFound, StepResult
+from .senses import mean_wrench
 
 __all__ = ["release", "retreat", "verify_release"]
 
@@ -58,7 +59,8 @@ def _shaken_open(context: Context) -> FaultFound | None:
     for way in (_SHAKE, -_SHAKE):
         if fault is not None:
             return fault
-        end = drive.leg([0.0, 0.0, way], speed=0.1, tare=TarePolicy.SESSION)
+        speed = context.settings.lift_speed
+        end = drive.leg([0.0, 0.0, way], speed=speed, tare=TarePolicy.SESSION)
         fault = end if isinstance(end, FaultFound) else None
     return fault
 
@@ -69,7 +71,8 @@ def verify_release(context: Context) -> StepResult:
     assert held is not None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
     T = limb.pose(context.posture(limb))
-    backed = drive.leg(-0.04 * T.R[:, 2], speed=0.05, tare=TarePolicy.SESSION)
+    speed = context.settings.lift_speed
+    backed = drive.leg(-0.04 * T.R[:, 2], speed=speed, tare=TarePolicy.SESSION)
     if isinstance(backed, FaultFound):
         return backed
     readings = drive.stand(_STANDING)

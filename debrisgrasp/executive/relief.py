@@ -11,8 +11,9 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import TarePolicy
 
 from .context import Context
-from .drive import Drive, mean_wrench
+from .drive import Drive
 from .result import FaultFound
+from .senses import mean_wrench
 
 __all__ = ["relieve"]
 
@@ -45,7 +46,7 @@ def relieve(context: Context, arm: str) -> FaultFound | None:
     fall is not tried again.
     """
     limb, drive = context.limbs[arm], Drive(context, arm)
-    limits = limb.limits.controller
+    limits = drive.limits
     load = _load(context, drive)
     if (
         isinstance(load, FaultFound)

@@ -10,10 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from debrisgrasp._arrays import Rng
-from debrisgrasp.errors import (
-    DebrisGraspError,
-    DriverError,
-)
+from debrisgrasp.errors import DebrisGraspError, DriverError
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import Robot
 
@@ -202,9 +199,11 @@ class Executive:
             Action.NEXT,
             Action.RETRY,
         ):
-            context.marks.add(
+            mark = context.marks.add(
                 context.cycle.centroid, found.fault, found.message, context.n_removed
             )
+            if context.cycle.motion is not None:
+                mark.failed.append(context.cycle.motion.grasp)
         if answer.action is Action.SKIP:
             assert answer.resume is not None
             return answer.resume

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._arrays import require_range
+from debrisgrasp._arrays import Rng, require_range
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline
@@ -21,17 +21,24 @@ from debrisgrasp.robot import (
     fake_robot,
     inject,
 )
-from debrisgrasp.worlds import SCENES, PileConfig, World, generate_pile, let_down
+from debrisgrasp.worlds import (
+    SCENES,
+    PileConfig,
+    World,
+    come_to_rest,
+    generate_pile,
+    let_down,
+)
 from debrisgrasp.worlds import named_scene as scene_named
 
 from .context import Recorder
 from .faults import fault_named
 from .outcome import RunResult
-from .run import Executive
+from .run import Executive, Observer
 from .settings import TaskSettings
 from .states import State
 
-__all__ = ["Simulated", "SimulatedTask", "injections_of"]
+__all__ = ["Simulated", "SimulatedTask", "injections_of", "simulate"]
 
 _CENTER = (0.98, 0.0)
 """Middle of a pile that both arms reach [m]."""
@@ -45,6 +52,8 @@ class Simulated:
     truth: FakeTruth
     happened: tuple[str, ...]
     """Injected faults that were really brought about."""
+    is_latched: bool
+    """Whether a stop is latched on every arm."""
 
 
 _KINDS: Mapping[str, tuple[tuple[type, ...], str]] = {
@@ -121,13 +130,15 @@ class SimulatedTask:
     def world(self) -> World:
         """Bodies at rest."""
         if self.scene is not None:
-            return let_down(scene_named(self.scene)).world
+            return come_to_rest(let_down(scene_named(self.scene)).world).world
         fewest, most = (3, 8) if self.objects is None else (self.objects,) * 2
         config = PileConfig(
             n_bodies=(fewest, most), center=_CENTER, uneven_share=0.0, large_share=0.0
         )
         rng = np.random.default_rng([self.seed, 1])
-        return let_down(generate_pile(rng=rng, config=config)).world
+        # What lay already yields to what came after.
+        pile = let_down(generate_pile(rng=rng, config=config)).world
+        return come_to_rest(pile).world
 
     def run(
         self,
@@ -147,30 +158,66 @@ class SimulatedTask:
         settings
             Of the task; None: the defaults, with what this task says.
         """
-        robot_rng, fault_rng, task_rng = np.random.default_rng(self.seed).spawn(3)
-        pipeline = pipeline or Pipeline(robot=RobotModel.load(self.robot))
-        model = pipeline.robot
-        assert model is not None
-        fake = fake_robot(
-            model, self.world(), rng=robot_rng, config=FakeConfig(is_initialised=True)
-        )
-        faults = injections_of(self.faults)
-        injected = inject(fake.robot, faults, rng=fault_rng, world=fake)
         settings = settings or TaskSettings(
             arms=self.arms,
             max_removals=self.max_removals,
             drive_over=self.drive_over,
         )
-        executive = Executive(
-            injected.robot,
+        return simulate(
+            self.world(),
             settings,
-            pipeline=pipeline,
-            observers=(_Teller(injected),),
+            injections_of(self.faults),
+            pipeline=pipeline or Pipeline(robot=RobotModel.load(self.robot)),
             record=record,
-            rng=task_rng,
+            rng=np.random.default_rng(self.seed),
         )
-        result = executive.run()
-        return Simulated(result, fake.truth(), injected.happened)
+
+
+def simulate(
+    world: World,
+    settings: TaskSettings,
+    faults: Sequence[Injection] = (),
+    *,
+    pipeline: Pipeline,
+    observers: Sequence[Observer] = (),
+    record: Recorder | None = None,
+    rng: Rng,
+) -> Simulated:
+    """Run the task on the robot in memory in a world, with faults injected.
+
+    Parameters
+    ----------
+    world
+        Bodies at rest.
+    pipeline
+        To plan with; it knows the robot.
+    observers
+        Hear of every state, before the injected faults do.
+
+    Raises
+    ------
+    ConfigError
+        If the pipeline plans for a floating hand.
+    """
+    robot_rng, fault_rng, task_rng = rng.spawn(3)
+    model = pipeline.robot
+    if model is None:
+        raise ConfigError("robot of the pipeline", got="none", expected="a robot")
+    # Only an injected fault takes the zero of a gripper.
+    config = FakeConfig(is_initialised=True)
+    fake = fake_robot(model, world, rng=robot_rng, config=config)
+    injected = inject(fake.robot, faults, rng=fault_rng, world=fake)
+    executive = Executive(
+        injected.robot,
+        settings,
+        pipeline=pipeline,
+        observers=(*observers, _Teller(injected)),
+        record=record,
+        rng=task_rng,
+    )
+    result = executive.run()
+    is_latched = all(arm.is_stopped for arm in fake.arms.values())
+    return Simulated(result, fake.truth(), injected.happened, is_latched)
 
 
 class _Teller:

@@ -76,7 +76,9 @@ ANSWERS: Mapping[tuple[State, str], Answer] = {
     **{(state, "bias_drift"): _BASELINE for state in (*_IN_THE_PILE, *HOLDING)},
     # What a plan could not foresee may be otherwise after another look.
     (State.PREGRASP, "plan_collision"): replace(_AGAIN, budget=3),
-    (State.TRANSPORT, "plan_collision"): Answer(Action.NEXT, 99),
+    (State.TRANSPORT, "plan_collision"): Answer(
+        Action.RETRY, 3, Action.NEXT, State.LIFT
+    ),
     # An object may lie where things are to be put down: nobody can put more there.
     (State.SEGMENT, "plan_collision"): Answer(Action.ABORT),
     # Without an object in sight there is no next one.

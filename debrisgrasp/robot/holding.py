@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import atan, cos, hypot, pi
 
@@ -18,6 +18,8 @@ __all__ = ["Hold", "Seat", "hook_of", "is_enclosed", "sides_of", "squeeze_of"]
 
 _LEAST = 2.0
 """Force of a side below which it does not hold [N]."""
+_GONE = 0.2
+"""Less weight than this is none [N]."""
 _PATCH = 0.02
 """Pads lie flat on what they hold: so far the middle of their pressure may shift, both
 sides together [m]."""
@@ -65,9 +67,35 @@ class Hold:
     n_settled: int = 0
     riders: dict[int, float] = field(default_factory=dict)
     """Bodies that lie on it, and the share of their weight that it carries."""
+    borne: dict[int, float] = field(default_factory=dict)
+    """Weight of each that it bears by now [N]: it comes on, and goes, bit by bit."""
+    is_loading: bool = False
+    """Whether that still changes."""
     is_slipping: bool = False
     slipped: float = 0.0
     """How far it has slipped since the grip was last looked at [m]."""
+
+    def load(self, wanted: Mapping[int, float], way: float, share: float) -> None:
+        """Let weights (body: [N]) come on, and go.
+
+        Parameters
+        ----------
+        way
+            By how much they may grow [N]: what springs take up on the way moved.
+        share
+            Of what is over by which they may fall.
+        """
+        borne = {}
+        for body in {*self.borne, *wanted}:
+            now, then = self.borne.get(body, 0.0), wanted.get(body, 0.0)
+            step = min(then - now, way) if then > now else share * (then - now)
+            value = now + step
+            if body in wanted or value > _GONE:
+                borne[body] = value
+        self.is_loading = any(
+            abs(value - wanted.get(body, 0.0)) > _GONE for body, value in borne.items()
+        )
+        self.borne = borne
 
 
 def sides_of(
@@ -117,9 +145,17 @@ def _mean(side: Sequence[Spring]) -> tuple[FloatArray, FloatArray]:
     return weights @ points / weights.sum(), np.asarray(force)
 
 
-def squeeze_of(side: Sequence[Spring]) -> float:
-    """Sum of the forces of one side [N]."""
-    return sum(float(np.linalg.norm(spring.force)) for spring in side)
+def squeeze_of(side: Sequence[Spring], sign: int) -> float:
+    """Sum of the forces of one side, frame of the hand [N].
+
+    What presses a finger of the thumb's side (-1) or of the pair's (1) further open is
+    not between the two.
+    """
+    return sum(
+        float(np.linalg.norm(spring.force))
+        for spring in side
+        if sign * spring.force[0] > 0.0
+    )
 
 
 def hook_of(springs: Sequence[Spring]) -> float:

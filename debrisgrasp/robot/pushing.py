@@ -50,23 +50,26 @@ class Push:
             overlap=rubble.overlap(body),
         )
 
-    def wanted(self, force: FloatArray, config: FakeConfig) -> FloatArray | None:
+    def wanted(
+        self, force: FloatArray, config: FakeConfig, stiffness: float
+    ) -> FloatArray | None:
         """How far a force (3,) [N] moves the body in one period [m], shape (3,).
 
         It slides by what exceeds the friction under and over it, or is lifted by what
-        exceeds its weight; as far as the springs then push no harder.
+        exceeds its weight; as far as the springs, together as stiff as given [N/m],
+        then push no harder.
         """
         if self.is_stuck:
             return None
         most, carried = _SPEED * config.period, self.weight + self.on_top
         if force[2] > carried:
-            up = (force[2] - carried) / config.stiffness
+            up = (force[2] - carried) / stiffness
             return np.array([0.0, 0.0, min(up, most)])
         size = float(np.hypot(force[0], force[1]))
         excess = size - config.friction * (carried - force[2] + self.on_top)
         if excess <= 0.0:
             return None
-        step = min(excess / config.stiffness, most)
+        step = min(excess / stiffness, most)
         return np.array([step / size * force[0], step / size * force[1], 0.0])
 
     def move(self, way: FloatArray, rubble: Rubble) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import SE3
-from debrisgrasp.worlds import World, come_to_rest
+from debrisgrasp.worlds import Body, World, come_to_rest
 
 from .config import FakeConfig
 from .shapes import BodyShape
@@ -135,7 +135,12 @@ class Rubble:
             deepest = max(deepest, into[0], from_there[0])
         return deepest
 
-    def settle(self, loose: Iterable[int], held: Iterable[int]) -> set[int]:
+    def settle(
+        self,
+        loose: Iterable[int],
+        held: Iterable[int],
+        obstacles: Sequence[Body] = (),
+    ) -> set[int]:
         """Let bodies sink to rest, and those that stood on what moved.
 
         Parameters
@@ -144,6 +149,8 @@ class Rubble:
             Bodies that may have lost their support.
         held
             Bodies that do not move.
+        obstacles
+            Hands, which do not move either.
 
         Returns
         -------
@@ -155,7 +162,7 @@ class Rubble:
             if not waiting:
                 break
             borne = {body: self.touching(body) for body in waiting}
-            fallen = self._sunk(waiting)
+            fallen = self._sunk(waiting, obstacles)
             moved |= fallen
             beside = set[int]().union(*(borne[body] for body in fallen))
             waiting = beside - fixed - waiting
@@ -163,18 +170,20 @@ class Rubble:
             self.version += 1
         return moved
 
-    def _sunk(self, loose: set[int]) -> set[int]:
+    def _sunk(self, loose: set[int], obstacles: Sequence[Body]) -> set[int]:
         """Let some bodies sink, the lowest first, onto those that already lie."""
         waiting = sorted(loose, key=lambda body: self.box(body)[0][2])
         fallen = set()
         while waiting:
             # What lies on a body does not keep it from falling: it follows.
             body = waiting.pop(0)
-            if self._sink(body, waiting):
+            if self._sink(body, waiting, obstacles):
                 fallen.add(body)
         return fallen
 
-    def _sink(self, body: int, without: Collection[int]) -> bool:
+    def _sink(
+        self, body: int, without: Collection[int], obstacles: Sequence[Body]
+    ) -> bool:
         """Let one body sink; return whether it moved."""
         start = self.shapes[body].com
         self._free(body, without)
@@ -187,8 +196,9 @@ class Rubble:
             and (self.box(i)[1][:2] > low[:2] - _COLUMN).all()
         ]
         world = self.world
-        scene = World(tuple(world.bodies[i] for i in near), world.ground)
-        fixed = [self.names[i] for i in near if i != body]
+        bodies = (*(world.bodies[i] for i in near), *obstacles)
+        scene = World(bodies, world.ground)
+        fixed = [other.name for other in bodies if other.name != self.names[body]]
         rested = come_to_rest(scene, self._config.rest, fixed=fixed)
         if rested.moved:
             pose = rested.world.bodies[near.index(body)].T_base_body

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,7 +17,8 @@ from .holding import Hold, Seat, hook_of, is_enclosed, sides_of, squeeze_of
 from .links import LinkSpheres
 from .pushing import GRAVITY, Push
 from .rubble import Rubble
-from .touch import GROUND, HELD, PALM, Spring, Touch
+from .settling import HandState, Settling
+from .touch import GROUND, HELD, PALM, Touch
 
 __all__ = ["Stage"]
 
@@ -34,21 +34,10 @@ _LOOSE = 0.5
 """Squeezed with less, a body is let go [N]."""
 _OFF_SEAT = 0.02
 """Moved by so much, a body no longer rests where it lay [m]."""
+_FALLS_WITHIN = 0.03
+"""What slides off a held body takes so long to be gone [s]."""
 _SETTLE_WAYS = (0.005, 0.05, 0.25)
 """Ways of a held body after which what it bore sinks to rest [m]."""
-
-
-@dataclass(slots=True)
-class _HandState:
-    """One hand and what it does; lives inside `Stage` only."""
-
-    arm: FakeArm
-    gripper: FakeGripper
-    sensor: FakeForceSensor
-    touch: Touch
-    hold: Hold | None = None
-    seen: tuple[object, ...] | None = None
-    springs: Sequence[Spring] = ()
 
 
 class Stage:
@@ -69,7 +58,7 @@ class Stage:
         """For so many periods hands let go of nothing."""
         self._rubble = Rubble(world, config)
         self._hands = {
-            name: _HandState(
+            name: HandState(
                 arms[name],
                 hands[name],
                 sensors[name],
@@ -77,6 +66,7 @@ class Stage:
             )
             for name in arms
         }
+        self._settling = Settling(self._rubble, list(self._hands.values()))
         self._started = [shape.com.copy() for shape in self._rubble.shapes]
         self._pushes: dict[int, Push] = {}
         self._is_far: dict[int, bool] = {}
@@ -119,6 +109,7 @@ class Stage:
     def advance(self, T_odom_base: SE3) -> None:
         """Let a period pass for fingers and bodies."""
         touched: dict[int, FloatArray] = {}
+        stiffness: dict[int, float] = {}
         self.sticky_ticks = max(self.sticky_ticks - 1, 0)
         for name, hand in self._hands.items():
             self._advance_hand(name, hand, T_odom_base)
@@ -126,8 +117,12 @@ class Stage:
                 if spring.body != GROUND and not self._is_held(spring.body):
                     push = touched.setdefault(spring.body, np.zeros(3))
                     push -= spring.force
+                    stiffness[spring.body] = stiffness.get(spring.body, 0.0) + (
+                        float(np.linalg.norm(spring.force)) / spring.depth
+                    )
         if touched or self._pushes:
-            self._push(touched)
+            self._push(touched, stiffness)
+        self._settling.follow(self._held_bodies())
 
     def scrape(self, arm: str, links: LinkSpheres, T_odom_base: SE3) -> None:
         """Take note of the bodies that an arm's links go through."""
@@ -148,10 +143,11 @@ class Stage:
     def _held_bodies(self) -> set[int]:
         return {h.hold.index for h in self._hands.values() if h.hold is not None}
 
-    def _advance_hand(self, name: str, hand: _HandState, T_odom_base: SE3) -> None:
+    def _advance_hand(self, name: str, hand: HandState, T_odom_base: SE3) -> None:
         fingers_moved = hand.gripper.advance()
         pose = hand.arm.pose()
-        is_slipping = hand.hold is not None and hand.hold.is_slipping
+        hold = hand.hold
+        is_slipping = hold is not None and (hold.is_slipping or hold.is_loading)
         key = (pose, T_odom_base, self._rubble.version, hand.gripper.force)
         if hand.seen == key and not fingers_moved and not is_slipping:
             return
@@ -163,6 +159,7 @@ class Stage:
             return
         R = T_odom_base.R @ np.reshape(pose[0], (3, 3))
         p = T_odom_base.R @ np.asarray(pose[1]) + T_odom_base.p
+        hand.place = SE3.from_parts(R, p)
         if hand.hold is not None:
             self._carry(hand.hold, R, p)
         left_out = self._left_out(hand)
@@ -178,7 +175,7 @@ class Stage:
         if hand.hold is not None:
             self._check_hold(hand, hand.hold, R.T @ on_body)
 
-    def _left_out(self, hand: _HandState) -> set[int]:
+    def _left_out(self, hand: HandState) -> set[int]:
         """Bodies that a hand passes through: in the other hand, or on what it holds."""
         left_out = set() if hand.hold is None else set(hand.hold.riders)
         for other in self._hands.values():
@@ -186,7 +183,7 @@ class Stage:
                 left_out |= {other.hold.index, *other.hold.riders}
         return left_out
 
-    def _feel(self, hand: _HandState, R: FloatArray) -> None:
+    def _feel(self, hand: HandState, R: FloatArray) -> None:
         """Tell each finger what it feels."""
         forces = [0.0] * len(hand.gripper.forces)
         pushes = [(s.owner, float(R[:, 0] @ s.force)) for s in hand.springs]
@@ -197,7 +194,7 @@ class Stage:
                 forces[owner - 1] += side * push
         hand.gripper.forces = forces
 
-    def _try_hold(self, hand: _HandState, R: FloatArray, p: FloatArray) -> None:
+    def _try_hold(self, hand: HandState, R: FloatArray, p: FloatArray) -> None:
         """Hold what the fingers enclose."""
         for body in {spring.body for spring in hand.springs} - {GROUND}:
             if self._is_held(body):
@@ -229,6 +226,7 @@ class Stage:
     def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> None:
         """Move what is held, and what lies on it, with the hand."""
         shape = self._rubble.shapes[hold.index]
+        before = shape.com.copy()
         R_new, p_new = R @ hold.R, R @ hold.p + p
         turn = R_new @ shape.R.T
         way = p_new - turn @ shape.p
@@ -249,11 +247,18 @@ class Stage:
                 loose |= hold.neighbours
             hold.settled_at = shape.com.copy()
             hold.riders = self._rubble.riders(hold.index)
-            self._rubble.settle(loose, self._held_bodies())
+            self._settling.settle(loose, self._held_bodies())
             hold.riders = self._rubble.riders(hold.index)
+        moved = float(np.linalg.norm(shape.com - before))
+        masses = {i: self._rubble.shapes[i].mass for i in hold.riders}
+        hold.load(
+            {i: share * GRAVITY * masses[i] for i, share in hold.riders.items()},
+            self._config.stiffness * moved,
+            min(self._config.period / _FALLS_WITHIN, 1.0),
+        )
 
     def _load(
-        self, hand: _HandState, R: FloatArray, p: FloatArray
+        self, hand: HandState, R: FloatArray, p: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Force on what is held but for the fingers, and the load on the hand.
 
@@ -277,11 +282,8 @@ class Stage:
                     hold.seat = None
             loads = [(body.com, carried)]
             loads += [
-                (
-                    shapes[i].com,
-                    np.array([0.0, 0.0, -share * GRAVITY * shapes[i].mass]),
-                )
-                for i, share in hold.riders.items()
+                (shapes[i].com, np.array([0.0, 0.0, -borne]))
+                for i, borne in hold.borne.items()
             ]
             for point, push in loads:
                 force += push
@@ -291,7 +293,7 @@ class Stage:
 
     def _check_hold(
         self,
-        hand: _HandState,
+        hand: HandState,
         hold: Hold,
         on_body: FloatArray,
     ) -> None:
@@ -300,11 +302,13 @@ class Stage:
         ``on_body`` is the force on it in the axes of the hand.
         """
         sides = sides_of(hand.touch.grip, hold.index, hand.gripper.model)
-        squeeze = min(squeeze_of(side) for side in sides)
+        squeeze = min(
+            squeeze_of(side, sign) for side, sign in zip(sides, (-1, 1), strict=True)
+        )
         if self.sticky_ticks:
             return
         if squeeze < _LOOSE:
-            self._let_go(hand, hold)
+            self._let_go(hand, hold, has_slipped=hold.is_slipping)
             return
         kept = 2.0 * self.friction * squeeze
         along = on_body.copy()
@@ -323,21 +327,29 @@ class Stage:
         if hold.slipped > _SLIP_CHECK:
             hold.slipped = 0.0
             if not is_enclosed(*sides, self.friction):
-                self._let_go(hand, hold)
+                self._let_go(hand, hold, has_slipped=True)
 
-    def _let_go(self, hand: _HandState, hold: Hold) -> None:
-        """Let a body sink to rest that no hand holds any more."""
+    def _let_go(
+        self, hand: HandState, hold: Hold, *, has_slipped: bool = False
+    ) -> None:
+        """Let a body sink to rest that no hand holds any more.
+
+        What has slipped out is past the fingers, which still squeeze.
+        """
         hand.hold = None
         hand.touch.hold(None, None, np.eye(3), np.zeros(3))
         hand.gripper.forces = [0.0] * len(hand.gripper.forces)
-        self._rubble.settle({hold.index, *hold.riders}, self._held_bodies())
+        passed = hand if has_slipped else None
+        self._settling.settle({hold.index, *hold.riders}, self._held_bodies(), passed)
         self._rubble.version += 1
         way = self._rubble.shapes[hold.index].com - self._started[hold.index]
         self._is_far[hold.index] = bool(
             np.linalg.norm(way) > self._config.removed_beyond
         )
 
-    def _push(self, touched: Mapping[int, FloatArray]) -> None:
+    def _push(
+        self, touched: Mapping[int, FloatArray], stiffness: Mapping[int, float]
+    ) -> None:
         """Move what is pushed with more than friction, and settle what no longer is."""
         # What would fall into a hand waits until that is away.
         over = [
@@ -350,12 +362,12 @@ class Stage:
             ended = self._pushes.pop(body)
             if ended.way > _LIFTED and not self._is_held(body):
                 beside = self._rubble.touching(body)
-                self._rubble.settle({body, *beside}, self._held_bodies())
+                self._settling.settle({body, *beside}, self._held_bodies())
         for body, force in touched.items():
             if body not in self._pushes:
                 self._pushes[body] = Push.begun(body, self._rubble)
             push = self._pushes[body]
-            way = push.wanted(force, self._config)
+            way = push.wanted(force, self._config, stiffness[body])
             if way is None:
                 continue
             push.move(way, self._rubble)

@@ -32,6 +32,8 @@ _MARGIN = 0.03
 """What is nearer than this is watched [m]."""
 _UP = np.array([[0.0, 0.0, 1.0]])
 _CLOSING = np.array([1.0, 0.0, 0.0])
+_EDGE = 3e-4
+"""So near to an edge both of its sides push: nothing jumps on the way around it [m]."""
 
 Rotation = tuple[float, ...]
 """Nine numbers: a matrix row by row."""
@@ -91,8 +93,12 @@ class Touch:
         self.held: BodyShape | None = None
         """What it holds."""
         self._held_index: int | None = None
-        self._at_first: dict[tuple[int, int], float] | None = {}
-        """How deep what is held was in others when it was gripped, at rest [m]."""
+        self._at_rest: dict[tuple[int, int], float] = {}
+        """How deep owners are in bodies that came to rest against them [m]."""
+        self._net: dict[tuple[int, int], float] = {}
+        """How deep they were pressed in from there, at the last look [m]."""
+        self._settled: set[int] = set()
+        self._is_new = False
         self.grip: list[Spring] = []
         """Contacts of the hand with what it holds, in the frame of the hand."""
         counts = [rows.stop - rows.start for rows in self.shape.owned]
@@ -112,7 +118,7 @@ class Touch:
     ) -> None:
         """Take a body whose pose in the frame of the hand is (R, p); None: let go."""
         if index != self._held_index:
-            self._at_first = None
+            self._is_new = True
         self.held, self._held_index = body, index
         if body is not None:
             normals, offsets, self._held_points = body.seen(R, p)
@@ -123,6 +129,14 @@ class Touch:
     def forget(self) -> None:
         """Look again for what is near: a body has moved."""
         self._since = self._clear = None
+
+    def settled(self, bodies: Collection[int]) -> None:
+        """Take note that bodies have come to rest, against hand or held body perhaps.
+
+        They lie there; that they were set down a little inside presses nothing.
+        """
+        self._settled |= set(bodies)
+        self.forget()
 
     def shifted(self, distance: float) -> None:
         """Take note that a body has moved a little [m]."""
@@ -180,14 +194,21 @@ class Touch:
         return self._eased(found)
 
     def _eased(self, found: dict[tuple[int, int], Spring]) -> list[Spring]:
-        """Take from the contacts of what is held what was there as it lay at rest."""
-        held = {key: s for key, s in found.items() if key[0] == HELD}
-        if self._at_first is None:
-            self._at_first = {key: s.depth for key, s in held.items()}
-        for key, spring in held.items():
-            first = min(self._at_first.get(key, 0.0), spring.depth)
-            self._at_first[key] = first
+        """Take from the contacts what was there when the bodies lay at rest."""
+        rest, net = self._at_rest, self._net
+        for key, spring in found.items():
+            owner, body = key
+            if owner == HELD and self._is_new:
+                rest[key] = spring.depth
+            elif body in self._settled or (owner == HELD and self._settled):
+                rest[key] = spring.depth - min(spring.depth, net.get(key, 0.0))
+        self._settled, self._is_new, self._net = set(), False, {}
+        self._at_rest = {}
+        for key, spring in found.items():
+            first = min(rest.get(key, 0.0), spring.depth)
+            self._net[key] = spring.depth - first
             if first > 0.0:
+                self._at_rest[key] = first
                 share = 1.0 - first / spring.depth
                 found[key] = spring._replace(
                     force=share * spring.force, depth=spring.depth - first
@@ -230,7 +251,7 @@ class Touch:
             return
         weights = np.maximum(-gaps, 0.0)
         point = weights @ where / weights.sum()
-        normal = normals[int(beyond[deepest].argmax())]
+        normal = _blended(normals, beyond[deepest])
         owner, body = key
         stiffness = self.stiffness
         if owner > PALM:
@@ -348,3 +369,17 @@ class Touch:
             near = np.flatnonzero(gaps < _MARGIN)
             if len(near):
                 self._guards.append(_Guard(owner, i, near, normals, offsets))
+
+
+def _blended(normals: FloatArray, beyond: FloatArray) -> FloatArray:
+    """Direction in which a body pushes a point out, smooth around its edges.
+
+    Parameters
+    ----------
+    normals, beyond
+        Of the sides, shapes (s, 3) and (s,) [m], negative inside.
+    """
+    nearest = int(beyond.argmax())
+    mean = np.exp((beyond - beyond[nearest]) / _EDGE) @ normals
+    size = float(np.linalg.norm(mean))
+    return np.asarray(mean / size if size > 0.5 else normals[nearest])

@@ -213,3 +213,46 @@ def test_pads_that_meet_a_little_apart_hold_and_far_apart_do_not():
         thumb = [_spring(1, (-0.015, 0, offset), -push)]
         pair = [_spring(2, (0.015, 0, 0), push)]
         assert is_enclosed(thumb, pair, FakeConfig().friction) is holds
+
+
+def test_what_lies_on_a_held_bar_loads_the_wrist_as_far_as_it_was_lifted():
+    on_top = beam("top", 3.0, (0.95, -0.3, 0.1335), yaw=np.pi / 2)
+    rig = Rig([beam("bar", 2.0, (0.95, -0.3, 0.0445)), on_top], place=(0.8, -0.3, 0.13))
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    felt = [rig.load[2]]
+
+    def noted() -> bool:
+        felt.append(rig.load[2])
+        return False
+
+    rig.move(0.0, 0.0, 0.06, speed=0.03, until=noted)
+    assert felt[-1] == pytest.approx(5.0 * G, abs=3.0)
+    # 30 mm/s on springs of 3e4 N/m are 4 N in a period; all of it at once would be 29.
+    assert np.abs(np.diff(felt)).max() < 20.0
+
+
+def test_a_body_that_is_let_go_comes_to_lie_on_the_hand_and_not_in_it():
+    rig = Rig(
+        [beam("bar", 4.0, (0.95, -0.3, 0.0445), yaw=0.0)], place=(0.8, -0.3, 0.13)
+    )
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.05, speed=0.05)
+    rig.open()
+    rig.move(0.0, 0.0, 0.1, speed=0.05)
+    assert rig.fake.truth().peak_force["right"] < 1.5 * 4.0 * G
+    assert rig.body("bar").p[2] == pytest.approx(0.0445, abs=4e-3)
+
+
+def test_fingers_that_open_push_no_harder_than_they_were_told():
+    wall = beam("wall", 200.0, (0.8, -0.14, 0.0445))
+    rig = Rig([wall, beam("far", 1.0, (2.0, 0.0, 0.0445))], place=(0.8, -0.3, 0.13))
+    n = len(rig.hand.read().openings)
+    rig.hand.command(GripCommand((0.02,) * n, 30.0))
+    rig.wait(1.0)
+    rig.move(0.0, 0.05, 0.0, speed=0.05)
+    before = rig.fake.truth().peak_force["right"]
+    rig.hand.command(GripCommand((0.15,) * n, 30.0))
+    rig.wait(2.0)
+    assert before < 30.0
+    assert min(rig.hand.read().openings) < 0.15 - 5e-3
+    assert rig.fake.truth().peak_force["right"] < 80.0

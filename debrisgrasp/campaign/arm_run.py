@@ -1,0 +1,72 @@
+"""One run of the whole task with both arms in the physics of the extra ``sim``."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from debrisgrasp.executive import Executive, Simulated, TaskSettings
+from debrisgrasp.robot import FakeConfig
+from debrisgrasp.sim import tier_scene
+from debrisgrasp.sim_robot import sim_robot
+
+from .fake_run import (
+    DRIVE_OVER,
+    Watch,
+    is_in_the_way,
+    pipeline_of_roman,
+    record_of,
+)
+from .record import RunRecord
+from .specs import RunSpec
+
+__all__ = ["run_arm"]
+
+
+def run_arm(spec: RunSpec) -> RunRecord:
+    """Clear a scene once with a robot that has weight, drives and contacts.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such tier.
+    MissingExtraError
+        If MuJoCo is not installed.
+    """
+    start = time.thread_time()
+    robot_rng, task_rng = np.random.default_rng(spec.seed).spawn(2)
+    world = tier_scene(spec.tier, spec.seed).world
+    pipeline = pipeline_of_roman()
+    model = pipeline.robot
+    assert model is not None
+    config = FakeConfig(is_initialised=True)
+    robot = sim_robot(model, world, rng=robot_rng, config=config)
+    watch = Watch(recovery=spec.recovery)
+    settings = TaskSettings(
+        max_removals=spec.max_removals,
+        max_attempts=spec.max_attempts,
+        drive_over=DRIVE_OVER,
+    )
+    executive = Executive(
+        robot.robot, settings, pipeline=pipeline, observers=(watch,), rng=task_rng
+    )
+    result = executive.run()
+    is_latched = all(arm.is_stopped for arm in robot.arms.values())
+    truth = robot.truth()
+    done = Simulated(result, truth, (), is_latched)
+    record = record_of(spec, done, watch, settings, time.thread_time() - start)
+    can_go = {
+        body.name: body.mass
+        for body in world.bodies
+        if is_in_the_way(body, settings) and body.mass <= settings.max_mass
+    }
+    gone = [can_go.get(name, 0.0) for name in truth.removed]
+    more = {
+        "deepest_mm": {arm: round(1e3 * d, 3) for arm, d in truth.deepest.items()},
+        "peak_at_s": {arm: round(when, 3) for arm, when in truth.peak_time.items()},
+        "removable_kg": round(sum(can_go.values()), 3),
+        "removed_kg": round(sum(gone), 3),
+    }
+    return replace(record, details={**record.details, **more})

@@ -1,0 +1,152 @@
+"""What one limb feels while it moves: its load, its fingers, and what they tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import hypot
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import (
+    FingerReading,
+    GripCommand,
+    GripPhase,
+    LoadModel,
+    Reading,
+    SafetyState,
+    Stop,
+)
+from debrisgrasp.control._rigid import Wrench
+
+from .context import FINGER_TICKS, Context
+from .noticed import fault_of_stop
+from .result import FaultFound
+from .states import State
+
+__all__ = ["Senses", "mean_wrench"]
+
+_ZERO = (0.0,) * 6
+_CLOSING = (State.CLOSE, State.VERIFY_GRASP)
+_SLACK = 10.0
+"""With which fingers stay where they were stopped [N]."""
+_LETS_GO = 0.15
+"""Fingers that have lost what they held have closed within so long [s]."""
+
+
+class Senses:
+    """Reads one limb, and judges what its fingers say."""
+
+    def __init__(self, context: Context, arm: str) -> None:
+        self.context, self.limb = context, context.limbs[arm]
+        self.devices = self.limb.limb
+        self.clock = context.robot.clock
+        self.period = context.settings.period
+        self._tick = 0
+        self._loaded: LoadModel | None = None
+        self.limits = self.limb.limits.controller.scaled(
+            load=context.settings.load_share
+        )
+        """At which a motion is stopped: what grows until the arm stands has room."""
+        self.load: Wrench = _ZERO
+        """Latest load at the hand, absolute, in its axes [N, N m]."""
+
+    def read(self) -> Reading:
+        """Measure joints and wrench."""
+        joints = self.devices.arm.read()
+        wrench = self.devices.sensor.read()
+        self.limb.q_last = joints.q
+        return Reading(self.clock.now(), joints.q, wrench.wrench_ft, wrench.time)
+
+    def fingers(self) -> FingerReading:
+        """Measure the fingers."""
+        read = self.devices.gripper.read()
+        return FingerReading(read.openings, read.forces)
+
+    def _expected(self, state: SafetyState) -> Wrench:
+        """Load of what is carried, as the hand is turned now."""
+        held = self.context.held
+        if held is None or held.payload.mass <= 0.0:
+            return _ZERO
+        if self._loaded is None:
+            self._loaded = self.limb.loads.with_payload(held.payload)
+        return self._loaded.payload_ee(self.limb.kinematics.pose(state.q)[0])
+
+    def _halt(self) -> None:
+        """Stop the arm; fingers that were closing go on no more either."""
+        self.devices.arm.stop()
+        if self.context.state in _CLOSING:
+            command = GripCommand(tuple(self.fingers().openings), _SLACK)
+            self.devices.gripper.command(command)
+
+    def _watched_fingers(self, load: tuple[float, ...]) -> FaultFound | None:
+        """While something is held: go on squeezing, and notice when it is lost."""
+        held = self.context.held
+        if held is None or held.arm != self.limb.name or not held.is_watched:
+            return None
+        if self._tick % FINGER_TICKS:
+            return None
+        fingers = self.fingers()
+        carried = self.carried(load) if held.is_lifted else None
+        held.state, command = held.watch.step(
+            held.state, fingers._replace(carried=carried)
+        )
+        self.devices.gripper.command(command)
+        if held.state.phase in (GripPhase.SLIPPED, GripPhase.LOST):
+            what = held.state.phase.value
+            words = f"{what}: fingers at "
+            words += ", ".join(f"{1e3 * x:.0f}" for x in fingers.openings) + " mm"
+            fault = "slip" if held.state.phase is GripPhase.SLIPPED else "finger_jammed"
+            return FaultFound(fault, words, self.limb.name)
+        return None
+
+    def carried(self, load: tuple[float, ...]) -> float:
+        """Weight that a load at the hand amounts to [N]."""
+        R, _ = self.limb.kinematics.pose(self._q)
+        return -(R[6] * load[0] + R[7] * load[1] + R[8] * load[2])
+
+    @property
+    def _q(self) -> list[float]:
+        q: list[float] = np.asarray(self.devices.arm.read().q, dtype=float).tolist()
+        return q
+
+    def push(self) -> FloatArray:
+        """Latest force on the hand in the axes of base [N], shape (3,)."""
+        R, _ = self.limb.kinematics.pose(self._q)
+        return np.asarray(np.reshape(R, (3, 3)) @ np.array(self.load[:3]))
+
+    def _note(self, time: float, load: tuple[float, ...]) -> None:
+        self._tick += 1
+        self.load = load
+        cycle = self.context.cycle
+        force, torque = hypot(*load[:3]), hypot(*load[3:])
+        cycle.peak_force = max(cycle.peak_force, force)
+        cycle.peak_torque = max(cycle.peak_torque, torque)
+        if not self._tick % FINGER_TICKS:
+            self.context.trace.append((time, force, torque))
+
+    def _fault(self, stop: Stop, reading: Reading) -> FaultFound:
+        found = fault_of_stop(stop, reading, self.context.state, self.limb.name)
+        lost = self._lost() if found.fault == "bias_jump" else ""
+        return replace(found, fault="slip", message=lost) if lost else found
+
+    def _lost(self) -> str:
+        """Say that the fingers no longer hold what the hand had: the load changed."""
+        held = self.context.held
+        if held is None or held.arm != self.limb.name:
+            return ""
+        self.context.wait(_LETS_GO)
+        fingers, before = self.fingers(), held.state.held_openings
+        travel = max(
+            [a - b for a, b in zip(before, fingers.openings, strict=False)], default=0.0
+        )
+        if travel < held.grip.config.slip_travel and min(fingers.forces) >= 1.0:
+            return ""
+        return f"the load jumped as the fingers closed by {1e3 * travel:.0f} mm"
+
+
+def mean_wrench(readings: list[Reading]) -> FloatArray:
+    """Mean of the raw wrenches, shape (6,)."""
+    raw = np.array([np.asarray(r.wrench_ft, dtype=np.float64) for r in readings])
+    mean: FloatArray = raw.mean(axis=0)
+    return mean

@@ -1,0 +1,108 @@
+"""Bodies that sink to rest among hands, which are in their way as anything else is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from debrisgrasp.geometry import SE3
+from debrisgrasp.worlds import Body
+from debrisgrasp.worlds.body import as_part
+
+from .fake_arm import FakeArm, FakeForceSensor
+from .fake_hand import FakeGripper
+from .holding import Hold
+from .rubble import Rubble
+from .touch import Spring, Touch
+
+__all__ = ["HandState", "Settling"]
+
+_FOLLOWS = 0.02
+"""A hand that has moved by so much no longer props what lay against it [m]."""
+
+
+@dataclass(slots=True, eq=False)
+class HandState:
+    """One hand and what it does."""
+
+    arm: FakeArm
+    gripper: FakeGripper
+    sensor: FakeForceSensor
+    touch: Touch
+    hold: Hold | None = None
+    seen: tuple[object, ...] | None = None
+    springs: Sequence[Spring] = ()
+    place: SE3 = field(default_factory=SE3.identity)
+    """Of the hand, frame odom."""
+
+    def as_body(self) -> Body:
+        """Palm and fingers where they are, as something to lie on."""
+        parts = tuple(as_part(solid) for solid in self.gripper.solids())
+        name = f"hand of the {self.arm.name} arm"
+        return Body(name, "hand", parts, self.gripper.model.mass, self.place)
+
+    def is_at(self, bodies: set[int], rubble: Rubble) -> bool:
+        """Whether it is near one of some bodies, and does not hold it."""
+        held = set() if self.hold is None else {self.hold.index}
+        return any(
+            float(np.linalg.norm(shape.middle - self.place.p))
+            < shape.radius + self.touch.shape.radius
+            for shape in (rubble.shapes[body] for body in bodies - held)
+        )
+
+
+class Settling:
+    """Lets bodies come to rest, and again when the hand that props them has gone."""
+
+    def __init__(self, rubble: Rubble, hands: Sequence[HandState]) -> None:
+        self._rubble, self._hands = rubble, hands
+        self._leaning: dict[int, Sequence[float]] = {}
+        """Bodies that came to rest near a hand, and where the hands were."""
+
+    def settle(
+        self, loose: set[int], held: set[int], passed: HandState | None = None
+    ) -> None:
+        """Let bodies sink to rest.
+
+        Parameters
+        ----------
+        held
+            Bodies in hands, which stay.
+        passed
+            A hand that they are past already: they slipped out of it.
+        """
+        near = [
+            hand
+            for hand in self._hands
+            if hand is not passed and hand.is_at(loose, self._rubble)
+        ]
+        moved = self._rubble.settle(loose, held, [hand.as_body() for hand in near])
+        for hand in self._hands:
+            hand.touch.settled(loose | moved)
+        for body in loose | moved:
+            self._leaning.pop(body, None)
+            if any(hand.is_at({body}, self._rubble) for hand in near):
+                self._leaning[body] = self._places()
+
+    def follow(self, held: set[int]) -> None:
+        """Let what lay against a hand that has moved away sink on."""
+        if not self._leaning:
+            return
+        now = self._places()
+        due = {
+            body
+            for body, then in self._leaning.items()
+            if max(abs(a - b) for a, b in zip(now, then, strict=True)) > _FOLLOWS
+        } - held
+        if due:
+            self.settle(due, held)
+
+    def _places(self) -> list[float]:
+        """Places and openings of all hands [m]."""
+        return [
+            value
+            for hand in self._hands
+            for value in (*hand.place.p.tolist(), *hand.gripper.openings)
+        ]

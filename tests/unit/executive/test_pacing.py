@@ -1,0 +1,49 @@
+"""How fast a motion is run: even, and slower where something is near."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from debrisgrasp.executive.pacing import times_at
+
+PERIOD, GAIN = 0.004, 0.4
+
+
+def run(duration, paces):
+    return times_at(SimpleNamespace(duration=duration), np.asarray(paces), PERIOD)
+
+
+def test_half_the_pace_takes_twice_the_time():
+    times = run(3.0, [0.5])
+    assert len(times) == 1500
+    assert np.allclose(np.diff(times), 0.5 * PERIOD)
+
+
+def test_a_slow_part_is_slow_and_the_rest_is_not():
+    times = run(10.0, [1.0] * 40 + [0.1] * 5 + [1.0] * 40)
+    pace = np.diff(times[:-1]) / PERIOD
+    middle = np.abs(times[1:-1] - 5.0) < 0.2
+    assert pace[middle].max() < 0.11
+    assert pace.max() == pytest.approx(1.0, abs=1e-6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(0.05, 12.0),
+    st.integers(1, 30).flatmap(
+        lambda n: arrays(np.float64, n, elements=st.floats(0.02, 1.0))
+    ),
+)
+def test_the_pace_changes_no_faster_than_the_arm_can(duration, paces):
+    times = run(duration, paces)
+    assert times[-1] == pytest.approx(duration, abs=1e-9)
+    steps = np.diff(np.concatenate([[0.0], times]))
+    assert steps.min() > 0.0
+    assert steps.max() <= PERIOD * paces.max() * (1.0 + 1e-9)
+    assert np.abs(np.diff(steps[:-1])).max(initial=0.0) <= GAIN * PERIOD**2 * 1.01
