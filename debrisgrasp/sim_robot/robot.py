@@ -1,0 +1,241 @@
+"""A robot with drives, weight and contacts, in a world that has them too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from debrisgrasp._arrays import Rng
+from debrisgrasp.control import Body as Tool
+from debrisgrasp.control import LoadModel
+from debrisgrasp.errors import InputError, UnknownNameError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.prototypes import GripperModel, load_grippers
+from debrisgrasp.robot import FakeConfig, FakeRobot, FakeTruth, Limb
+from debrisgrasp.worlds import World, volume_and_centroid
+from debrisgrasp.worlds.body import as_part
+
+from .arm import SimArm, SimForceSensor
+from .gripper import SimGripper
+from .physics import RobotPhysics
+from .stage import SimStage
+
+__all__ = ["SimRobot", "SimTruth", "sim_robot"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SimTruth(FakeTruth):
+    """What really happened, which no device tells."""
+
+    peak_time: Mapping[str, float]
+    """When the largest force acted, by arm [s]."""
+    deepest: Mapping[str, float]
+    """How deep a hand entered a body at most, by arm [m]."""
+    seconds: float
+    """Simulated time [s]."""
+
+
+class SimRobot(FakeRobot):
+    """Devices of a robot in physics, and the truth behind them; made by `sim_robot`.
+
+    Head, camera, base and clock are those of a `FakeRobot`; arms, wrists and hands are
+    simulated, and so is everything that they touch.
+    """
+
+    arms: dict[str, SimArm]  # type: ignore[assignment]
+    hands: dict[str, SimGripper]  # type: ignore[assignment]
+    sensors: dict[str, SimForceSensor]  # type: ignore[assignment]
+
+    def __init__(
+        self,
+        model: RobotModel,
+        world: World,
+        *,
+        rng: Rng,
+        config: FakeConfig,
+        physics: RobotPhysics,
+        grippers: Mapping[str, GripperModel],
+    ) -> None:
+        self._physics = physics
+        # The stage that this makes is replaced below; one body is the least it takes.
+        least = World(world.bodies[:1], world.ground)
+        super().__init__(model, least, rng=rng, config=config, grippers=grippers)
+        self._links = {}  # links are solid here: the stage knows what they meet
+        self._stage: SimStage = SimStage(  # type: ignore[assignment]
+            model,
+            world,
+            self.arms,
+            self.hands,
+            self.sensors,
+            {name: self._T_ee_ft(name) for name in self.arms},
+            self._drives,
+            config,
+            physics,
+        )
+
+    def truth(self) -> SimTruth:
+        """Return what no device tells.
+
+        Raises
+        ------
+        InputError
+            If the simulation diverged.
+        """
+        stage = self._stage
+        if stage.has_diverged:
+            raise InputError(
+                "simulation of a robot",
+                got="one that diverged",
+                expected="finite motion",
+                mend="Take a smaller time_step, or bodies that don't overlap.",
+            )
+        known = super().truth()
+        values = {field.name: getattr(known, field.name) for field in fields(known)}
+        return SimTruth(
+            **values,
+            peak_time=dict(stage.peak_time),
+            deepest=dict(stage.deepest),
+            seconds=self.timeline.now,
+        )
+
+    def change_world(self, change: Callable[[World], World]) -> bool:
+        """Let bodies be others, or elsewhere; refused: physics has its own way."""
+        del change
+        return False
+
+    def change_friction(self, friction: float) -> None:
+        """Make everything as slick, or as rough."""
+        self._stage.set_friction(friction)
+
+    def stick(self, seconds: float) -> None:
+        """Let hands keep hold of what they hold; there is no glue in physics.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise _only_kinematic(f"sticking for {seconds:g} s")
+
+    def misplace(self, margin: float, arm: str | None = None) -> None:
+        """Put a joint where its own stops keep it from.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise _only_kinematic(f"a joint of {arm or 'an arm'} {margin:g} rad off")
+
+    def _make_limb(
+        self, name: str, grippers: Mapping[str, GripperModel], rng: Rng
+    ) -> Limb:
+        model, config, timeline = self.model, self.config, self.timeline
+        spec, chain = model.arm(name), model.chain(name)
+        if spec.gripper not in grippers:
+            raise UnknownNameError(f"gripper of arm {name}", spec.gripper, grippers)
+        start = config.start.get(name, spec.idle)
+        values = model.posture(name, start) if isinstance(start, str) else start
+        arm = SimArm(
+            name,
+            chain,
+            model.limits(name, chain).hardware,
+            chain.vector(values).tolist(),
+            self._drives,
+            timeline,
+            config,
+            self.violations,
+        )
+        hand = SimGripper(
+            name,
+            grippers[spec.gripper],
+            timeline,
+            config,
+            self.violations,
+            self._physics.hand,
+        )
+        T_ee_ft = self._T_ee_ft(name)
+        loads = LoadModel(
+            T_ee_ft=T_ee_ft,
+            tool=_tool(hand.model, T_ee_ft),
+            bias=np.array(config.bias),
+            wrench_sign=config.wrench_sign,
+        )
+        sensor = SimForceSensor(arm, loads, timeline, config, rng)
+        self.arms[name], self.hands[name], self.sensors[name] = arm, hand, sensor
+        return Limb(arm=arm, sensor=sensor, gripper=hand, loads=loads)
+
+
+def sim_robot(
+    model: RobotModel,
+    world: World,
+    *,
+    rng: Rng,
+    config: FakeConfig | None = None,
+    physics: RobotPhysics | None = None,
+    grippers: Mapping[str, GripperModel] | None = None,
+) -> SimRobot:
+    """Put a robot in physics before a world.
+
+    Parameters
+    ----------
+    model
+        Which robot, whose URDF gives masses and inertias; arms start in their idle
+        posture.
+    world
+        Bodies at rest, in the frame of the base; `debrisgrasp.sim.settled_pile` makes
+        such.
+    rng
+        Source of all randomness: the same state and the same commands give the same
+        run.
+    config
+        How wrong its devices are. What it says of contacts and friction does not count
+        here.
+    physics
+        Servo of the joints, hands and contacts.
+    grippers
+        Hands by name; None: those that ship.
+
+    Raises
+    ------
+    UnknownNameError
+        If an arm carries a hand that is not among them.
+    ConfigError
+        If the URDF gives a link of an arm no mass, or the period of the devices is not
+        a whole number of steps.
+    MissingExtraError
+        If MuJoCo is not installed.
+    """
+    hands = load_grippers() if grippers is None else grippers
+    return SimRobot(
+        model,
+        world,
+        rng=rng,
+        config=config or FakeConfig(),
+        physics=physics or RobotPhysics(),
+        grippers=hands,
+    )
+
+
+def _only_kinematic(what: str) -> InputError:
+    return InputError(
+        "change of a robot in physics",
+        got=what,
+        expected="what physics allows",
+        mend="Inject this fault into a fake_robot.",
+    )
+
+
+def _tool(hand: GripperModel, T_ee_ft: SE3) -> Tool:
+    """Weight of a hand with open fingers, all of one density; sensor frame."""
+    shape = next(iter(hand.preshapes))
+    pieces = [
+        volume_and_centroid(as_part(solid))
+        for solid in hand.solids(shape, hand.opening_range[1])
+    ]
+    volumes = np.array([volume for volume, _ in pieces])
+    center = volumes @ np.array([where for _, where in pieces]) / volumes.sum()
+    return Tool(hand.mass, T_ee_ft.inverse().apply(center))
