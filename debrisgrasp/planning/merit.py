@@ -37,6 +37,7 @@ _FLAWED = 5.0
 """What a pose that an inspection would rule out loses [log-odds]: a search may pass
 through it, but mostly stays on the other side."""
 _GUESS = "the object may be thicker than what was seen of it"
+_WIDE = "the object is expected to be wider than the fingers open"
 _SLANTED = "the faces are too slanted for the fingers"
 _POOR = "the shape fits too poorly"
 _STEEP = 3.0
@@ -287,6 +288,7 @@ class Merit:
         }
         causes |= {
             _GUESS: (self.is_guess(Ts, prototype), None),
+            _WIDE: (self.contacts.is_too_wide(Ts, prototype), None),
             _SLANTED: (contact < config.contact.least, None),
             _POOR: (quality < config.minimum_score, quality),
         }

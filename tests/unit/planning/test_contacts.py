@@ -82,6 +82,48 @@ def test_points_of_other_objects_tell_nothing():
     assert at(found) == 1.0
 
 
+def half_seen(shape: str, half: float, middle: float) -> PadContacts:
+    """A long round or square bar between the fingers, of which no -x side was seen."""
+    if shape == "pipe":
+        angle = np.deg2rad(np.linspace(-30.0, 88.0, 25))
+        x, depth = half * np.sin(angle), half * (1.0 - np.cos(angle))
+        nx, nz = np.sin(angle), -np.cos(angle)
+    else:
+        across, down = np.linspace(-half, half, 13), np.linspace(0.0, half, 12)
+        x = np.concatenate([across, np.full(12, half)])
+        depth = np.concatenate([0.0 * across, down])
+        nx, nz = (np.repeat(pair, (13, 12)) for pair in ([0.0, 1.0], [-1.0, 0.0]))
+    y, level = PADS[:, 1].mean(), PADS[:, 2].mean() - half
+    points = np.stack([x + middle, np.full_like(x, y), depth + level], axis=1)
+    normals = np.stack([nx, 0.0 * nx, nz], axis=1)
+    cloud = PointCloud(points, normals, np.array([0.0, 0.0, -2.0]))
+    scene = SimpleNamespace(cloud=cloud, is_target=np.ones(len(cloud), dtype=bool))
+    return PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
+
+
+@pytest.mark.parametrize("shape", ["pipe", "box"])
+@pytest.mark.parametrize(("half", "middle"), [(0.03, 0.0), (0.045, 0.005)])
+def test_the_seen_part_tells_where_the_hidden_side_is(shape, half, middle):
+    found = half_seen(shape, half, middle)
+    thumb, pair = found.room(np.eye(4)[None], FIRST)[0]
+    assert thumb == pytest.approx(PROTOTYPE.opening / 2 - (half - middle), abs=0.008)
+    assert np.isinf(pair)
+    assert at(found) > 0.9
+    assert not found.is_too_wide(np.eye(4)[None], FIRST)
+
+
+def test_a_finger_that_would_land_on_the_hidden_side_rules_the_pose_out():
+    half = 0.06
+    found = half_seen("pipe", half, half - PROTOTYPE.opening / 2 - 0.02)
+    assert found.room(np.eye(4)[None], FIRST)[0, 0] < 0.0
+    assert found.is_too_wide(np.eye(4)[None], FIRST)
+    assert at(found) < CONFIG.least
+
+
+def test_one_flat_face_tells_nothing_of_the_side_behind_it():
+    assert at(contacts({1: 0.0}, n=12)) == pytest.approx(1.0, abs=1e-3)
+
+
 TILT = st.floats(0.0, 1.3)
 
 
