@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numbers import Integral, Real
+
 import numpy as np
 
 from debrisgrasp.errors import ConfigError, UnknownNameError
@@ -25,15 +27,15 @@ def robot_of(robot: str | RobotModel) -> RobotModel | None:
 
 def require_limits(seed: int, deadline: float | None, mass: float | None) -> None:
     """Raise unless seed, deadline and mass mean something."""
-    if seed < 0:
-        raise ConfigError("seed", got=seed, expected="an integer of 0 or more")
-    if deadline is not None and not deadline > 0:
+    if not isinstance(seed, Integral) or seed < 0:
+        raise ConfigError("seed", got=repr(seed), expected="an integer of 0 or more")
+    if deadline is not None and not (isinstance(deadline, Real) and deadline > 0):
         raise ConfigError(
             "deadline",
             got=f"{deadline} s",
             expected="a positive number of seconds, or none",
         )
-    if mass is not None and not 0 < mass < np.inf:
+    if mass is not None and not (isinstance(mass, Real) and 0 < mass < np.inf):
         raise ConfigError(
             "mass of the object",
             got=f"{mass} kg",

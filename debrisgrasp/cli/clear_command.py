@@ -35,7 +35,10 @@ def _add_clear(subparsers: Subparsers) -> None:
     )
     parser.add_argument("--scene", metavar="NAME", help="one of the paper's scenes")
     parser.add_argument(
-        "--objects", type=int, metavar="K", help="bodies of a drawn pile (3 to 8)"
+        "--objects",
+        type=int,
+        metavar="K",
+        help="bodies of a drawn pile (1 to 50; default: 3 to 8)",
     )
     parser.add_argument("--seed", type=_seed, default=0, help="default: 0")
     parser.add_argument("--robot", default="roman", help="default: roman")

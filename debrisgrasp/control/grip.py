@@ -71,6 +71,9 @@ class GripConfig:
     """So does a carried load that falls by this share."""
     slip_time: float = 0.05
     """For so long, before it counts [s]."""
+    sides: tuple[int, ...] = ()
+    """Of each finger, equal for those that press the same way: each side must feel the
+    object, and both together must close for a slip. Empty: every finger is a side."""
     period: float = 0.004
     """Of the control loop [s]."""
     max_force: float = 60.0
@@ -78,6 +81,8 @@ class GripConfig:
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
+            if name == "sides":
+                continue
             most = _WIDEST if name in _LENGTHS else 1e4
             most = 1.0 if name == "slip_load" else most
             require_range(f"GripConfig.{name}", getattr(self, name), 0.0, most)
@@ -170,6 +175,33 @@ class GripController:
             )
         return state._replace(phase=GripPhase.CLOSING, elapsed=0.0)
 
+    def travel(self, before: Sequence[float], now: Sequence[float]) -> float:
+        """How far fingers have closed upon each other [m].
+
+        Parameters
+        ----------
+        before, now
+            Their openings [m], f of them each.
+        """
+        closed = [a - b for a, b in zip(before, now, strict=True)]
+        groups = self._groups(len(closed))
+        if not self.config.sides:
+            return max(closed)
+        means = [sum(closed[i] for i in group) / len(group) for group in groups]
+        return sum(means) / len(means)
+
+    def weakest(self, forces: Sequence[float]) -> float:
+        """Force of the side that feels least, by its finger that feels most [N]."""
+        groups = self._groups(len(forces))
+        return min(max(forces[i] for i in group) for group in groups)
+
+    def _groups(self, n: int) -> list[list[int]]:
+        """Numbers of the fingers that count together."""
+        sides = self.config.sides
+        if len(sides) != n:
+            return [[i] for i in range(n)]
+        return [[i for i in range(n) if sides[i] == s] for s in sorted(set(sides))]
+
     def step(
         self, state: GripState, reading: FingerReading
     ) -> tuple[GripState, GripCommand]:
@@ -226,7 +258,14 @@ class GripController:
             )
         )
         state = state._replace(targets=targets, is_stopped=stopped)
-        if all(stopped):
+        least = max(config.width - config.empty_margin, 0.0)
+        is_through = [
+            not was and (x < least or (least == 0.0 and x <= config.tolerance))
+            for x, was in zip(reading.openings, stopped, strict=True)
+        ]
+        groups = self._groups(len(stopped))
+        have_ended = all(a or b for a, b in zip(stopped, is_through, strict=True))
+        if have_ended and all(any(stopped[i] for i in group) for group in groups):
             # Squeezing sends the pads beyond the surface and lets the force decide.
             beyond = tuple(max(x - config.empty_margin, 0.0) for x in reading.openings)
             return state._replace(
@@ -235,13 +274,9 @@ class GripController:
                 held_openings=tuple(reading.openings),
                 elapsed=0.0,
             )
-        least = max(config.width - config.empty_margin, 0.0)
-        loose = [
-            x
-            for x, is_stopped in zip(reading.openings, stopped, strict=True)
-            if not is_stopped
-        ]
-        if min(loose) < least or (least == 0.0 and min(loose) <= config.tolerance):
+        is_empty = any(all(is_through[i] for i in group) for group in groups)
+        # A side that is still on its way may yet move the object to the other.
+        if is_empty and (have_ended or not config.sides):
             return state._replace(
                 phase=GripPhase.EMPTY, targets=tuple(reading.openings)
             )
@@ -251,10 +286,7 @@ class GripController:
 
     def _holding(self, state: GripState, reading: FingerReading) -> GripState:
         config = self.config
-        travel = max(
-            held - now
-            for held, now in zip(state.held_openings, reading.openings, strict=True)
-        )
+        travel = self.travel(state.held_openings, reading.openings)
         carried, most = reading.carried, state.most_carried
         has_fallen = False
         if carried is not None and isfinite(carried):

@@ -25,6 +25,8 @@ __all__ = ["plan_grasp", "plan_motion", "select"]
 
 _ALIKE, _ALIKE_TURN = 0.03, 0.35
 """Grasps nearer to each other than this are one [m], [rad]."""
+_PREFERRED = 0.05
+"""By so much likelier to hold the grasp of another hand must be."""
 _SPECK = 20
 """Fewer cells of surface than this are noise, wherever they are."""
 
@@ -211,7 +213,7 @@ def _ordered(grasps: list[Grasp], triage: Triage) -> tuple[Grasp, ...]:
     preferred = triage.arms[0]
 
     def worth(grasp: Grasp) -> float:
-        return grasp.score * (1.0 if grasp.arm == preferred else 0.8)
+        return grasp.score + (_PREFERRED if grasp.arm == preferred else 0.0)
 
     return tuple(sorted(grasps, key=worth, reverse=True))
 

@@ -70,6 +70,8 @@ class LimbState:
     commissioned_bias: FloatArray = field(default_factory=lambda: np.zeros(6))
     q_last: Sequence[float] | FloatArray | None = None
     """Joints when they were read last in a motion."""
+    sent: tuple[float, FloatArray] | None = None
+    """When joints were commanded last, by the robot's clock [s], and to where (d,)."""
     is_own_joint: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Which of its joints no other arm moves, shape (d,)."""
 
@@ -149,8 +151,12 @@ class Context:
     """Whether its fingers were sent to close."""
     marks: Marks = field(default_factory=Marks)
     n_removed: int = 0
+    last_seen: Perception | None = None
+    """The last look, until the base moves; a new cycle has none of its own at first."""
     dropped: list[FloatArray] = field(default_factory=list)
-    """Points of what was put down, base frame [m], each (n, 3)."""
+    """Surfaces of what was put down, base frame [m], each (n, 3)."""
+    fallen: list[FloatArray] = field(default_factory=list)
+    """The same of what was let go among what the camera sees, until it looks again."""
     dragged: SE3 | None = None
     """How far the base has moved with an object, ``T_before_now``; None: not at all."""
     trace: list[tuple[float, float, float]] = field(default_factory=list)

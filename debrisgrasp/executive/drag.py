@@ -60,7 +60,8 @@ def drag(context: Context) -> StepResult:
     base.stop()
     context.wait(_BRAKING)
     context.dragged = begun.inverse() @ base.read()
-    context.cycle.seen = None  # what was seen was seen from elsewhere
+    # What was seen was seen from elsewhere.
+    context.cycle.seen = context.last_seen = None
     if isinstance(end, FaultFound):
         return end
     facts = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,6 +48,8 @@ _JUMPED = 0.15
 """Farther than this no joint gets while the arm brakes and stands [rad]."""
 _AT_START = 0.03
 """A trajectory begins where the arm stands, within this [rad or m]."""
+_OUTSIDE = 1e-3
+"""So far outside its limits a joint may read [rad or m]."""
 _BRAKING = 0.1
 """[s]."""
 _RUN_OUT = 1.5
@@ -92,7 +94,7 @@ class Drive(Senses):
             words = f"not engaged after {_ENGAGES_WITHIN:g} s; rolled back"
             return FaultFound("controller_refuses", words, name)
         q = np.asarray(arm.read().q, dtype=np.float64)
-        broken = self.limb.limits.controller.violation(q, tolerance=1e-3)
+        broken = self.limb.limits.controller.violation(q, tolerance=_OUTSIDE)
         if broken:
             return FaultFound("start_outside_limits", broken, name)
         return self._jumped(q)
@@ -145,20 +147,19 @@ class Drive(Senses):
         if gap > _AT_START:
             words = f"{gap:.3f} rad from the start of the motion"
             return FaultFound("plan_collision", words, self.limb.name)
+        # The last leg may have commanded in this very tick.
+        fault, state, _ = self.ticked(supervisor, state, begun.q, is_moving=False)
+        if fault is not None:
+            return fault
         times = times_at(trajectory, _SPARE * np.atleast_1d(pace), self.period)
         path, n = trajectory.at(times)[0], len(times)
         # The plan began within the planner's limits, the arm perhaps a little outside.
         share = np.minimum(self.period * np.arange(1, n + 1) / _BLEND, 1.0)
         fade = 1.0 - share * share * (3.0 - 2.0 * share)
-        path = path + fade[:, None] * (np.array(begun.q) - trajectory.q[0])
+        path = path + fade[:, None] * (np.array(state.q) - trajectory.q[0])
         rows = path.tolist()
-        arm = self.devices.arm
-        # The last leg may have commanded in this very tick.
-        fault, state, _ = self.ticked(supervisor, state, begun.q, is_moving=False)
-        if fault is not None:
-            return fault
         for q in rows:
-            arm.command(q)
+            self._send(q)
             fault, state, _ = self.ticked(supervisor, state, q, is_moving=True)
             if fault is not None:
                 self._halt()
@@ -171,7 +172,7 @@ class Drive(Senses):
         """Wait until the arm has come to where it was sent."""
         fault = None
         for _ in range(int(0.4 / self.period)):
-            self.devices.arm.command(q)
+            self._send(q)
             fault, state, _ = self.ticked(supervisor, state, q, is_moving=False)
             gap = max(abs(a - b) for a, b in zip(state.q, q, strict=True))
             if fault is not None or gap < 1e-3:
@@ -212,7 +213,7 @@ class Drive(Senses):
         if isinstance(found, FaultFound):
             return found
         controller, state = found
-        arm, clock = self.devices.arm, self.clock
+        clock = self.clock
         while True:
             clock.wait_until(clock.now() + self.period)
             reading = self.read()
@@ -221,13 +222,13 @@ class Drive(Senses):
             if command.stop is not None:
                 self._halt()
                 return self._fault(command.stop, reading)
-            arm.command(command.q)
+            self._send(command.q)
             fault = self._watched_fingers(command.load)
             if fault is not None:
                 self._halt()
                 return fault
             if until is not None and until(command.load):
-                arm.disengage()  # the drives brake by themselves
+                self.devices.arm.disengage()  # the drives brake by themselves
                 self.context.wait(_BRAKING)
                 length = controller.leg.length
                 return LegEnd(LegOutcome.CONTACT, state.share, length)
@@ -241,7 +242,7 @@ class Drive(Senses):
             if command.stop is not None:
                 self._halt()
                 return self._fault(command.stop, reading)
-            arm.command(command.q)
+            self._send(command.q)
         return LegEnd(state.outcome, state.share, controller.leg.length)
 
     def _begun(
@@ -255,8 +256,9 @@ class Drive(Senses):
     ) -> tuple[LegController, LegState] | FaultFound:
         limb = self.limb
         reading = self.read()
+        q = self._stands_at(reading)
         try:
-            start = limb.pose(np.asarray(reading.q, dtype=np.float64))
+            start = limb.pose(q)
             if isinstance(goal, SE3):
                 leg = CartesianLeg(start, goal)
             else:
@@ -276,12 +278,32 @@ class Drive(Senses):
                 guard=guard,
                 baseline_time=limb.baseline_time,
             )
-            engagement = controller.engage(reading)
+            engagement = controller.engage(reading._replace(q=q))
         except InputError as error:
             return refused(str(error), reading, limb.name)
         if engagement.state is None:
             return refused("; ".join(engagement.refusals), reading, limb.name)
         return controller, engagement.state
+
+    def _send(self, q: Sequence[float]) -> None:
+        """Command a posture."""
+        self.devices.arm.command(q)
+        self.limb.sent = self.clock.now(), np.asarray(q, dtype=np.float64)
+
+    def _stands_at(self, reading: Reading) -> FloatArray:
+        """Where a motion goes on: as last commanded, if that was just now.
+
+        Joints at the end of their range may read a little outside of it.
+        """
+        q, sent = np.asarray(reading.q, dtype=np.float64), self.limb.sent
+        if sent is not None and len(q) == len(sent[1]):
+            is_recent = reading.time - sent[0] <= 2.5 * self.period
+            if is_recent and np.abs(q - sent[1]).max() < _AT_START:
+                q = sent[1]
+        if len(q) != self.limits.n_joints:
+            return q
+        inside = np.clip(q, self.limits.lower, self.limits.upper)
+        return inside if np.abs(inside - q).max() <= _OUTSIDE else q
 
     @property
     def _safety(self) -> SafetyConfig:

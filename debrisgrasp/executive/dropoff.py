@@ -19,8 +19,10 @@ _PLACES = ((0.0, 0.0), (-0.2, 0.0), (0.2, 0.0), (-0.4, 0.0))
 """Places around a drop-off, tried in turn as it fills [m]."""
 _ENOUGH = 12
 """Postures to plan to; any of them may end the motion."""
-_LOWERED = 0.03
-"""By so much at least the hand must be able to go down from there [m]."""
+_LOWERED = 0.05
+"""By so much the hand should be able to go down from there [m] ..."""
+_PARTLY = 0.6
+"""... or by this share of it, where there is no better place."""
 
 
 def drop_postures(
@@ -32,6 +34,7 @@ def drop_postures(
     limits = limb.limits.planner
     legs = LegPlanner(chain, limb.limits.controller)
     found: list[FloatArray] = []
+    partly: list[FloatArray] = []
     for shift in _PLACES:
         place = np.add(context.settings.drop_off[held.arm], shift)
         goals = _poses(context, held, T, place)
@@ -45,11 +48,14 @@ def drop_postures(
         for i in np.argsort(np.abs(postures - q).max(axis=1), kind="stable"):
             row = postures[i]
             down = CartesianLeg.along(goals[which[i]], (0.0, 0.0, -_LOWERED)).goal
-            if not limits.violation(row) and legs.plan(row, down).is_done:
-                found.append(row)
+            if limits.violation(row):
+                continue
+            share = legs.plan(row, down).share
+            if share >= _PARTLY:
+                (found if share > 1.0 - 1e-6 else partly).append(row)
             if len(found) >= _ENOUGH:
                 return np.array(found)
-    return np.array(found).reshape(-1, len(q))
+    return np.array(found or partly[:_ENOUGH]).reshape(-1, len(q))
 
 
 def _poses(context: Context, held: Held, T: SE3, place: FloatArray) -> SE3:

@@ -12,7 +12,13 @@ from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.geometry import SE3, PointCloud
 from debrisgrasp.kinematics import ArmReach, Trajectory
 from debrisgrasp.kinematics.urdf import UrdfShape
-from debrisgrasp.motion import MotionPlan, MotionPlanner, MotionSpace, UnknownSpace
+from debrisgrasp.motion import (
+    MotionPlan,
+    MotionPlanner,
+    MotionSpace,
+    MotionStatus,
+    UnknownSpace,
+)
 
 from .context import Context, LimbState
 from .drive import Drive, LegEnd
@@ -23,6 +29,8 @@ __all__ = [
     "back_out",
     "carrying",
     "free_share",
+    "let_go",
+    "lying",
     "planned",
     "put_down",
     "reversed_motion",
@@ -32,8 +40,16 @@ __all__ = [
 
 _BACK = 0.12
 """How far a hand backs out of the pile [m]."""
+_SPARE = 0.02
+"""Before the last bit of a way that an arm can't go it could hardly go back [m]."""
+_UP = 0.12
+"""Where it stands too near to something to plan from, a hand rises so far [m]."""
 _FIRST = 10
 """Looks at the weight before any may count as less."""
+_UNSURE = 0.015
+"""How much farther than its points what was let go may reach [m]."""
+_GRAIN = 0.025
+"""Spacing of the points that stand for it [m]."""
 _BARE = np.array([0.0, 0.0, 1.0, 0.0])
 
 
@@ -57,13 +73,13 @@ def space_of(
     without
         Label of an object that is no obstacle, because the hand holds it.
     """
-    seen = context.cycle.seen
+    seen = context.cycle.seen or context.last_seen
     if seen is None:
         return MotionSpace(measured=None, unknown=None, ground_plane=_BARE)
     cloud = seen.cloud
     if without is not None:
         cloud = cloud.selected(np.flatnonzero(seen.segmentation.labels != without))
-    points = np.concatenate([cloud.points, *context.dropped])
+    points = np.concatenate([cloud.points, *context.dropped, *context.fallen])
     normals = np.full(points.shape, np.nan)
     everything = PointCloud(points, normals, cloud.viewpoint)
     plane = seen.ground_plane
@@ -93,7 +109,9 @@ def planned(
     plan = planner.plan(q, goal, space, rng=context.rng)
     if plan.is_solved:
         return plan
-    return FaultFound("plan_collision", plan.reason, limb.name)
+    is_at_start = plan.status is MotionStatus.START_IN_COLLISION
+    values = {"at_start": 1.0} if is_at_start else {}
+    return FaultFound("plan_collision", plan.reason, limb.name, values)
 
 
 def _inside(limb: LimbState, q: FloatArray) -> FloatArray | str:
@@ -116,6 +134,19 @@ def carrying(context: Context, limb: LimbState) -> MotionPlanner:
     loaded = replace(model, tree=replace(model.tree, shapes=shapes))
     arm = ArmReach(loaded, limb.name)
     return MotionPlanner.of_arm(arm, limits=limb.limits.planner)
+
+
+def lying(T_base_hand: SE3, points_hand: FloatArray) -> FloatArray:
+    """Surface of what a hand leaves where it is, base frame [m], shape (n, 3).
+
+    A box around all of it, for little of it was seen, a bit larger than that.
+    """
+    box = _box_around(points_hand)
+    half = 0.5 * np.array(box.size) + _UNSURE
+    sides = [np.linspace(-h, h, int(np.ceil(2.0 * h / _GRAIN)) + 1) for h in half]
+    grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
+    surface = grid[(np.abs(grid) > half - 1e-6).any(axis=1)]
+    return (T_base_hand @ box.T_link_shape).apply(surface)
 
 
 def _box_around(points: FloatArray) -> UrdfShape:
@@ -145,6 +176,11 @@ def back_out(context: Context, arm: str) -> FaultFound | None:
     if motion is not None and motion.arm == arm:
         # Straight out: aside it would draw its fingers along what they touch.
         far = float((motion.grasp.T_base_pregrasp.p - T.p) @ -T.R[:, 2])
+        if context.cycle.is_removed:
+            # By now it is elsewhere, and what it put down as long as it was.
+            grasp = motion.grasp
+            way_in = grasp.T_base_hand.p - grasp.T_base_pregrasp.p
+            far = max(float(np.linalg.norm(way_in)), _BACK)
         if 0.0 < far < 0.3:
             shift = -far * T.R[:, 2]
     if np.linalg.norm(shift) < 5e-3:
@@ -194,15 +230,28 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
         is_from_rest = np.abs(reach.q[0] - q_rest).max() < 0.01
         if is_there and is_from_rest:
             return drive.follow(reversed_motion(reach))
-    fault: FaultFound | None = None
-    for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
-        space = space_of(context, unknown=unknown)
-        found = planned(context, limb, q_rest, space)
-        if not isinstance(found, FaultFound):
-            assert found.trajectory is not None
-            return drive.follow(found.trajectory)
-        fault = found
-    return fault
+    found = _way_to(context, limb, q_rest)
+    if isinstance(found, FaultFound) and "at_start" in found.values:
+        up = np.array([0.0, 0.0, _UP])
+        way, speed = free_share(limb, q, up) * up, context.settings.lift_speed
+        end = drive.leg(way, speed=speed, tare=TarePolicy.SESSION)
+        found = end if isinstance(end, FaultFound) else _way_to(context, limb, q_rest)
+    if isinstance(found, FaultFound):
+        return found
+    assert found.trajectory is not None
+    return drive.follow(found.trajectory)
+
+
+def _way_to(
+    context: Context, limb: LimbState, goal: FloatArray
+) -> MotionPlan | FaultFound:
+    """Plan to a posture; through what was not seen if there is no other way."""
+    space = space_of(context, unknown=UnknownSpace.HIDDEN)
+    found = planned(context, limb, goal, space)
+    if isinstance(found, FaultFound):
+        space = space_of(context, unknown=UnknownSpace.IGNORED)
+        found = planned(context, limb, goal, space)
+    return found
 
 
 def put_down(context: Context, most: float) -> FaultFound | None:
@@ -212,9 +261,8 @@ def put_down(context: Context, most: float) -> FaultFound | None:
         return None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
     if held.is_lifted:
-        depth = most * free_share(
-            limb, context.posture(limb), np.array([0.0, 0.0, -most])
-        )
+        share = free_share(limb, context.posture(limb), np.array([0.0, 0.0, -most]))
+        depth = most if share > 1.0 - 1e-6 else share * most - _SPARE
         if depth > 2e-3:
             end = _lowered(drive, depth)
             # Loaded to its limit already, the hand can't go down: it lets go here.

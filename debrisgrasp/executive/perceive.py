@@ -147,7 +147,8 @@ def segment(context: Context) -> StepResult:
     taken = context.cycle.capture
     assert taken is not None
     seen = context.pipeline.perceive(taken)
-    context.cycle.seen = seen
+    context.cycle.seen = context.last_seen = seen
+    context.fallen.clear()
     ground = seen.segmentation.ground
     if ground.pose_doubt:
         return FaultFound("calibration_off", ground.pose_doubt)

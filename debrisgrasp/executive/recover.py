@@ -7,14 +7,13 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp.errors import DriverError
-from debrisgrasp.geometry import voxel_downsample
 
 from .context import Context, Held
 from .drag import drive_back
 from .drive import Drive
 from .faults import Action
 from .fingers import loosen, open_hand
-from .moves import back_out, let_go, put_down, to_rest
+from .moves import back_out, let_go, lying, put_down, to_rest
 from .outcome import FaultEvent
 from .relief import relieve
 from .result import Done, FaultFound, StepResult
@@ -69,7 +68,6 @@ def clear_up(context: Context) -> FaultFound | None:
         held.is_watched = False
     if held is not None and held.is_lifted:
         fault = relieve(context, held.arm) or put_down(context, _LOWERED)
-        _remember(context, held)
     elif busy is not None:
         # What presses on a hand that has lifted nothing is its own squeeze first.
         if held is not None:
@@ -77,6 +75,8 @@ def clear_up(context: Context) -> FaultFound | None:
         elif context.is_closed:
             fault = _opened(context, busy)
         fault = fault or relieve(context, busy)
+    if held is not None:
+        _remember(context, held)
     if fault is not None:
         return fault
     # A trunk that both arms share must be back before the idle arm is at rest again.
@@ -96,13 +96,14 @@ def clear_up(context: Context) -> FaultFound | None:
 
 
 def _remember(context: Context, held: Held) -> None:
-    """Take what was put down on the way for an obstacle where no camera looks."""
-    limb = context.limbs[held.arm]
-    lying = limb.pose(context.posture(limb)).apply(held.points_hand)
-    if not len(lying) or context.settings.bounds.contains(lying.mean(axis=0)):
+    """Take what was let go on the way for an obstacle; it may have fallen."""
+    if not len(held.points_hand):
         return
-    fallen = lying - [0.0, 0.0, max(float(lying[:, 2].min()), 0.0)]
-    context.dropped.append(fallen[voxel_downsample(fallen, 0.02)])
+    limb = context.limbs[held.arm]
+    body = lying(limb.pose(context.posture(limb)), held.points_hand)
+    is_seen = context.settings.bounds.contains(body.mean(axis=0))
+    body -= [0.0, 0.0, max(float(body[:, 2].min()), 0.0)]
+    (context.fallen if is_seen else context.dropped).append(body)
 
 
 def _hanging(context: Context, arm: str) -> FaultFound | None:

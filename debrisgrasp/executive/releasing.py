@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp.control import TarePolicy
-from debrisgrasp.geometry import voxel_downsample
 
 from .context import Context
 from .drag import drive_back
 from .drive import Drive
-from .moves import back_out, let_go, put_down, to_rest
+from .moves import back_out, let_go, lying, put_down, to_rest
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
 
@@ -36,10 +35,8 @@ def release(context: Context) -> StepResult:
         return fault
     T = limb.pose(context.posture(limb))
     if len(points):
-        lying = T.apply(points)
-        if context.dragged is not None:
-            lying = context.dragged.apply(lying)
-        context.dropped.append(lying[voxel_downsample(lying, 0.02)])
+        T_now = T if context.dragged is None else context.dragged @ T
+        context.dropped.append(lying(T_now, points))
     context.cycle.is_removed = False
     context.released = held
     return Done({"place": np.round(T.p, 3).tolist()})

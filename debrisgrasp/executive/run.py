@@ -14,7 +14,7 @@ from debrisgrasp.errors import DebrisGraspError, DriverError
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import Robot
 
-from . import carrying, choose, grasping, perceive, prepare, releasing
+from . import carrying, choose, closing, grasping, perceive, prepare, releasing
 from .calibrated import calib_check
 from .context import Context, Cycle, Recorder
 from .faults import Action
@@ -40,8 +40,8 @@ STEPS: Mapping[State, Callable[[Context], StepResult]] = {
     State.PREGRASP: grasping.pregrasp,
     State.SWITCH: grasping.switch,
     State.APPROACH: grasping.approach,
-    State.CLOSE: grasping.close,
-    State.VERIFY_GRASP: grasping.verify_grasp,
+    State.CLOSE: closing.close,
+    State.VERIFY_GRASP: closing.verify_grasp,
     State.LIFT: carrying.lift,
     State.VERIFY_HOLD: carrying.verify_hold,
     State.TRANSPORT: carrying.transport,

@@ -137,10 +137,12 @@ class Senses:
             return ""
         self.context.wait(_LETS_GO)
         fingers, before = self.fingers(), held.state.held_openings
-        travel = max(
-            [a - b for a, b in zip(before, fingers.openings, strict=False)], default=0.0
-        )
-        if travel < held.grip.config.slip_travel and min(fingers.forces) >= 1.0:
+        is_whole = len(before) == len(fingers.openings)
+        travel = held.grip.travel(before, fingers.openings) if is_whole else 0.0
+        if (
+            travel < held.grip.config.slip_travel
+            and held.grip.weakest(fingers.forces) >= 1.0
+        ):
             return ""
         return f"the load jumped as the fingers closed by {1e3 * travel:.0f} mm"
 

@@ -50,7 +50,7 @@ def headline(report: Report) -> str:
     best = plan.grasps[0]
     return (
         f"Grip {_named(plan)} with {best.prototype}, "
-        f"{best.gripper} {best.preshape}: Q {best.Q:.2f}"
+        f"{best.gripper} {best.preshape}: score {best.score:.2f}"
     )
 
 

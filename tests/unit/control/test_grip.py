@@ -200,3 +200,42 @@ def test_a_share_of_the_load_above_one_would_never_be_lost_and_is_refused():
 def test_a_hand_without_fingers_is_refused():
     with pytest.raises(InputError, match="fingers"):
         GripController(CONFIG).preshape(FingerReading((), ()))
+
+
+SIDED = GripConfig(
+    opening=0.12, width=0.08, empty_margin=0.12, tolerance=0.006, sides=(1, -1, -1)
+)
+
+
+def closing(grip: GripController):
+    state = grip.preshape(FingerReading((0.12,) * 3, (0.0,) * 3))
+    state, _ = grip.step(state, FingerReading((0.12,) * 3, (0.0,) * 3))
+    return grip.close(state)
+
+
+def test_a_side_holds_with_one_of_its_fingers():
+    grip = GripController(SIDED)
+    reading = FingerReading((0.05, 0.0, 0.05), (40.0, 0.0, 40.0))
+    state, _ = grip.step(closing(grip), reading)
+    assert state.phase is GripPhase.HOLDING
+    assert grip.weakest(reading.forces) == 40.0
+
+
+def test_a_side_that_meets_nothing_means_empty_once_the_other_has_ended():
+    grip = GripController(SIDED)
+    reading = FingerReading((0.09, 0.0, 0.0), (0.0, 0.0, 0.0))
+    state, _ = grip.step(closing(grip), reading)
+    assert state.phase is GripPhase.CLOSING
+    state, _ = grip.step(state, FingerReading((0.09, 0.0, 0.0), (40.0, 0.0, 0.0)))
+    assert state.phase is GripPhase.EMPTY
+    assert state.is_stopped == (True, False, False)
+
+
+def test_an_object_that_moves_between_the_fingers_is_no_slip():
+    grip = GripController(SIDED)
+    before = (0.05, 0.05, 0.05)
+    assert grip.travel(before, (0.04, 0.06, 0.06)) == pytest.approx(0.0)
+    assert grip.travel(before, (0.05, 0.05, 0.04)) == pytest.approx(0.0025)
+    assert grip.travel(before, (0.04, 0.04, 0.04)) == pytest.approx(0.01)
+    alone = GripController(CONFIG)
+    assert alone.travel(before, (0.05, 0.05, 0.04)) == pytest.approx(0.01)

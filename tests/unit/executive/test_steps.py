@@ -10,8 +10,8 @@ from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.calibrated import calib_check
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drag import drag, drive_back
-from debrisgrasp.executive.drive import Drive
-from debrisgrasp.executive.moves import reversed_motion
+from debrisgrasp.executive.drive import Drive, LegEnd
+from debrisgrasp.executive.moves import lying, reversed_motion
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3
@@ -98,3 +98,39 @@ def test_a_motion_run_backwards_ends_where_it_began():
     q_back, dq_back, _ = back.at(3.0 - t)
     assert np.allclose(q, q_back)
     assert np.allclose(dq, -dq_back)
+
+
+def test_what_was_put_down_stands_in_the_way_with_its_whole_body():
+    corners = np.array(np.meshgrid([0, 0.3], [0, 0.1], [0.1, 0.2])).reshape(3, -1).T
+    T = SE3.from_parts(p=[1.0, 0.0, 0.5])
+    surface = lying(T, corners)
+    low, high = T.apply(corners).min(axis=0), T.apply(corners).max(axis=0)
+    assert np.all(surface.min(axis=0) < low)
+    assert np.all(surface.max(axis=0) > high)
+    assert np.all(surface.max(axis=0) < high + 0.03)
+    # No link slips between the points.
+    inside = np.random.default_rng(0).uniform(low[:2], high[:2], (50, 2))
+    on_top = surface[surface[:, 2] > high[2]][:, :2]
+    gaps = np.linalg.norm(inside[:, None] - on_top, axis=2).min(axis=1)
+    assert gaps.max() < 0.02
+
+
+def test_a_leg_begins_where_the_arm_was_sent_a_moment_ago(pipeline):
+    fake, task = executive(pipeline)
+    context = task.context
+    drive = Drive(context, "right")
+    context.wait(0.1)
+    for _ in range(3):
+        assert isinstance(drive.leg([0.0, 0.0, -0.02], speed=0.03), LegEnd)
+    assert fake.truth().violations == ()
+
+
+def test_a_joint_at_the_end_of_its_range_may_read_a_little_beyond_it(pipeline):
+    _, task = executive(pipeline)
+    drive = Drive(task.context, "right")
+    reading = drive.read()
+    q = np.array(reading.q)
+    q[0] = drive.limits.upper[0] + 2e-6
+    assert drive._stands_at(reading._replace(q=q))[0] == drive.limits.upper[0]
+    q[0] += 0.1
+    assert drive._stands_at(reading._replace(q=q))[0] == q[0]

@@ -1,0 +1,266 @@
+"""Around the object: close, squeeze, and see that it is held."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import GripConfig, GripController, GripPhase, TarePolicy
+from debrisgrasp.executable import GraspMotion
+from debrisgrasp.geometry import voxel_downsample
+from debrisgrasp.planning import Grasp
+
+from .context import FINGER_TICKS, Context, Held, LimbState
+from .drive import Drive
+from .fingers import run_grip
+from .grasping import motion_of, opening_of
+from .result import Done, FaultFound, StepResult
+
+__all__ = ["close", "verify_grasp"]
+
+_STANDING = 0.24
+"""How long the arm stands while forces are averaged [s]."""
+_GENTLE, _FIRM = 100.0, 200.0
+"""A claw could crush: a finger squeezes as the weight demands, within these [N]."""
+_PUSHED = 45.0
+"""Pushed by more while it closes, the hand gives way [N] ..."""
+_GIVE = 0.0015
+"""... by so much [m] ..."""
+_GIVES = 8
+"""... so many times: then the object pushes the hand off, or it was never around it."""
+_SHIFTS = 2
+"""So often a hand that met something with one side only is shifted ..."""
+_TOUCHED = 12.0
+"""... until the other side feels it [N]."""
+_RESISTANCE = 10.0
+"""A finger that feels so much stops until the others do, too [N]."""
+_CLOSING = 0.04
+"""Speed of the pads [m/s]."""
+_SLACK = 4.0
+"""Beyond the time that this takes, a finger that has met nothing is jammed [s]."""
+_RAMP, _SETTLING = 32, 8
+"""Steps in which the force of the fingers grows, and settles ..."""
+_WAITS = 60
+"""... and at most so many in which it waits for the fingers on the other side ..."""
+_ANSWERED = 0.3
+"""... until those feel this share of what the first ones do."""
+_THICKEST = 0.1
+"""[m]."""
+_SQUEEZED = 0.015
+"""What gives way by more when squeezed was not between the fingers [m]."""
+
+
+def close(context: Context) -> StepResult:
+    """Close the fingers until all of them feel the object."""
+    motion = motion_of(context)
+    limb, drive = context.limbs[motion.arm], Drive(context, motion.arm)
+    held = _grip_of(context, limb, motion)
+    fault = run_grip(drive, held, (GripPhase.READY, GripPhase.JAMMED, GripPhase.LOST))
+    if fault is not None:
+        return fault
+    if held.state.phase is not GripPhase.READY:
+        return FaultFound("finger_jammed", held.state.phase.value, limb.name)
+    held.state = held.grip.close(held.state)
+    context.held, context.is_closed = held, True
+    ends = (GripPhase.HOLDING, GripPhase.EMPTY, GripPhase.JAMMED, GripPhase.LOST)
+    n_gives = n_shifts = 0
+    while held.state.phase not in ends:
+        fault = run_grip(drive, held, ends, most_force=_PUSHED)
+        side = _one_side(limb, held)
+        if fault is None and held.state.phase not in ends:
+            fault = _given_way(context, held, drive, n_gives)
+            n_gives += 1
+        elif held.state.phase is GripPhase.EMPTY and side and n_shifts < _SHIFTS:
+            fault = _shifted(context, held, drive, side)
+            n_shifts += 1
+        if fault is not None:
+            return fault
+    phase, openings = held.state.phase, drive.fingers().openings
+    words = f"{phase.value}: fingers at "
+    words += ", ".join(f"{1e3 * x:.0f}" for x in openings)
+    words += f" mm, {1e3 * held.grip.config.width:.0f} mm expected"
+    if phase is GripPhase.HOLDING:
+        return _squeezed(context, held, drive)
+    fault_name = "empty_grip" if phase is GripPhase.EMPTY else "finger_jammed"
+    return FaultFound(fault_name, words, limb.name)
+
+
+def _one_side(limb: LimbState, held: Held) -> int:
+    """Side on which fingers have met something, if none has on the other; else 0."""
+    fingers = zip(limb.hand.fingers, held.state.is_stopped, strict=True)
+    sides = {1 if finger.side > 0 else -1 for finger, is_met in fingers if is_met}
+    return sides.pop() if len(sides) == 1 else 0
+
+
+def _shifted(
+    context: Context, held: Held, drive: Drive, side: int
+) -> FaultFound | None:
+    """Move the hand aside until what one side met is between its fingers; close on.
+
+    Fingers can't close beyond the middle of the hand, and what is thinner than it
+    looked may lie all on one side of it.
+    """
+    limb, openings = drive.limb, tuple(drive.fingers().openings)
+    met = [
+        x for x, is_met in zip(openings, held.state.is_stopped, strict=True) if is_met
+    ]
+    way = 0.5 * side * max(met) * limb.pose(context.posture(limb)).R[:, 0]
+    context.held = None  # the fingers wait
+    end = drive.leg(
+        way, speed=0.02, tare=TarePolicy.SESSION,
+        until=lambda load: -side * load[0] > _TOUCHED,
+    )  # fmt: skip
+    context.held = held
+    if isinstance(end, FaultFound):
+        return end
+    held.state = held.state._replace(
+        phase=GripPhase.CLOSING,
+        targets=openings,
+        is_stopped=(False,) * len(openings),
+        elapsed=0.0,
+    )
+    return None
+
+
+def _given_way(
+    context: Context, held: Held, drive: Drive, n_before: int
+) -> FaultFound | None:
+    """Let the arm yield to what pushes the closing hand: an edge, or the ground."""
+    push = drive.push()
+    force = float(np.linalg.norm(push))
+    if n_before >= _GIVES:
+        words = f"closing pushes the hand off: {force:.0f} N after it gave way "
+        words += f"{n_before} times"
+        return FaultFound("empty_grip", words, held.arm, {"force": force})
+    context.held = None  # the fingers wait
+    end = drive.leg(_GIVE / force * push, speed=0.02, tare=TarePolicy.SESSION)
+    context.held = held
+    return end if isinstance(end, FaultFound) else None
+
+
+def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
+    """Squeeze until the fingers have settled; from there on a travel means slip.
+
+    The force grows only while fingers on both sides feel it, and the arm gives way to
+    what it pushes the hand aside with: else the wrist would bear it.
+    """
+    gripper, first = drive.limb.limb.gripper, held.state
+    context.held = None
+    config = held.grip.config
+    n_gives = n_waits = level = 0
+    while level < _RAMP + _SETTLING:
+        share = min(level / _RAMP, 1.0)
+        force = config.resistance + share * (config.squeeze - config.resistance)
+        _, command = held.grip.step(first, drive.fingers())
+        gripper.command(command._replace(force=force))
+        stood = drive.stand(4 * context.settings.period)
+        if isinstance(stood, FaultFound):
+            return stood
+        if hypot(*drive.load[:3]) > _PUSHED:
+            halted = tuple(drive.fingers().openings)
+            gripper.command(command._replace(openings=halted, force=config.resistance))
+            level //= 2
+            fault = _given_way(context, held, drive, n_gives)
+            if fault is not None:
+                return fault
+            context.held, n_gives = None, n_gives + 1
+        elif _is_answered(drive, config.resistance):
+            level += 1
+        else:
+            level, n_waits = max(level - 1, 0), n_waits + 1
+        if n_waits > _WAITS:
+            words = "the fingers of one side feel nothing of what the others squeeze"
+            return FaultFound("empty_grip", words, held.arm)
+    context.held = held
+    openings = tuple(drive.fingers().openings)
+    travel = held.grip.travel(first.held_openings, openings)
+    if travel > _SQUEEZED:
+        words = f"squeezing closed the fingers by {1e3 * travel:.0f} mm"
+        return FaultFound("empty_grip", words, held.arm, {"travel": travel})
+    held.state = first._replace(held_openings=openings)
+    return Done({"openings": [round(x, 4) for x in openings]})
+
+
+def _is_answered(drive: Drive, least: float) -> bool:
+    """Whether fingers on both sides feel the squeeze."""
+    sums = {True: 0.0, False: 0.0}
+    forces = drive.fingers().forces
+    for finger, force in zip(drive.limb.hand.fingers, forces, strict=True):
+        sums[finger.side > 0] += force
+    low, high = sorted(sums.values())
+    return high < least or low > _ANSWERED * high
+
+
+def verify_grasp(context: Context) -> StepResult:
+    """Squeeze for a moment; what is really held does not give way."""
+    held = context.held
+    assert held is not None
+    drive = Drive(context, held.arm)
+    before = drive.fingers().openings
+    stood = drive.stand(_STANDING)
+    if isinstance(stood, FaultFound):
+        return stood
+    fingers = drive.fingers()
+    travel = held.grip.travel(before, fingers.openings)
+    least = held.grip.weakest(fingers.forces)
+    if travel > held.grip.config.slip_travel or least < 1.0:
+        words = f"closed by {1e3 * travel:.1f} mm more, the weaker side feels "
+        words += f"{least:.1f} N"
+        return FaultFound("empty_grip", words, held.arm)
+    held.points_hand = _object_in_hand(context, held)
+    return Done({"travel": round(travel, 5), "least_force": round(least, 2)})
+
+
+def _grip_of(context: Context, limb: LimbState, motion: GraspMotion) -> Held:
+    grasp = motion.grasp
+    opening = opening_of(limb, grasp)
+    most = limb.hand.max_force
+    squeeze = min(0.9 * most, _squeeze_for(grasp))
+
+    def config(period: float) -> GripConfig:
+        return GripConfig(
+            opening=opening,
+            width=min(grasp.width, opening),
+            resistance=min(_RESISTANCE, squeeze),
+            speed=_CLOSING,
+            squeeze=squeeze,
+            empty_margin=opening,
+            tolerance=0.006,
+            timeout=_SLACK + opening / _CLOSING,
+            sides=tuple(finger.side for finger in limb.hand.fingers),
+            period=period,
+            max_force=most,
+        )
+
+    period = context.settings.period
+    grip = GripController(config(period))
+    return Held(
+        arm=motion.arm,
+        grip=grip,
+        watch=GripController(config(FINGER_TICKS * period)),
+        state=grip.preshape(Drive(context, motion.arm).fingers()),
+    )
+
+
+def _squeeze_for(grasp: Grasp) -> float:
+    """Squeeze of each finger that holds what the object may weigh [N]."""
+    if grasp.load is None:
+        return _GENTLE
+    return float(np.clip(grasp.load.grip[1], _GENTLE, _FIRM))
+
+
+def _object_in_hand(context: Context, held: Held) -> FloatArray:
+    """Visible points of the object in the frame of the palm that holds it."""
+    cycle = context.cycle
+    assert cycle.seen is not None
+    assert cycle.label is not None
+    limb = context.limbs[held.arm]
+    points = cycle.seen.cloud.points[cycle.seen.segmentation.points_of(cycle.label)]
+    T = limb.pose(context.posture(limb))
+    points = points[voxel_downsample(points, 0.01)]
+    # Its underside is as far below as it is thick.
+    thick = min(motion_of(context).grasp.width, _THICKEST)
+    points = np.concatenate([points, points - [0.0, 0.0, thick]])
+    return T.inverse().apply(points)
