@@ -171,7 +171,7 @@ def strategy_figures() -> dict[str, float]:
     """Reachability in the search against the two steps of the paper."""
     figures, rows, loaded = {}, [], captures()
     for strategy in ("search", "after"):
-        planner = PlannerConfig(reach=strategy, n_best=1000)
+        planner = PlannerConfig(reach=strategy)
         pipeline = debrisgrasp.Pipeline(config=PipelineConfig(planner=planner))
         pipeline.plan(loaded[0])
         plans = [pipeline.plan(capture).plan for capture in loaded]
