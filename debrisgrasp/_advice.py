@@ -79,9 +79,10 @@ def _owners(thinned: PointCloud, cloud: PointCloud, labels: IntArray) -> IntArra
 
 def _idle(arms: Sequence[ArmReach]) -> list[ArmReach]:
     """Arms of the robot that are not in use."""
-    used = {arm.name for arm in arms}
-    robots = [arm.robot for arm in arms[:1]]
-    return [ArmReach(robot, n) for robot in robots for n in robot.arms if n not in used]
+    if not arms:
+        return []
+    robot, used = arms[0].robot, {arm.name for arm in arms}
+    return [ArmReach(robot, name) for name in robot.arms if name not in used]
 
 
 def _footprint(arms: Sequence[ArmReach]) -> Bounds | None:

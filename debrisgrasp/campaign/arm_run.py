@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from debrisgrasp.executive import Executive, Simulated, TaskSettings
+from debrisgrasp.executive import Executive, Simulated
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.sim import tier_scene
 from debrisgrasp.sim_robot import sim_robot
 
 from .fake_run import (
-    DRIVE_OVER,
     Watch,
     is_in_the_way,
     pipeline_of_roman,
     record_of,
+    settings_of,
 )
 from .record import RunRecord
 from .specs import RunSpec
@@ -43,12 +43,7 @@ def run_arm(spec: RunSpec) -> RunRecord:
     assert model is not None
     config = FakeConfig(is_initialised=True)
     robot = sim_robot(model, world, rng=robot_rng, config=config)
-    watch = Watch(recovery=spec.recovery)
-    settings = TaskSettings(
-        max_removals=spec.max_removals,
-        max_attempts=spec.max_attempts,
-        drive_over=DRIVE_OVER,
-    )
+    watch, settings = Watch(recovery=spec.recovery), settings_of(spec)
     executive = Executive(
         robot.robot, settings, pipeline=pipeline, observers=(watch,), rng=task_rng
     )

@@ -26,17 +26,17 @@ from .record import SUCCESS, RunRecord
 from .specs import RunSpec, fake_world
 
 __all__ = [
-    "DRIVE_OVER",
     "Watch",
     "is_in_the_way",
     "pipeline_of_roman",
     "record_of",
     "run_fake",
+    "settings_of",
 ]
 
 _LEFT_AT = re.compile(r"at \((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\)")
 """How the task names the place of an object that it leaves."""
-DRIVE_OVER = 0.04
+_DRIVE_OVER = 0.04
 """Boards on the ground are no obstacle; all else is to be removed [m]."""
 _NEAR = 0.1
 """A place that is nearer than this to a body's box is the body's [m]."""
@@ -74,12 +74,7 @@ def run_fake(spec: RunSpec) -> RunRecord:
     start = time.thread_time()
     rng = np.random.default_rng(spec.seed)
     world = fake_world(spec.tier, rng.spawn(1)[0])
-    watch = Watch(recovery=spec.recovery)
-    settings = TaskSettings(
-        max_removals=spec.max_removals,
-        max_attempts=spec.max_attempts,
-        drive_over=DRIVE_OVER,
-    )
+    watch, settings = Watch(recovery=spec.recovery), settings_of(spec)
     done = simulate(
         world,
         settings,
@@ -89,6 +84,15 @@ def run_fake(spec: RunSpec) -> RunRecord:
         rng=rng,
     )
     return record_of(spec, done, watch, settings, time.thread_time() - start)
+
+
+def settings_of(spec: RunSpec) -> TaskSettings:
+    """Return the settings of the task in a run of a campaign."""
+    return TaskSettings(
+        max_removals=spec.max_removals,
+        max_attempts=spec.max_attempts,
+        drive_over=_DRIVE_OVER,
+    )
 
 
 def record_of(

@@ -160,6 +160,10 @@ class Merit:
         self._coarse = ShapeSimilarity(scene, tools.coarse, config.similarity)
         self._inspector = Inspector(scene, tools.hands)
         self._ways = ways
+        zero, one = np.zeros(1), np.ones(1)
+        self._lightest = success_terms(
+            expected=one, contact=one, demand=zero, lever=zero, margin=zero, slack=one
+        )
         wide, soft = blurred(config)
         self.quick = GraspQuality(
             ShapeSimilarity(scene, tools.coarse, wide),
@@ -197,16 +201,8 @@ class Merit:
             margin=0.0 * full,
             slack=self._tools.hands.slack[prototype],
         )
-        best = success_terms(
-            expected=full[:1],
-            contact=full[:1],
-            demand=0.0 * full[:1],
-            lever=0.0 * full[:1],
-            margin=0.0 * full[:1],
-            slack=full[:1],
-        )
         weights = self._tools.success.weights
-        odds = (terms - best) @ weights / self._steepness
+        odds = (terms - self._lightest) @ weights / self._steepness
         factor: FloatArray = np.exp(np.minimum(odds, 0.0))
         return factor
 
@@ -333,9 +329,7 @@ class Merit:
             margin=known.margin,
             slack=self._tools.hands.slack[known.prototype],
         )
-        model = self._tools.success
-        odds: FloatArray = terms @ model.weights + model.intercept
-        return odds
+        return self._tools.success.log_odds(terms)
 
     def _passes(self, look: Inspection, known: _Known) -> BoolArray:
         """Which poses nothing rules out, shape (k,)."""

@@ -156,7 +156,12 @@ class SuccessModel:
 
     def probability(self, terms: FloatArray) -> FloatArray:
         """Probability of success of grasps with these terms (k, 6), shape (k,)."""
-        found: FloatArray = expit(terms @ self.weights + self.intercept)
+        found: FloatArray = expit(self.log_odds(terms))
+        return found
+
+    def log_odds(self, terms: FloatArray) -> FloatArray:
+        """Log-odds of success of grasps with these terms (k, 6), shape (k,)."""
+        found: FloatArray = terms @ self.weights + self.intercept
         return found
 
     def forecast(self, terms: FloatArray) -> SuccessForecast:

@@ -7,9 +7,11 @@ run, so that hours of work take minutes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil, isfinite
+from typing import ClassVar
 
 import numpy as np
 
@@ -85,6 +87,9 @@ class FakeTruth:
 class FakeRobot:
     """Devices of a robot, and the truth behind them; made by `fake_robot`."""
 
+    _arm_type: ClassVar[type[FakeArm]] = FakeArm
+    _sensor_type: ClassVar[type[FakeForceSensor]] = FakeForceSensor
+
     def __init__(
         self,
         model: RobotModel,
@@ -120,9 +125,13 @@ class FakeRobot:
             base=self.base,
         )
         """Devices, as any robot has them."""
-        self._stage = Stage(world, self.arms, self.hands, self.sensors, config)
-        self._links = {
-            name: LinkSpheres(model, name, arm.chain) for name, arm in self.arms.items()
+        self._stage = self._make_stage(world)
+
+    @cached_property
+    def _links(self) -> dict[str, LinkSpheres]:
+        return {
+            name: LinkSpheres(self.model, name, arm.chain)
+            for name, arm in self.arms.items()
         }
 
     @property
@@ -177,9 +186,7 @@ class FakeRobot:
         before = self._stage
         if before.held:
             return False
-        after = Stage(
-            change(before.world), self.arms, self.hands, self.sensors, self.config
-        )
+        after = self._make_stage(change(before.world))
         after.remember(before)
         self._stage = after
         return True
@@ -218,34 +225,49 @@ class FakeRobot:
     def _make_limb(
         self, name: str, grippers: Mapping[str, GripperModel], rng: Rng
     ) -> Limb:
-        model, config = self.model, self.config
+        model, config, timeline = self.model, self.config, self.timeline
         spec, chain = model.arm(name), model.chain(name)
         if spec.gripper not in grippers:
             raise UnknownNameError(f"gripper of arm {name}", spec.gripper, grippers)
         start = config.start.get(name, spec.idle)
         values = model.posture(name, start) if isinstance(start, str) else start
-        arm = FakeArm(
+        arm = self._arm_type(
             name,
             chain,
             model.limits(name, chain).hardware,
             chain.vector(values).tolist(),
             self._drives,
-            self.timeline,
+            timeline,
             config,
             self.violations,
         )
-        hand = FakeGripper(
-            grippers[spec.gripper], self.timeline, config, self.violations
+        hand, T_ee_ft = (
+            self._make_hand(name, grippers[spec.gripper]),
+            self._T_ee_ft(name),
         )
         loads = LoadModel(
-            T_ee_ft=self._T_ee_ft(name),
-            tool=_tool(hand.model, self._T_ee_ft(name)),
+            T_ee_ft=T_ee_ft,
+            tool=_tool(hand.model, self._weighed(hand.model), T_ee_ft),
             bias=np.array(config.bias),
             wrench_sign=config.wrench_sign,
         )
-        sensor = FakeForceSensor(arm, loads, self.timeline, config, rng)
+        sensor = self._sensor_type(arm, loads, timeline, config, rng)
         self.arms[name], self.hands[name], self.sensors[name] = arm, hand, sensor
         return Limb(arm=arm, sensor=sensor, gripper=hand, loads=loads)
+
+    def _make_hand(self, arm: str, gripper: GripperModel) -> FakeGripper:
+        """Hand of an arm."""
+        del arm
+        return FakeGripper(gripper, self.timeline, self.config, self.violations)
+
+    def _make_stage(self, world: World) -> Stage:
+        """Bodies, and what hands do to them."""
+        return Stage(world, self.arms, self.hands, self.sensors, self.config)
+
+    @staticmethod
+    def _weighed(hand: GripperModel) -> Sequence[Solid]:
+        """Solids that carry the weight of a hand: all of it counts as its palm's."""
+        return hand.palm
 
     def _T_ee_ft(self, name: str) -> SE3:
         """Pose of the sensor in the hand: a link named for it, or the hand itself."""
@@ -337,9 +359,9 @@ def fake_robot(
     )
 
 
-def _tool(hand: GripperModel, T_ee_ft: SE3) -> Tool:
-    """Weight of a hand, as if all of it were its palm; sensor frame."""
-    pieces = [volume_and_centroid(as_part(solid)) for solid in hand.palm]
+def _tool(hand: GripperModel, solids: Sequence[Solid], T_ee_ft: SE3) -> Tool:
+    """Weight of a hand, spread evenly over some of its solids; sensor frame."""
+    pieces = [volume_and_centroid(as_part(solid)) for solid in solids]
     volumes = np.array([volume for volume, _ in pieces])
     center = volumes @ np.array([where for _, where in pieces]) / volumes.sum()
     return Tool(hand.mass, T_ee_ft.inverse().apply(center))

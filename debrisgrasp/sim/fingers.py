@@ -115,6 +115,19 @@ class Skin:
             "solimp": "0.95 0.99 0.001",
         }
 
+    @classmethod
+    def on(
+        cls, palm: ElementTree.Element, hand: GripperModel, physics: HandPhysics
+    ) -> Skin:
+        """Cover a palm; the density is that of the whole hand."""
+        links = [link for finger in hand.fingers for link in finger.links]
+        solids = [*hand.palm, *(solid for link in links for solid in link.solids)]
+        volume = sum(volume_and_centroid(as_part(solid))[0] for solid in solids)
+        skin = cls(hand.mass / volume, physics)
+        for solid in hand.palm:
+            skin.cover(palm, solid)
+        return skin
+
     def cover(self, node: ElementTree.Element, solid: Solid) -> None:
         """Give a body the geometry of a solid in its frame."""
         part = as_part(solid)

@@ -10,8 +10,6 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import GripperModel
-from debrisgrasp.worlds import volume_and_centroid
-from debrisgrasp.worlds.body import as_part
 
 from .fingers import FingerDrive, HandPhysics, Mechanism, Skin
 from .model import numbers, placement
@@ -52,11 +50,7 @@ def add_hand(
     assert scene is not None
     palm = _on_wrist(scene, T_base_hand)
     shape = hand.preshape(preshape)
-    solids = [*hand.palm, *(s for f in hand.fingers for k in f.links for s in k.solids)]
-    density = hand.mass / sum(volume_and_centroid(as_part(s))[0] for s in solids)
-    skin = Skin(density, physics)
-    for solid in hand.palm:
-        skin.cover(palm, solid)
+    skin = Skin.on(palm, hand, physics)
     drives = []
     for finger in hand.fingers:
         mechanism = Mechanism(hand, finger, shape, width, physics, time_step)

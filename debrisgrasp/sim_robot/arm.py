@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from debrisgrasp._arrays import Rng
 from debrisgrasp.control import LoadModel
 from debrisgrasp.control._rigid import Wrench
-from debrisgrasp.kinematics import KinematicChain, LimitSet
-from debrisgrasp.robot import FakeConfig, Violation
-from debrisgrasp.robot.drives import Drives, Timeline
+from debrisgrasp.robot import FakeConfig
+from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_arm import FakeArm, FakeForceSensor
 
 __all__ = ["SimArm", "SimForceSensor"]
@@ -27,27 +26,13 @@ class SimArm(FakeArm):
     the limits is what the servo of the joints is to follow. What is read is measured.
     """
 
-    def __init__(
-        self,
-        name: str,
-        chain: KinematicChain,
-        limits: LimitSet,
-        q_start: Sequence[float],
-        drives: Drives,
-        timeline: Timeline,
-        config: FakeConfig,
-        violations: list[Violation],
-    ) -> None:
-        self._measured = tuple(float(value) for value in q_start)
-        self._gaps = (0.0, 0.0, 0.0)
-        super().__init__(
-            name, chain, limits, q_start, drives, timeline, config, violations
-        )
+    _measured: tuple[float, ...] | None = None
+    _gaps = (0.0, 0.0, 0.0)
 
     @property
     def q(self) -> tuple[float, ...]:
-        """Measured posture [rad or m]."""
-        return self._measured
+        """Measured posture [rad or m]; where it starts until there is one."""
+        return super().q if self._measured is None else self._measured
 
     def _check_rates(
         self, rate: Sequence[float], before: Sequence[float], dt: float
@@ -58,7 +43,7 @@ class SimArm(FakeArm):
         an arm that stands a little from where it was sent is no jump of the command.
         """
         last = self.q if self._commanded is None else self._commanded[1]
-        gap = max(abs(a - b) for a, b in zip(last, self._measured, strict=True))
+        gap = max(abs(a - b) for a, b in zip(last, self.q, strict=True))
         self._gaps = (*self._gaps[1:], gap)
         known = len(self._violations)
         super()._check_rates(rate, before, dt)

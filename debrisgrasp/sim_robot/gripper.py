@@ -18,8 +18,6 @@ from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.sim import HandPhysics
 from debrisgrasp.sim.fingers import FingerDrive, Mechanism, Skin
-from debrisgrasp.worlds import volume_and_centroid
-from debrisgrasp.worlds.body import as_part
 
 __all__ = ["SimGripper"]
 
@@ -108,12 +106,7 @@ class SimGripper(FakeGripper):
         """Append solids, joints and drives to the palm in the tree of a world."""
         self.built_shape = self.shape
         hand, shape = self.model, self.model.preshape(self.shape)
-        links = [link for finger in hand.fingers for link in finger.links]
-        solids = [*hand.palm, *(s for link in links for s in link.solids)]
-        volume = sum(volume_and_centroid(as_part(solid))[0] for solid in solids)
-        skin = Skin(hand.mass / volume, self._physics)
-        for solid in hand.palm:
-            skin.cover(palm, solid)
+        skin = Skin.on(palm, hand, self._physics)
         middle = 0.5 * sum(shape.widths)
         wide = min(hand.opening_range[1], float(shape.openings[0]))
         command = hand.opening_to_command(self.shape, wide)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
-import numpy as np
-
 from debrisgrasp._arrays import Rng
-from debrisgrasp.control import Body as Tool
-from debrisgrasp.control import LoadModel
-from debrisgrasp.errors import InputError, UnknownNameError
-from debrisgrasp.geometry import SE3
+from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import Solid
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import GripperModel, load_grippers
-from debrisgrasp.robot import FakeConfig, FakeRobot, FakeTruth, Limb
-from debrisgrasp.worlds import World, volume_and_centroid
-from debrisgrasp.worlds.body import as_part
+from debrisgrasp.robot import FakeConfig, FakeRobot, FakeTruth
+from debrisgrasp.worlds import World
 
 from .arm import SimArm, SimForceSensor
 from .gripper import SimGripper
@@ -48,6 +43,9 @@ class SimRobot(FakeRobot):
     arms: dict[str, SimArm]  # type: ignore[assignment]
     hands: dict[str, SimGripper]  # type: ignore[assignment]
     sensors: dict[str, SimForceSensor]  # type: ignore[assignment]
+    _stage: SimStage  # type: ignore[assignment]
+    _arm_type = SimArm
+    _sensor_type = SimForceSensor
 
     def __init__(
         self,
@@ -60,21 +58,7 @@ class SimRobot(FakeRobot):
         grippers: Mapping[str, GripperModel],
     ) -> None:
         self._physics = physics
-        # The stage that this makes is replaced below; one body is the least it takes.
-        least = World(world.bodies[:1], world.ground)
-        super().__init__(model, least, rng=rng, config=config, grippers=grippers)
-        self._links = {}  # links are solid here: the stage knows what they meet
-        self._stage: SimStage = SimStage(  # type: ignore[assignment]
-            model,
-            world,
-            self.arms,
-            self.hands,
-            self.sensors,
-            {name: self._T_ee_ft(name) for name in self.arms},
-            self._drives,
-            config,
-            physics,
-        )
+        super().__init__(model, world, rng=rng, config=config, grippers=grippers)
 
     def truth(self) -> SimTruth:
         """Return what no device tells.
@@ -130,43 +114,36 @@ class SimRobot(FakeRobot):
         """
         raise _only_kinematic(f"a joint of {arm or 'an arm'} {margin:g} rad off")
 
-    def _make_limb(
-        self, name: str, grippers: Mapping[str, GripperModel], rng: Rng
-    ) -> Limb:
-        model, config, timeline = self.model, self.config, self.timeline
-        spec, chain = model.arm(name), model.chain(name)
-        if spec.gripper not in grippers:
-            raise UnknownNameError(f"gripper of arm {name}", spec.gripper, grippers)
-        start = config.start.get(name, spec.idle)
-        values = model.posture(name, start) if isinstance(start, str) else start
-        arm = SimArm(
-            name,
-            chain,
-            model.limits(name, chain).hardware,
-            chain.vector(values).tolist(),
-            self._drives,
-            timeline,
-            config,
-            self.violations,
-        )
-        hand = SimGripper(
-            name,
-            grippers[spec.gripper],
-            timeline,
-            config,
+    def _look_at_links(self) -> None:
+        """Links are solid here: the stage knows what they meet."""
+
+    def _make_hand(self, arm: str, gripper: GripperModel) -> SimGripper:
+        return SimGripper(
+            arm,
+            gripper,
+            self.timeline,
+            self.config,
             self.violations,
             self._physics.hand,
         )
-        T_ee_ft = self._T_ee_ft(name)
-        loads = LoadModel(
-            T_ee_ft=T_ee_ft,
-            tool=_tool(hand.model, T_ee_ft),
-            bias=np.array(config.bias),
-            wrench_sign=config.wrench_sign,
+
+    def _make_stage(self, world: World) -> SimStage:  # type: ignore[override]
+        return SimStage(
+            self.model,
+            world,
+            self.arms,
+            self.hands,
+            self.sensors,
+            {name: self._T_ee_ft(name) for name in self.arms},
+            self._drives,
+            self.config,
+            self._physics,
         )
-        sensor = SimForceSensor(arm, loads, timeline, config, rng)
-        self.arms[name], self.hands[name], self.sensors[name] = arm, hand, sensor
-        return Limb(arm=arm, sensor=sensor, gripper=hand, loads=loads)
+
+    @staticmethod
+    def _weighed(hand: GripperModel) -> Sequence[Solid]:
+        """All solids, the fingers open."""
+        return hand.solids(next(iter(hand.preshapes)), hand.opening_range[1])
 
 
 def sim_robot(
@@ -227,15 +204,3 @@ def _only_kinematic(what: str) -> InputError:
         expected="what physics allows",
         mend="Inject this fault into a fake_robot.",
     )
-
-
-def _tool(hand: GripperModel, T_ee_ft: SE3) -> Tool:
-    """Weight of a hand with open fingers, all of one density; sensor frame."""
-    shape = next(iter(hand.preshapes))
-    pieces = [
-        volume_and_centroid(as_part(solid))
-        for solid in hand.solids(shape, hand.opening_range[1])
-    ]
-    volumes = np.array([volume for volume, _ in pieces])
-    center = volumes @ np.array([where for _, where in pieces]) / volumes.sum()
-    return Tool(hand.mass, T_ee_ft.inverse().apply(center))
