@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._calibrating import CalibrationRig, observations_of, rig_of
-from debrisgrasp._passage import Passage
 from debrisgrasp.calibration import (
     Calibration,
     CalibrationConfig,
@@ -18,19 +17,22 @@ from debrisgrasp.calibration import (
 )
 from debrisgrasp.calibration import calibrate as calibrate_observations
 from debrisgrasp.errors import CaptureError, InputError
-from debrisgrasp.executable import GraspMotions, MotionsConfig, first_executable
 from debrisgrasp.executive import RunRecord, Simulated, SimulatedTask
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, measured, point_colors
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.io.observations_file import ObservationFile, load_observations
 from debrisgrasp.motion import UnknownSpace
-from debrisgrasp.perception import motion_space
 from debrisgrasp.pipeline import (
+    GraspMotions,
+    MotionsConfig,
+    Passage,
     Pipeline,
     PipelineConfig,
     PlanningResult,
     Progress,
+    first_executable,
+    motion_space,
 )
 from debrisgrasp.segmentation import (
     Candidate,

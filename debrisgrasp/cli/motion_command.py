@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import debrisgrasp
 from debrisgrasp import api
-from debrisgrasp.executable import MotionsConfig
 from debrisgrasp.io.motion_json import motion_to_dict, save_motion
 from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.pipeline import MotionsConfig
 
 from .commands import Subparsers, _add_capture, _load, _progress, _seed
 from .policy_arguments import add_policy, policy_of
@@ -20,8 +20,7 @@ from .site_arguments import site_of
 from .tables import columns
 
 if TYPE_CHECKING:
-    from debrisgrasp.executable import GraspMotions
-    from debrisgrasp.pipeline import PlanningResult
+    from debrisgrasp.pipeline import GraspMotions, PlanningResult
 
 __all__ = ["add"]
 

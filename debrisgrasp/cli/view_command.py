@@ -10,8 +10,8 @@ from typing import Any
 import debrisgrasp
 from debrisgrasp import api
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.executable import MotionsConfig
 from debrisgrasp.io import Capture
+from debrisgrasp.pipeline import MotionsConfig
 
 from .commands import _add_capture, _load, _progress
 from .site_arguments import site_of

@@ -7,11 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from debrisgrasp._passage import Passage
-from debrisgrasp._reasons import is_ground, too_small
-from debrisgrasp.executable import MotionsConfig, first_executable
 from debrisgrasp.motion import UnknownSpace
-from debrisgrasp.perception import Perception
+from debrisgrasp.pipeline import (
+    MotionsConfig,
+    Passage,
+    Perception,
+    first_executable,
+    is_ground,
+    too_small,
+)
 from debrisgrasp.planning import Grasp
 from debrisgrasp.segmentation import Segment
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import GripConfig, GripController, GripPhase, TarePolicy
-from debrisgrasp.executable import GraspMotion
 from debrisgrasp.geometry import voxel_downsample
+from debrisgrasp.pipeline import GraspMotion
 from debrisgrasp.planning import Grasp
 
 from .context import FINGER_TICKS, Context, Held, LimbState

@@ -28,10 +28,8 @@ from .settings import TaskSettings
 from .states import State
 
 if TYPE_CHECKING:
-    from debrisgrasp.executable import GraspMotion
     from debrisgrasp.io import Capture
-    from debrisgrasp.perception import Perception
-    from debrisgrasp.pipeline import Pipeline, PlanningResult
+    from debrisgrasp.pipeline import GraspMotion, Perception, Pipeline, PlanningResult
 
     from .triage import Triage
 

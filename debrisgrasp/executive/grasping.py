@@ -13,9 +13,9 @@ from debrisgrasp.control import (
     reference_wrench,
 )
 from debrisgrasp.errors import InputError
-from debrisgrasp.executable import GraspMotion
 from debrisgrasp.geometry import SE3
 from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.pipeline import GraspMotion
 from debrisgrasp.planning import Grasp
 
 from .context import Context, LimbState

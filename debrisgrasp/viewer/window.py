@@ -10,12 +10,11 @@ from io import StringIO
 from typing import Any
 
 from debrisgrasp.errors import ConfigError, InputError, MissingExtraError
-from debrisgrasp.executable import GraspMotions
 from debrisgrasp.executive.record import StoredRun
 from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import StoredCalibration
 from debrisgrasp.kinematics import RobotModel
-from debrisgrasp.pipeline import PlanningResult
+from debrisgrasp.pipeline import GraspMotions, PlanningResult
 from debrisgrasp.prototypes import GraspPrototype, PrototypeLibrary, load_grippers
 from debrisgrasp.segmentation import SupportAware, segment_cloud
 

@@ -34,8 +34,7 @@ from debrisgrasp.motion import (
     connect_by_ompl,
     samples_of,
 )
-from debrisgrasp.perception import motion_space
-from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.pipeline import Pipeline, motion_space
 from tests.benchmarks.report import arguments, publish
 
 TARGETS = {

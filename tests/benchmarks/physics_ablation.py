@@ -22,8 +22,7 @@ from debrisgrasp._arrays import Float32Array
 from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp.cli.tables import columns
 from debrisgrasp.io import Capture
-from debrisgrasp.perception import Perception
-from debrisgrasp.pipeline import Pipeline, PipelineConfig
+from debrisgrasp.pipeline import Perception, Pipeline, PipelineConfig
 from debrisgrasp.planning import ClearanceConfig, PlannerConfig
 from debrisgrasp.segmentation import DEFAULT_POINT, PriorityPoint
 from debrisgrasp.sim import TIERS, SceneConfig

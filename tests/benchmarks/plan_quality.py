@@ -23,10 +23,8 @@ from scipy.spatial import cKDTree
 
 import debrisgrasp
 from debrisgrasp._stopwatch import Stopwatch
-from debrisgrasp._targets import choose_targets
 from debrisgrasp.cli.tables import columns
-from debrisgrasp.perception import Perception
-from debrisgrasp.pipeline import PipelineConfig
+from debrisgrasp.pipeline import Perception, PipelineConfig, choose_targets
 from debrisgrasp.planning import (
     ClearanceConfig,
     GraspPlanner,

@@ -9,9 +9,9 @@ import pytest
 
 import debrisgrasp
 from debrisgrasp.errors import ConfigError, InputError
-from debrisgrasp.executable import MotionsConfig
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.pipeline import MotionsConfig
 
 
 @pytest.fixture(scope="module")

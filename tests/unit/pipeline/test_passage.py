@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp._passage import Passage
-from debrisgrasp.executable import _on_robot
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.pipeline import Passage
+from debrisgrasp.pipeline.executable import _on_robot
 from debrisgrasp.planning import Grasp
 from debrisgrasp.prototypes import load_grippers
 

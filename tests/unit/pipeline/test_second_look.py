@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from debrisgrasp._second_look import BestSoFar
-from debrisgrasp._targets import Target
 from debrisgrasp.geometry import Bounds
+from debrisgrasp.pipeline import Target
+from debrisgrasp.pipeline.second_look import BestSoFar
 from debrisgrasp.planning import SearchResult
 
 BOX = Bounds(np.zeros(3), np.ones(3))

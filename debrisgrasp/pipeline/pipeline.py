@@ -9,20 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._advice import advice_on, is_poor
 from debrisgrasp._arrays import FloatArray, require_range
-from debrisgrasp._inputs import arms_of, require_limits, robot_of
-from debrisgrasp._reasons import unfit
-from debrisgrasp._retreat import with_retreats
-from debrisgrasp._second_look import BestSoFar
 from debrisgrasp._stopwatch import Progress, Stopwatch
-from debrisgrasp._targets import Target, choose_targets
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds, PointCloud
 from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import save_plan
 from debrisgrasp.kinematics import RobotModel
-from debrisgrasp.perception import Perception
 from debrisgrasp.planning import (
     Advice,
     Grasp,
@@ -46,7 +39,15 @@ from debrisgrasp.segmentation import (
 )
 from debrisgrasp.settings import Settings
 
-__all__ = ["Perception", "Pipeline", "PipelineConfig", "PlanningResult", "Progress"]
+from .advice import advice_on, is_poor
+from .inputs import arms_of, require_limits, robot_of
+from .perception import Perception
+from .reasons import unfit
+from .retreat import with_retreats
+from .second_look import BestSoFar
+from .targets import Target, choose_targets
+
+__all__ = ["Pipeline", "PipelineConfig", "PlanningResult", "Progress"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

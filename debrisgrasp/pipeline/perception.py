@@ -9,7 +9,6 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp._stopwatch import Stopwatch
-from debrisgrasp._targets import Target
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import (
     DepthSight,
@@ -28,6 +27,8 @@ from debrisgrasp.segmentation import (
     SelectionPolicy,
     segment_cloud,
 )
+
+from .targets import Target
 
 __all__ = ["Perception", "motion_space"]
 

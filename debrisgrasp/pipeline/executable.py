@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, Rng, require_range
-from debrisgrasp._passage import Passage
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp.control import CartesianLeg, LegPlan, LegPlanner
 from debrisgrasp.errors import ConfigError, InputError
@@ -27,6 +26,8 @@ from debrisgrasp.kinematics import (
 )
 from debrisgrasp.motion import MotionConfig, MotionPlan, MotionPlanner, MotionSpace
 from debrisgrasp.planning import Grasp, GraspPlan
+
+from .passage import Passage
 
 __all__ = ["GraspMotion", "GraspMotions", "MotionsConfig", "first_executable"]
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
-from debrisgrasp._reasons import why_empty
-from debrisgrasp._targets import Target
 from debrisgrasp.planning import PassedOver, SearchResult
 from debrisgrasp.segmentation import Segmentation
+
+from .reasons import why_empty
+from .targets import Target
 
 __all__ = ["BestSoFar"]
 

@@ -44,6 +44,13 @@ def choose_targets(
     object, however they were segmented: a handle is always divided from what it sits
     on, and the mark keeps it whole. Otherwise the objects follow in their order.
 
+    Parameters
+    ----------
+    is_marked
+        Whether a point of the cloud is marked, shape (n,).
+    margin
+        How far the region reaches beyond the points of an object [m].
+
     Raises
     ------
     CaptureError

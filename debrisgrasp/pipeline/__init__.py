@@ -1,0 +1,26 @@
+"""The stages chained: from a capture to ranked grasps, from a grasp to its motions."""
+
+from .executable import GraspMotion, GraspMotions, MotionsConfig, first_executable
+from .passage import Passage
+from .perception import Perception, motion_space
+from .pipeline import Pipeline, PipelineConfig, PlanningResult, Progress
+from .reasons import is_ground, too_small
+from .targets import Target, choose_targets
+
+__all__ = [
+    "GraspMotion",
+    "GraspMotions",
+    "MotionsConfig",
+    "Passage",
+    "Perception",
+    "Pipeline",
+    "PipelineConfig",
+    "PlanningResult",
+    "Progress",
+    "Target",
+    "choose_targets",
+    "first_executable",
+    "is_ground",
+    "motion_space",
+    "too_small",
+]
