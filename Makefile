@@ -8,16 +8,19 @@ OUT ?= out
 
 # What it takes to use it, and then what it takes to work on it.
 $(VENV)/usable: pyproject.toml
+	@echo 'installing into $(VENV), which takes a minute or two'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
 
 $(VENV)/ready: $(VENV)/usable
+	@echo 'installing what the tests need, which takes some minutes more'
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
 demo: $(VENV)/usable
 	$(BIN)/debrisgrasp demo --out-dir $(OUT)
+	@echo "open $(OUT)/report.html; '. $(BIN)/activate' makes debrisgrasp a command"
 
 # One process for each core; a process that computes on several would slow the others.
 test: $(VENV)/ready

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ def require_trailing(
     ``None`` stands for any size; further leading axes are allowed.
     """
     shape = array.shape
+    if shape[-len(trailing) :] == trailing:
+        return
     fits = len(shape) >= len(trailing) and all(
         want is None or want == have
         for want, have in zip(
@@ -61,8 +64,8 @@ def require_finite(array: NDArray[Any], name: str) -> None:
 
 
 def require_range(name: str, value: float, low: float, high: float = np.inf) -> None:
-    """Raise `ConfigError` unless the setting lies in [low, high]; NaN never does."""
-    if not low <= value <= high:
+    """Raise `ConfigError` unless the setting is a number in [low, high]."""
+    if not (isinstance(value, Real) and low <= value <= high):
         limit = f"{low:g} to {high:g}" if high < np.inf else f"{low:g} or more"
         raise ConfigError(name, got=value, expected=limit)
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import yaml
@@ -27,6 +28,9 @@ __all__ = [
     "read_schema",
     "read_text",
     "read_yaml",
+    "require_folder",
+    "require_writable",
+    "why_unreadable",
     "write_atomic",
 ]
 
@@ -47,7 +51,24 @@ UNREADABLE_ARRAY = (
 )
 """What NumPy raises for damaged, encrypted or pickled files."""
 
+_IN_WORDS = {
+    "allow_pickle": "objects rather than numbers",
+    "pickled": "no arrays at all",
+    "not a zip file": "no arrays at all",
+    "number of columns changed": "rows of different lengths",
+    "could not convert string": "words rather than numbers",
+    "No data left": "nothing",
+}
+"""What people understand, by what NumPy's message has in it."""
+
 PathLike = str | os.PathLike[str]
+
+
+def why_unreadable(error: BaseException) -> str:
+    """Say in a user's words why NumPy could not read a file."""
+    said = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    known = (words for part, words in _IN_WORDS.items() if part in said)
+    return next(known, said.rstrip("."))
 
 
 def data_path(*parts: str) -> Path:
@@ -71,7 +92,7 @@ def read_yaml(path: PathLike) -> Any:
     """
     text = read_text(path)
     try:
-        return yaml.load(text, Loader=_Loader)  # a safe loader
+        return yaml.load(text, Loader=_loader(text))  # a safe loader
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
@@ -157,6 +178,35 @@ def write_atomic(path: PathLike, data: bytes | str) -> None:
         raise OutputError(path, error.strerror or str(error)) from error
 
 
+def require_writable(path: PathLike) -> None:
+    """Raise `OutputError` unless a file can be written there; leaves no trace."""
+    target = Path(os.path.realpath(path))
+    _require_replaceable(target)
+    if not target.parent.is_dir():
+        raise OutputError(path, f"there is no folder {Path(path).parent}")
+    require_folder(target.parent, path)
+
+
+def require_folder(folder: PathLike, path: PathLike | None = None) -> None:
+    """Raise `OutputError` unless files can be put there; makes no folder.
+
+    Parameters
+    ----------
+    folder
+        One that is there, or that would be made.
+    path
+        What the error names; the folder by default.
+    """
+    there = Path(os.path.realpath(folder))
+    while not there.exists():
+        there = there.parent
+    try:
+        TemporaryFile(dir=there).close()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OutputError(path or folder, reason) from error
+
+
 def read_text(path: PathLike) -> str:
     """Content of a text file, or `ConfigError` saying why not."""
     try:
@@ -172,8 +222,8 @@ def read_text(path: PathLike) -> str:
         ) from error
 
 
-class _Loader(yaml.SafeLoader):
-    """Safe, and refuses a field that is given twice: only one of them would count."""
+class _Once(yaml.constructor.SafeConstructor):
+    """Refuses a field that is given twice: only one of them would count."""
 
     def construct_mapping(
         self,
@@ -194,6 +244,23 @@ class _Loader(yaml.SafeLoader):
                 given.add(key.value)
         content: dict[Any, Any] = super().construct_mapping(node, deep=deep)
         return content
+
+
+class _Loader(_Once, yaml.SafeLoader):
+    """Safe, for any text."""
+
+
+class _FastLoader(_Once, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # PyYAML may come without libyaml
+    """The same in a tenth of the time, but deep nesting would overflow its stack."""
+
+
+def _loader(text: str) -> type[_Loader | _FastLoader]:
+    """Choose by how deep a text can be nested."""
+    depth = sum(text.count(sign) for sign in "[{-:?")
+    return _FastLoader if depth < _SHALLOW else _Loader
+
+
+_SHALLOW = 1000
 
 
 def _refuse_constant(name: str) -> None:

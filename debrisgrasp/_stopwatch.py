@@ -15,10 +15,13 @@ Progress = Callable[[str, float], None]
 class Stopwatch:
     """Times the stages, tells the time left, and passes progress on."""
 
-    def __init__(self, deadline: float | None, progress: Progress) -> None:
+    def __init__(
+        self, deadline: float | None, progress: Progress | None = None
+    ) -> None:
         self.seconds: dict[str, float] = {}
         self._start = time.monotonic()
-        self._deadline, self._progress = deadline, progress
+        self._deadline = deadline
+        self._progress = progress or (lambda _stage, _share: None)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._calibrating import CalibrationRig, observations_of, rig_of
+from debrisgrasp._checked import checked
 from debrisgrasp.calibration import (
     Calibration,
     CalibrationConfig,
@@ -16,7 +17,7 @@ from debrisgrasp.calibration import (
     Observations,
 )
 from debrisgrasp.calibration import calibrate as calibrate_observations
-from debrisgrasp.errors import CaptureError, InputError
+from debrisgrasp.errors import InputError
 from debrisgrasp.executive import RunRecord, Simulated, SimulatedTask
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, measured, point_colors
@@ -46,6 +47,7 @@ from debrisgrasp.segmentation import (
 __all__ = ["calibrate", "clear", "looks", "plan", "plan_motion", "segment", "select"]
 
 
+@checked
 def segment(capture: Capture, config: SegmentationConfig | None = None) -> Segmentation:
     """Divide a capture into objects (section 5.1 of the paper).
 
@@ -54,13 +56,6 @@ def segment(capture: Capture, config: SegmentationConfig | None = None) -> Segme
     CaptureError
         If the capture has no pose in the base frame.
     """
-    if not isinstance(capture, Capture):
-        raise CaptureError(
-            "capture",
-            got=type(capture).__name__,
-            expected="a Capture",
-            mend="Capture.load(path) reads one.",
-        )
     is_marked = None if capture.mask is None else capture.mask[measured(capture)]
     return segment_cloud(
         capture.cloud(),
@@ -70,6 +65,7 @@ def segment(capture: Capture, config: SegmentationConfig | None = None) -> Segme
     )
 
 
+@checked
 def select(
     capture: Capture,
     segmentation: Segmentation,
@@ -87,6 +83,7 @@ def select(
     return policy.order(segmentation, capture.cloud())
 
 
+@checked
 def plan(
     capture: Capture,
     *,
@@ -125,6 +122,7 @@ def plan(
     )
 
 
+@checked
 def plan_motion(
     result: PlanningResult,
     *,
@@ -175,6 +173,7 @@ def plan_motion(
     )
 
 
+@checked
 def calibrate(
     observations: str | os.PathLike[str],
     *,
@@ -215,6 +214,7 @@ def calibrate(
     )
 
 
+@checked
 def clear(
     task: SimulatedTask | None = None,
     *,
@@ -242,6 +242,7 @@ def clear(
     return task.run(taken, pipeline=pipeline)
 
 
+@checked
 def looks(
     observations: str | os.PathLike[str],
     *,

@@ -7,6 +7,7 @@ grasp found, pose out of reach) are results, not exceptions.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -26,6 +27,8 @@ __all__ = [
 
 _LONGEST = 400
 """More characters of a value than this hide the message around it."""
+_NUMPY_SCALAR = re.compile(r"\bnp\.\w+\(([^()]*)\)")
+"""How NumPy shows a number of its own in a list; people write the number."""
 
 
 class DebrisGraspError(Exception):
@@ -51,7 +54,7 @@ class InputError(DebrisGraspError, ValueError):
         self, what: str, *, got: object, expected: str, mend: str = ""
     ) -> None:
         self.what, self.got, self.expected, self.mend = what, got, expected, mend
-        shown = str(got)
+        shown = _NUMPY_SCALAR.sub(r"\1", str(got))
         if len(shown) > _LONGEST:
             shown = f"{shown[:_LONGEST]}... ({len(shown)} characters)"
         message = f"{what}: got {shown}, expected {expected}."

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_range
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._fields import Fields
 from debrisgrasp._files import read_yaml
 from debrisgrasp.errors import ConfigError, UnknownNameError
@@ -37,6 +38,7 @@ POLICIES = ("support", "priority")
 """Names of the policies: `SupportAware`, and `PriorityPoint` (Eq. 1)."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SiteLimits:
     """What this site allows of what the robot could do; None: all of it."""
@@ -94,6 +96,7 @@ class SiteLimits:
         return replace(spec, limits=limits)
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Settings:
     """Everything that stays the same from capture to capture."""
@@ -151,6 +154,7 @@ class Settings:
             )
 
     @classmethod
+    @checked
     def load(cls, path: str | os.PathLike[str]) -> Settings:
         """Read a site's file (docs/configuration.md); paths in it are relative to it.
 

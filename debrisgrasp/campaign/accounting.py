@@ -48,6 +48,7 @@ CLASS_ORDER = (
     "mechanical",
     "bad_grasp",
     "safety",
+    "software",
     UNCLASSIFIED,
 )
 """Classes in the order in which a run meets them: the stages of the series."""

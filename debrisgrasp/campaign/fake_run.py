@@ -116,7 +116,6 @@ def record_of(
     overlooked = [body.name for body in in_the_way if not _is_named(body, result)]
     is_cleared = result.end is RunEnd.CLEARED
     must_stand = result.end in (RunEnd.STOPPED, RunEnd.INTERRUPTED)
-    unexpected = [e.message for e in result.faults if "unexpected" in e.values]
     return RunRecord(
         name=spec.name,
         spec=spec.to_json(),
@@ -130,7 +129,7 @@ def record_of(
         n_objects=len(in_the_way) + len(truth.removed),
         n_removed=len(truth.removed),
         checks={
-            "uncaught": len(unexpected),
+            "uncaught": sum(e.fault == "software_error" for e in result.faults),
             "commands_outside_limits": len(truth.violations),
             "wrenches_above_limits": len(truth.overloads),
             "false_cleared": int(is_cleared and bool(overlooked)),

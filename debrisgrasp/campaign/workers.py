@@ -9,11 +9,21 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    ProcessPoolExecutor,
+    wait,
+)
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
-from multiprocessing import forkserver, get_all_start_methods, get_context
+from multiprocessing import (
+    forkserver,
+    get_all_start_methods,
+    get_context,
+    resource_tracker,
+)
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Protocol
 
@@ -76,7 +86,9 @@ class LocalWorkers:
         )
         try:
             with _one_thread_each():
-                _serve(context)
+                with _interrupts_wait(), suppress(BrokenExecutor):
+                    _serve(context)
+                    wait([executor.submit(int) for _ in range(count)])
                 yield Crew(executor, 2 * count, self.time_limit)
         except BaseException:
             # Ends the runs under way; their results would be thrown away.
@@ -168,6 +180,8 @@ def _serve(context: Any) -> None:
     """Start the server of processes, out of reach of Ctrl-C, as all that it starts."""
     if context.get_start_method() != "forkserver":
         return
+    # The tracker lets Ctrl-C through again once it has been started.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         forkserver.ensure_running()
@@ -186,6 +200,22 @@ def _follow_parent(reader: Connection) -> None:
             os._exit(1)
 
     threading.Thread(target=wait, daemon=True).start()
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Hold Ctrl-C back: a process that is starting would tell of its end at length."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if held:
+        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -38,6 +38,8 @@ def chosen_arms(arguments: argparse.Namespace) -> list[ArmReach]:
     UnknownNameError
         If the robot, arm or gripper is not known; the known ones are listed.
     """
+    if arguments.robot == "none":
+        raise InputError("robot", got="none", expected="one with an arm")
     robot = RobotModel.load(arguments.robot)
     names = tuple(robot.arms)
     if arguments.arm is not None:

@@ -44,7 +44,7 @@ from debrisgrasp.io.observations_file import (
 
 from . import marker_commands
 from .calibrate_text import change_in_words, plan_table, plan_to_list, summary
-from .marker_commands import require_free_places
+from .reports import PICTURE_FORMS, require_places
 from .tables import columns
 
 __all__ = ["add"]
@@ -99,7 +99,7 @@ def _add_solve(actions: Any) -> None:
 def run_solve(arguments: argparse.Namespace) -> int:
     """Calibrate; status 1 if the result is refused."""
     source = arguments.observations
-    require_free_places(source, {".json": arguments.out, ".png": arguments.report})
+    require_places([arguments.report], PICTURE_FORMS, arguments.out, source=source)
     given = load_observations(source)
     rig = rig_of(given, source.parent, arguments.robot, arguments.fiducial)
     previous = load_calibration(arguments.previous) if arguments.previous else None
@@ -183,6 +183,7 @@ def run_choose(arguments: argparse.Namespace) -> int:
         raise ConfigError("-n", got=arguments.count, expected="1 to 100")
     if arguments.seed < 0:
         raise ConfigError("--seed", got=arguments.seed, expected="0 or more")
+    require_places((), (), arguments.out, source=arguments.known)
     robot = arguments.robot or "roman"
     given = ObservationFile(rows=())
     rig = rig_of(given, Path(), robot, arguments.fiducial)

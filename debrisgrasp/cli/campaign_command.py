@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .commands import Subparsers, _seed
+from .capture_arguments import seed
+from .commands import Subparsers
 
 __all__ = ["add"]
 
@@ -19,7 +20,7 @@ def add(subparsers: Subparsers) -> None:
         "count the outcomes. The same command goes on with an interrupted campaign.",
     )
     parser.add_argument("--n", type=int, default=30, help="runs (default: 30)")
-    parser.add_argument("--seed", type=_seed, default=0, help="default: 0")
+    parser.add_argument("--seed", type=seed, default=0, help="default: 0")
     parser.add_argument(
         "--faults",
         metavar="RATES",

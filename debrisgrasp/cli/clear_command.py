@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from debrisgrasp.errors import ConfigError, OutputError
+from debrisgrasp.settings import Settings
 
-from .commands import Subparsers, _seed, version
+from .capture_arguments import seed
+from .commands import Subparsers, version
 from .reports import require_places
+from .site_arguments import add_site
 
 if TYPE_CHECKING:
-    from debrisgrasp.executive.simulated import Simulated
+    from debrisgrasp.executive.simulated import Simulated, SimulatedTask
 
 __all__ = ["add"]
 
@@ -40,9 +43,28 @@ def _add_clear(subparsers: Subparsers) -> None:
         metavar="K",
         help="bodies of a drawn pile (1 to 50; default: 3 to 8)",
     )
-    parser.add_argument("--seed", type=_seed, default=0, help="default: 0")
-    parser.add_argument("--robot", default="roman", help="default: roman")
+    parser.add_argument("--seed", type=seed, help="default: the site's, or 0")
+    add_site(parser)
+    parser.add_argument(
+        "--robot", help="a shipped robot or a YAML file (default: the site's, or roman)"
+    )
     parser.add_argument("--arm", help="use only this arm")
+    parser.add_argument("--gripper", help="use only this hand")
+    one_object = parser.add_mutually_exclusive_group()
+    one_object.add_argument(
+        "--region",
+        nargs=6,
+        type=float,
+        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
+        help="take only the object in this box, base frame, metres; prototypes for "
+        "special objects, such as handles, are used then",
+    )
+    one_object.add_argument(
+        "--mask",
+        type=Path,
+        metavar="CAPTURE",
+        help="take only the object that the mask of this capture (.npz) shows",
+    )
     parser.add_argument(
         "--faults",
         default="",
@@ -90,35 +112,50 @@ def _add_replay(subparsers: Subparsers) -> None:
 
 def _clear(arguments: argparse.Namespace) -> int:
     from debrisgrasp.executive.record import MemoryRecord, RunRecord, load_run
-    from debrisgrasp.executive.simulated import SimulatedTask
 
-    task = SimulatedTask(
-        scene=arguments.scene,
-        objects=arguments.objects,
-        seed=arguments.seed,
-        robot=arguments.robot,
-        arms=() if arguments.arm is None else (arguments.arm,),
-        faults=tuple(filter(None, arguments.faults.split(","))),
-        max_removals=arguments.max_removals,
-        drive_over=arguments.drive_over,
-    )
-    if arguments.report:
-        require_places([arguments.report], _PAGE, source=Path())
+    task = _task(arguments)
+    # Whatever can be wrong is found before any work is done.
+    pipeline = task.pipeline()
+    settings = task.settings(pipeline)
     inputs = {**task.to_json(), "version": version()}
     record: RunRecord | MemoryRecord = MemoryRecord(inputs)
     if arguments.record:
         record = RunRecord(arguments.record, inputs)
-    done = task.run(record)
-    if isinstance(record, RunRecord) and record.fault:
-        raise OutputError(record.folder, record.fault)
     if arguments.report:
         from debrisgrasp.viz.run import run_html  # slow to load
 
+        require_places([arguments.report], _PAGE)
+    done = task.run(record, pipeline=pipeline, settings=settings)
+    if isinstance(record, RunRecord) and record.fault:
+        raise OutputError(record.folder, record.fault)
+    if arguments.report:
         stored = load_run(record.folder) if isinstance(record, RunRecord) else record
         run_html(arguments.report, stored)
     print(json.dumps(_facts(done)) if arguments.json else _summary(done))
     end = done.result.end.value
     return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
+
+
+def _task(arguments: argparse.Namespace) -> SimulatedTask:
+    from debrisgrasp.executive.simulated import SimulatedTask
+
+    number = arguments.seed
+    if number is None:
+        number = 0 if arguments.site is None else Settings.load(arguments.site).seed
+    return SimulatedTask(
+        scene=arguments.scene,
+        objects=arguments.objects,
+        seed=number,
+        site=None if arguments.site is None else str(arguments.site.resolve()),
+        robot=arguments.robot,
+        gripper=arguments.gripper,
+        arms=() if arguments.arm is None else (arguments.arm,),
+        mask=None if arguments.mask is None else str(arguments.mask.resolve()),
+        region=None if arguments.region is None else tuple(arguments.region),
+        faults=tuple(filter(None, arguments.faults.split(","))),
+        max_removals=arguments.max_removals,
+        drive_over=arguments.drive_over,
+    )
 
 
 def _facts(done: Simulated) -> dict[str, object]:
@@ -187,10 +224,14 @@ def _replay(arguments: argparse.Namespace) -> int:
         events = decisions(events)[: len(taken)]
     found = differences(taken, events)
     if arguments.json:
-        facts = {"same": not found, "is_whole": before.is_whole}
+        facts = {
+            "same": not found,
+            "is_whole": before.is_whole,
+            "missing": before.missing,
+        }
         print(json.dumps({**facts, "differences": [str(d) for d in found]}))
         return 1 if found else 0
-    if not before.is_whole:
-        print(f"{arguments.folder} ends after {len(taken)} decisions, without an end")
+    if before.missing:
+        print(f"{arguments.folder} lacks {', '.join(before.missing)}")
     print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
     return 1 if found else 0

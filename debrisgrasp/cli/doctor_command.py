@@ -32,10 +32,11 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 
 def _run(arguments: argparse.Namespace) -> int:
     sections = {"installation": list(doctor_checks.installation())}
+    settings = Settings()
     if arguments.site is not None:
         settings = Settings.load(arguments.site)
         sections[f"site {arguments.site}"] = list(doctor_checks.site(settings))
-    sections["self-test"] = list(doctor_checks.self_test())
+    sections["self-test"] = list(doctor_checks.self_test(settings))
     faults = [
         f"{finding.what}: {finding.text}"
         for findings in sections.values()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import UNREADABLE_ARRAY
+from debrisgrasp._files import UNREADABLE_ARRAY, why_unreadable
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import read_json
@@ -181,9 +181,10 @@ def _poses_of_file(path: Path) -> tuple[FloatArray, list[str | None]]:
             with np.load(path, allow_pickle=False) as arrays:
                 content: Any = arrays["T_base_hand"]
         except UNREADABLE_ARRAY as error:
-            why = getattr(error, "strerror", None) or str(error)
             raise ConfigError(
-                str(path), got=why, expected="a .npz with T_base_hand, (n, 4, 4)"
+                str(path),
+                got=why_unreadable(error),
+                expected="a .npz with T_base_hand, (n, 4, 4)",
             ) from error
     else:
         content = read_json(path)

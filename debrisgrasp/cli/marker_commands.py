@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp.calibration import MarkerConfig, MarkerMissing, find_marker
-from debrisgrasp.errors import CaptureError, ConfigError, OutputError
+from debrisgrasp.errors import CaptureError, ConfigError
 from debrisgrasp.io import Capture
 from debrisgrasp.io.observations_file import SCHEMA, load_observations
 
-__all__ = ["add_find", "add_pick", "require_free_places"]
+from .reports import require_places
+
+__all__ = ["add_find", "add_pick"]
 
 _SAME_POSE = 0.005
 """How far the camera may have moved between two pictures of one view [m, rad]."""
@@ -153,7 +154,7 @@ def add_pick(actions: Any) -> None:
 
 def run_pick(arguments: argparse.Namespace) -> int:
     """Write the page."""
-    require_free_places(arguments.captures[0], {".html": arguments.report})
+    require_places([arguments.report], (".html",), source=arguments.captures[0])
     captures = [Capture.load(path) for path in arguments.captures]
     header: dict[str, Any] = {"schema": SCHEMA}
     rows: list[dict[str, Any]] = [
@@ -181,18 +182,3 @@ def run_pick(arguments: argparse.Namespace) -> int:
         print(f"no capture for {', '.join(without)}: not on the page")
     print(f"wrote {arguments.report}: open it, click the fiducial, save the file")
     return 0
-
-
-def require_free_places(source: Path, places: Mapping[str, Path | None]) -> None:
-    """Raise before any work if a result could not be written after it."""
-    for suffix, path in places.items():
-        if path is None:
-            continue
-        if path.suffix.lower() != suffix:
-            raise ConfigError(
-                "name of a result", got=str(path), expected=f"one that ends in {suffix}"
-            )
-        if not path.parent.is_dir():
-            raise OutputError(path, f"there is no folder {path.parent}")
-        if path.resolve() == source.resolve():
-            raise OutputError(path, "it is what is read")

@@ -7,14 +7,21 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import debrisgrasp
 from debrisgrasp import api
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.io.motion_json import motion_to_dict, save_motion
 from debrisgrasp.motion import UnknownSpace
-from debrisgrasp.pipeline import MotionsConfig
+from debrisgrasp.pipeline import MotionsConfig, recall_plan
 
-from .commands import Subparsers, _add_capture, _load, _progress, _seed
-from .policy_arguments import add_policy, policy_of
+from .capture_arguments import (
+    add_capture,
+    add_planning,
+    load_capture,
+    planned,
+    progress,
+    refuse_planning,
+)
+from .commands import Subparsers
 from .reports import PICTURE_FORMS, require_places
 from .site_arguments import site_of
 from .tables import columns
@@ -39,16 +46,13 @@ def add(subparsers: Subparsers) -> None:
         description="Find grasps, then the first of them for which the arm can reach "
         "the pre-grasp, approach and lift without touching anything.",
     )
-    _add_capture(parser)
+    add_capture(parser)
+    add_planning(parser)
     parser.add_argument(
-        "--robot", help="a shipped robot or a YAML file (default: roman)"
-    )
-    add_policy(parser)
-    parser.add_argument("--arm", help="use only this arm")
-    parser.add_argument("--object", type=int, metavar="N", help="grip this object")
-    parser.add_argument("--seed", type=_seed, help="default: 0")
-    parser.add_argument(
-        "--deadline", type=float, metavar="S", help="settle after so many seconds"
+        "--grasps",
+        type=Path,
+        metavar="FILE",
+        help="a plan of this capture (`plan --out`), instead of planning anew",
     )
     parser.add_argument(
         "--unknown",
@@ -67,25 +71,26 @@ def add(subparsers: Subparsers) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     report, out = arguments.report, arguments.out
     require_places([report], PICTURE_FORMS, out, source=arguments.capture)
-    progress = None if arguments.json else _progress()
     settings = site_of(arguments)
-    capture = _load(arguments, settings)
-    pipeline = debrisgrasp.Pipeline.from_settings(settings)
-    pipeline.policy = policy_of(arguments, pipeline.policy)
-    result = pipeline.plan(
-        capture,
-        object_label=arguments.object,
-        seed=settings.seed,
-        deadline=settings.deadline,
-        progress=progress,
-    )
+    if settings.robot == "none":
+        raise ConfigError("robot", got="none", expected="one with an arm to move")
+    if arguments.grasps is None:
+        result = planned(arguments, settings)
+    else:
+        refuse_planning(arguments, "--grasps")
+        result = recall_plan(
+            arguments.grasps,
+            load_capture(arguments, settings),
+            settings.robot_model(),
+            grippers=settings.grippers,
+        )
     found = api.plan_motion(
         result,
         unknown=_UNKNOWN[arguments.unknown],
         config=MotionsConfig(speed=settings.limits.hand_speed),
         seed=settings.seed,
         deadline=settings.deadline,
-        progress=progress,
+        progress=progress(arguments),
     )
     chosen = found.chosen
     content = motion_to_dict(
@@ -108,7 +113,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _summary(result: PlanningResult, found: GraspMotions) -> str:
     chosen, lines = found.chosen, []
-    for index, reason in found.passed_over:
+    for index, reason in found.tried:
         lines.append(f"grasp {index + 1} passed over: {reason}")
     if chosen is None:
         why = found.why_none if result.plan.grasps else result.plan.why_empty

@@ -10,7 +10,7 @@ from debrisgrasp.settings import POLICIES
 __all__ = ["add_policy", "policy_of"]
 
 
-def add_policy(parser: argparse.ArgumentParser) -> None:
+def add_policy(parser: argparse._ActionsContainer) -> None:
     """Add the arguments that order the objects."""
     parser.add_argument(
         "--policy",

@@ -9,28 +9,37 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
+from debrisgrasp import __version__
 from debrisgrasp.errors import DebrisGraspError
 
-from . import (
-    calibrate_command,
-    campaign_command,
-    clear_command,
-    commands,
-    doctor_command,
-    ik_command,
-    motion_command,
-    prototype_commands,
-    reach_commands,
-    view_command,
-)
-
 __all__ = ["build_parser", "run"]
+
+_COMMANDS = {
+    "demo": ("commands", "add_demo"),
+    "plan": ("commands", "add_plan"),
+    "segment": ("commands", "add_segment"),
+    "select": ("commands", "add_select"),
+    "ik": ("ik_command", "add"),
+    "motion": ("motion_command", "add"),
+    "reach": ("reach_commands", "add"),
+    "prototype": ("prototype_commands", "add"),
+    "calibrate": ("calibrate_command", "add"),
+    "clear": ("clear_command", "add"),
+    "replay": ("clear_command", "add"),
+    "campaign": ("campaign_command", "add"),
+    "doctor": ("doctor_command", "add"),
+    "view": ("view_command", "add"),
+}
+"""Where each command is described."""
 
 
 def run(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
-    arguments = build_parser().parse_args(argv)
+    given = list(sys.argv[1:] if argv is None else argv)
+    only = given[0] if given and given[0] in _COMMANDS else None
+    arguments = build_parser(only).parse_args(given)
     try:
         status: int = arguments.run(arguments)
     except DebrisGraspError as error:
@@ -51,26 +60,19 @@ def _complain(error: DebrisGraspError, *, as_json: bool) -> None:
         print(f"debrisgrasp: error: {error}", file=sys.stderr)
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Describe the commands and their arguments."""
+def build_parser(only: str | None = None) -> argparse.ArgumentParser:
+    """Describe the commands and their arguments; those of one alone load faster."""
     parser = argparse.ArgumentParser(
         prog="debrisgrasp",
         description="From one depth image of a pile of debris to ranked grasps.",
-        epilog="Exit status: 0 done, 1 no grasp or object found, 2 bad input.",
+        epilog="Exit status: 0 done, 1 an honest no (nothing found, or a result "
+        "refused), 2 bad input. COMMAND --help tells more.",
     )
-    parser.add_argument("--version", action="version", version=commands.version())
+    parser.add_argument(
+        "--version", action="version", version=f"debrisgrasp {__version__}"
+    )
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    commands.add_demo(subparsers)
-    commands.add_plan(subparsers)
-    commands.add_segment(subparsers)
-    commands.add_select(subparsers)
-    ik_command.add(subparsers)
-    motion_command.add(subparsers)
-    reach_commands.add(subparsers)
-    prototype_commands.add(subparsers)
-    calibrate_command.add(subparsers)
-    clear_command.add(subparsers)
-    campaign_command.add(subparsers)
-    doctor_command.add(subparsers)
-    view_command.add(subparsers)
+    wanted = [home for name, home in _COMMANDS.items() if only in (None, name)]
+    for module, function in dict.fromkeys(wanted):
+        getattr(import_module(f".{module}", __package__), function)(subparsers)
     return parser

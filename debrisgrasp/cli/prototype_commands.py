@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from debrisgrasp.errors import ConfigError
 from debrisgrasp.prototypes import (
     GraspPrototype,
     PrototypeLibrary,
@@ -24,6 +22,7 @@ from .prototype_makers import add_makers
 from .reports import (
     PICTURE_FORMS,
     REPORT_FORMS,
+    require_places,
     write_coverage,
     write_prototype_sheet,
 )
@@ -101,7 +100,7 @@ def run_list(arguments: argparse.Namespace) -> int:
 
 def run_show(arguments: argparse.Namespace) -> int:
     """Draw prototypes."""
-    _require_form(arguments.out, REPORT_FORMS)
+    require_places([arguments.out], REPORT_FORMS)
     library = _chosen(arguments)
     write_prototype_sheet(arguments.out, library.prototypes, library.grippers)
     if arguments.json:
@@ -142,8 +141,7 @@ def run_check(arguments: argparse.Namespace) -> int:
 
 def run_coverage(arguments: argparse.Namespace) -> int:
     """Say which sizes the dictionary covers."""
-    if arguments.out:
-        _require_form(arguments.out, PICTURE_FORMS)
+    require_places([arguments.out], PICTURE_FORMS)
     library = _library(arguments)
     found = coverage(library, library.grippers)
     if arguments.out:
@@ -177,13 +175,6 @@ def run_coverage(arguments: argparse.Namespace) -> int:
     if arguments.out:
         print(f"wrote {arguments.out}")
     return 0
-
-
-def _require_form(path: Path, forms: Sequence[str]) -> None:
-    if path.suffix.lower() not in forms:
-        raise ConfigError(
-            "--out", got=str(path), expected="a name that ends in " + " or ".join(forms)
-        )
 
 
 def _library(arguments: argparse.Namespace) -> PrototypeLibrary:

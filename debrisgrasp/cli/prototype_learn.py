@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from debrisgrasp._files import require_folder
 from debrisgrasp.errors import OutputError
 from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.workbench import LearnConfig, learn, load_records
@@ -26,7 +27,9 @@ def add_learn(actions: Any) -> None:
     learning.add_argument(
         "runs", nargs="+", type=Path, help="folders with grasps.jsonl and surfaces/"
     )
-    learning.add_argument("--out", required=True, type=Path, metavar="DIR")
+    learning.add_argument(
+        "--out", required=True, type=Path, metavar="DIR", help="a new folder"
+    )
     learning.add_argument(
         "--radius",
         type=float,
@@ -55,6 +58,7 @@ def add_learn(actions: Any) -> None:
 
 def run_learn(arguments: argparse.Namespace) -> int:
     """Learn a dictionary from recorded grasps."""
+    require_folder(arguments.out)
     if arguments.out.exists() and any(arguments.out.iterdir()):
         raise OutputError(arguments.out, "it is not empty; give a new folder")
     config = LearnConfig(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from debrisgrasp._files import require_folder
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 from debrisgrasp.geometry import SE3, Bounds, fibonacci_sphere
 from debrisgrasp.kinematics import RobotModel
@@ -37,7 +38,7 @@ from debrisgrasp.workbench import (
     taught_by_joints,
 )
 
-from .commands import _add_capture, _load
+from .capture_arguments import add_capture, load_capture
 from .tables import columns
 
 __all__ = ["add_makers"]
@@ -54,9 +55,9 @@ def add_makers(actions: Any) -> None:
         description="Make a prototype of a shape; its place in the hand, its width and "
         "its opening are found by closing the fingers on it. Lengths in metres.",
     )
-    new.add_argument("--shape", required=True, choices=_SHAPES)
+    new.add_argument("--shape", required=True, choices=_SHAPES, help="its kind")
     for size in (*_SIZES, "plate"):
-        new.add_argument(f"--{size}", type=float, metavar="M")
+        new.add_argument(f"--{size}", type=float, metavar="M", help="if it has one")
     new.add_argument("--radius", type=float, metavar="M", help="half the diameter")
     new.add_argument("--ends", help="open, closed, one or both, as the shape has them")
     new.add_argument(
@@ -76,7 +77,7 @@ def add_makers(actions: Any) -> None:
     mesh = actions.add_parser(
         "from-mesh", help="from an STL, OBJ or PLY mesh of an object"
     )
-    mesh.add_argument("mesh", type=Path)
+    mesh.add_argument("mesh", type=Path, help="the file")
     mesh.add_argument(
         "--scale",
         type=float,
@@ -93,7 +94,7 @@ def add_makers(actions: Any) -> None:
     recording = actions.add_parser(
         "record", help="from a piece of a capture and a taught or proposed hand pose"
     )
-    _add_capture(recording)
+    add_capture(recording)
     recording.add_argument("--object", type=int, metavar="N", help="this object")
     recording.add_argument(
         "--region",
@@ -129,9 +130,17 @@ def add_makers(actions: Any) -> None:
             metavar="DIR",
             help="folder to write to (default: prototypes)",
         )
-        action.add_argument("--force", action="store_true", help="replace files")
-        action.add_argument("--kind", choices=("generic", "object-specific"))
-        action.add_argument("--description", default="")
+        action.add_argument(
+            "--force",
+            action="store_true",
+            help="replace files, and write what does not fit the hand",
+        )
+        action.add_argument(
+            "--kind",
+            choices=("generic", "object-specific"),
+            help="sought on every object, or only where a mask or region is given",
+        )
+        action.add_argument("--description", default="", help="a line for its file")
         action.add_argument("--grippers", metavar="DIR", help="folder of further hands")
         if action is not recording:
             action.add_argument("--json", action="store_true", help="print JSON")
@@ -162,7 +171,7 @@ def run_new(arguments: argparse.Namespace) -> int:
         value = getattr(arguments, name)
         if value is not None:
             shape[name] = value
-    made = [
+    made = (
         prototype_of_shape(
             arguments.name,
             shape,
@@ -173,11 +182,8 @@ def run_new(arguments: argparse.Namespace) -> int:
             description=arguments.description,
         )
         for preshape in _preshapes(arguments, gripper)
-    ]
-    definition, findings = min(
-        ((each, _findings(each, gripper)) for each in made), key=lambda p: len(p[1])
     )
-    return _finish(arguments, definition, findings)
+    return _finish(arguments, *_soundest(made, gripper))
 
 
 def run_mesh(arguments: argparse.Namespace) -> int:
@@ -220,9 +226,8 @@ def run_mesh(arguments: argparse.Namespace) -> int:
         definition = settled(definition, gripper)
         if arguments.closed is not None:
             definition = replace(definition, width=arguments.closed)
-        made.append((definition, _findings(definition, gripper)))
-    definition, findings = min(made, key=lambda pair: len(pair[1]))
-    return _finish(arguments, definition, findings, proposals)
+        made.append(definition)
+    return _finish(arguments, *_soundest(made, gripper), proposals)
 
 
 def run_record(arguments: argparse.Namespace) -> int:
@@ -239,7 +244,7 @@ def run_record(arguments: argparse.Namespace) -> int:
         pose = taught_by_joints(robot, arguments.arm, joints, gripper.name)
     box = arguments.region
     made = record(
-        _load(arguments),
+        load_capture(arguments),
         arguments.name,
         gripper,
         object_label=arguments.object,
@@ -257,6 +262,7 @@ def run_record(arguments: argparse.Namespace) -> int:
 def _prepared(arguments: argparse.Namespace) -> GripperModel:
     """Check what can be checked before any work; return the hand."""
     require_name(arguments.name, "--name")
+    require_folder(arguments.out)
     target = arguments.out / f"{arguments.name}.yaml"
     if target.exists() and not arguments.force:
         raise OutputError(target, "it exists; --force replaces it")
@@ -273,11 +279,20 @@ def _preshapes(arguments: argparse.Namespace, gripper: GripperModel) -> list[str
     return [arguments.preshape] if arguments.preshape else list(gripper.preshapes)
 
 
-def _findings(
-    definition: PrototypeDefinition, gripper: GripperModel
-) -> tuple[str, ...]:
-    prototype = GraspPrototype.build(definition, fibonacci_sphere(1))
-    return tuple(str(finding) for finding in check(prototype, gripper))
+def _soundest(
+    made: Iterable[PrototypeDefinition], gripper: GripperModel
+) -> tuple[PrototypeDefinition, tuple[str, ...]]:
+    """Find the first definition without findings, or the one with the fewest."""
+    best: tuple[PrototypeDefinition, tuple[str, ...]] | None = None
+    for definition in made:
+        prototype = GraspPrototype.build(definition, fibonacci_sphere(1))
+        findings = tuple(str(finding) for finding in check(prototype, gripper))
+        if best is None or len(findings) < len(best[1]):
+            best = definition, findings
+        if not findings:
+            break
+    assert best is not None
+    return best
 
 
 def _joints(text: str) -> dict[str, float]:
@@ -300,14 +315,20 @@ def _finish(
     findings: Sequence[str],
     proposals: Sequence[HandPose] = (),
 ) -> int:
-    """Write a prototype, and say what it is; status 1 if `check` finds something."""
-    files = write_new_prototype(
-        definition, arguments.out / f"{definition.name}.yaml", force=arguments.force
-    )
+    """Write a prototype, and say what it is.
+
+    If `check` finds something, the status is 1 and nothing is written, unless forced.
+    """
+    files: Sequence[Path] = ()
+    if arguments.force or not findings:
+        files = write_new_prototype(
+            definition, arguments.out / f"{definition.name}.yaml", force=arguments.force
+        )
     hands = load_grippers(arguments.grippers)
-    library = PrototypeLibrary.load(arguments.out, grippers=hands)
-    own = library[definition.name]
-    twins = [str(pair) for pair in duplicates([own], library)]
+    own, twins = PrototypeLibrary.build([definition], hands)[definition.name], []
+    if files:
+        library = PrototypeLibrary.load(arguments.out, grippers=hands)
+        twins = [str(pair) for pair in duplicates([own], library)]
     if arguments.json:
         facts = {
             "wrote": [str(file) for file in files],
@@ -342,7 +363,10 @@ def _finish(
     )
     for line in (*findings, *twins):
         print(f"{definition.name}: {line}")
-    print("wrote " + ", ".join(str(file) for file in files))
+    if files:
+        print("wrote " + ", ".join(str(file) for file in files))
+    else:
+        print("wrote nothing; --force writes it all the same")
     return 1 if findings else 0
 
 

@@ -67,8 +67,7 @@ def add(subparsers: Any) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     arms = chosen_arms(arguments)
-    source = arguments.grasps or Path("-")
-    require_places(arguments.report, REPORT_FORMS, source=source)
+    require_places(arguments.report, REPORT_FORMS, source=arguments.grasps)
     region, grasps = _region(arguments.region), _grasps(arguments.grasps)
     asked = region or _workspace(arms)
     places = grid_places(asked, _step(asked))

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from debrisgrasp._files import require_writable
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture
 from debrisgrasp.prototypes import CoverageMap, GraspPrototype, GripperModel, check
@@ -51,7 +52,7 @@ def require_places(
     reports: Iterable[Path | None],
     forms: Sequence[str],
     *others: Path | None,
-    source: Path,
+    source: Path | None = None,
 ) -> None:
     """Raise before any work is done if a result could not be written after it.
 
@@ -64,22 +65,21 @@ def require_places(
     others
         Further files to write.
     source
-        The capture, which no result may replace.
+        What is read, which no result may replace.
     """
     wanted = [path for path in reports if path]
     for path in wanted:
         if path.suffix.lower() not in forms:
             raise ConfigError(
-                "--report",
+                "name of a picture or page",
                 got=str(path),
                 expected="a name that ends in " + " or ".join(forms),
             )
-    taken = {source.resolve()}
+    taken = set() if source is None else {source.resolve()}
     for path in (*wanted, *(path for path in others if path)):
-        if not path.parent.is_dir():
-            raise OutputError(path, f"there is no folder {path.parent}")
+        require_writable(path)
         if path.resolve() in taken:
-            raise OutputError(path, "it is the capture, or another result goes there")
+            raise OutputError(path, "it is what is read, or another result goes there")
         taken.add(path.resolve())
 
 

@@ -7,13 +7,18 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import debrisgrasp
 from debrisgrasp import api
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import MotionsConfig
 
-from .commands import _add_capture, _load, _progress
+from .capture_arguments import (
+    add_capture,
+    add_planning,
+    load_capture,
+    planned,
+    refuse_planning,
+)
 from .site_arguments import site_of
 
 __all__ = ["add"]
@@ -28,7 +33,11 @@ def add(subparsers: Any) -> None:
         "plan read from a file knows how many poses were ruled out; with --plan it is "
         "made anew and shows each of them, and what it would hit.",
     )
-    _add_capture(parser)
+    add_capture(
+        parser,
+        "a capture, a plan (grasps.json), a prototype or a folder of them, a "
+        "calibration, or the folder of a run",
+    )
     parser.add_argument(
         "--capture",
         dest="of_plan",
@@ -46,12 +55,7 @@ def add(subparsers: Any) -> None:
         metavar="FILE",
         help="motions of a saved plan; without FILE, and with --plan, plan them",
     )
-    parser.add_argument("--robot", help="a shipped robot, a YAML file, or 'none'")
-    parser.add_argument("--prototypes", metavar="DIR", help="folder of prototype files")
-    parser.add_argument("--grippers", metavar="DIR", help="folder of further hands")
-    parser.add_argument(
-        "--object", type=int, metavar="N", help="with --plan, plan on this object"
-    )
+    add_planning(parser)
     parser.add_argument(
         "--port", type=int, default=8080, help="default: 8080; 0 takes a free one"
     )
@@ -92,8 +96,7 @@ def _require_effect(arguments: argparse.Namespace) -> None:
     """Refuse options that would do nothing."""
     if arguments.plan:
         return
-    if arguments.object is not None:
-        raise ConfigError("--object", got="no --plan", expected="--plan with it")
+    refuse_planning(arguments, "no --plan")
     is_saved_plan = arguments.capture.suffix.lower() == ".json"
     if arguments.motion == "" or (arguments.motion and not is_saved_plan):
         raise ConfigError(
@@ -111,11 +114,11 @@ def _capture(arguments: argparse.Namespace) -> Capture | None:
             return None
         plan_path, arguments.capture = path, arguments.of_plan
         try:
-            return _load(arguments)
+            return load_capture(arguments)
         finally:
             arguments.capture = plan_path
     if path.is_file():
-        return _load(arguments)
+        return load_capture(arguments)
     return None
 
 
@@ -129,15 +132,7 @@ def _planned(arguments: argparse.Namespace) -> tuple[Any, Any]:
             "and --capture.",
         )
     settings = site_of(arguments)
-    pipeline = debrisgrasp.Pipeline.from_settings(settings)
-    result = pipeline.plan(
-        _load(arguments, settings),
-        object_label=arguments.object,
-        seed=settings.seed,
-        deadline=settings.deadline,
-        advise=True,
-        progress=_progress(),
-    )
+    result = planned(arguments, settings, advise=True)
     if arguments.motion is None:
         return result, None
     config = MotionsConfig(speed=settings.limits.hand_speed)

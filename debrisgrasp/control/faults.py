@@ -9,7 +9,7 @@ __all__ = ["Fault", "FaultClass", "Stop"]
 
 
 class FaultClass(Enum):
-    """Where to look for the cause: the paper's seven classes, and two more."""
+    """Where to look for the cause: the paper's seven classes, and three more."""
 
     BAD_GRASP = "bad_grasp"
     OPERATOR_PARAMETERS = "operator_parameters"
@@ -20,6 +20,7 @@ class FaultClass(Enum):
     DRIVER = "driver"
     PERCEPTION = "perception"
     SAFETY = "safety"
+    SOFTWARE = "software"
 
 
 class Fault(Enum):

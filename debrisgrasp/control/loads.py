@@ -256,7 +256,11 @@ def identify_tool(
 
 
 def identify_payload(
-    model: LoadModel, raw: ArrayLike, R_base_ft: ArrayLike
+    model: LoadModel,
+    raw: ArrayLike,
+    R_base_ft: ArrayLike,
+    *,
+    expected_com: ArrayLike = (0.0, 0.0, 0.0),
 ) -> tuple[Body, bool]:
     """Find what a hand holds freely in the air.
 
@@ -270,6 +274,9 @@ def identify_payload(
         Readings of the sensor [N, N m], shape (n, 6).
     R_base_ft
         Orientation of the sensor at each, shape (n, 3, 3).
+    expected_com
+        Where the centre of mass should be [m], sensor frame, shape (3,): it is as near
+        to there as the readings allow.
 
     Returns
     -------
@@ -294,9 +301,13 @@ def identify_payload(
         )
     if mass < 1e-3:
         return Body(0.0), False
+    expected = frozen(expected_com, "expected centre of mass [m]", (3,))
+    require_finite(expected, "expected centre of mass [m]")
     A = -so3.hat(g_ft).reshape(-1, 3)
-    solution = np.linalg.lstsq(A, load[:, 3:].ravel(), rcond=0.05)
-    return Body(mass, np.asarray(solution[0] / mass)), bool(solution[2] == 3)
+    rest = load[:, 3:].ravel() - mass * (A @ expected)
+    solution = np.linalg.lstsq(A, rest, rcond=0.05)
+    com = expected + np.asarray(solution[0]) / mass
+    return Body(mass, com), bool(solution[2] == 3)
 
 
 def _weight(body: Body, R_base_ft: FloatArray, gravity: FloatArray) -> FloatArray:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp.calibration import DriftMonitor, DriftReport, Head, Observations
 from debrisgrasp.geometry import DepthSight, Solid
 from debrisgrasp.io import Capture
-from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.kinematics import KinematicChain, Trajectory
 from debrisgrasp.motion import MotionSpace, UnknownSpace
 from debrisgrasp.robot import DepthFrame
 
@@ -32,46 +34,144 @@ _REACH = 0.12
 _LEAST = 60
 """Pixels on the arm, at least."""
 _MOST = 500
+_NOISE = 0.003
+"""Of one look at the hand, in each coordinate [m]."""
+_SIGMAS = 8.0
+"""Mount and joints of the head are each known to this part of the shift allowed: what
+they do to the hand together is then an alarm from about that shift on."""
 _LEVEL = np.array([0.0, 0.0, 1.0, 0.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _AsBuilt:
+    """The camera as the robot's file has it, for `DriftMonitor`."""
+
+    head: Head
+    head_covariance: FloatArray
+    fiducial: FloatArray
+
+    @classmethod
+    def of(cls, context: Context) -> _AsBuilt:
+        """Take it that a shift of the hand as large as allowed is an alarm."""
+        model, device = context.model, context.robot.head
+        names = () if device is None else tuple(device.joint_names)
+        values = context.joint_values()
+        held = {name: value for name, value in values.items() if name not in names}
+        camera = model.camera or model.base
+        if names:
+            chain = KinematicChain.from_tree(model.tree, model.base, camera, held)
+            head = Head(
+                T_base_camera_at_zero=chain.T_base_tip_at_zero,
+                axes=chain.axes,
+                points=chain.points,
+                joint_names=chain.joint_names,
+            )
+        else:
+            head = Head.fixed(model.T_base_camera(values))
+        sigma = context.settings.camera_shift / _SIGMAS
+        covariance = sigma * sigma * np.eye(6 + len(names))
+        return cls(head=head, head_covariance=covariance, fiducial=np.zeros(3))
 
 
 def calib_check(context: Context) -> StepResult:
     """Hold a hand before the camera, and compare where it is seen with where it is.
 
-    Without a free way for the hand this is left out, and said so; the ground, which
-    every capture is held against, still tells a camera that tilted or sank.
+    It is seen from two attitudes of the head, and the looks of all checks of a run are
+    judged together. Without a free way for the hand this is left out, and said so; the
+    ground, which every capture is held against, still tells a camera that tilted or
+    sank.
     """
     limb = next(iter(context.limbs.values()))
-    look = look_of(context)
-    fault = turn_head(context, look)
-    if fault is not None:
-        return fault
-    before = context.robot.camera.capture()
-    motion = _way_into_view(context, limb, before)
+    empty = _looked(context)
+    if isinstance(empty, FaultFound):
+        return empty
+    motion = _way_into_view(context, limb, empty[-1])
     if isinstance(motion, FaultFound):
         return Done({"hand_seen": False, "why": motion.message})
     drive = Drive(context, limb.name)
     fault = drive.follow(motion)
     if fault is not None:
         return fault
-    found = _seen_shift(context, limb, before)
-    turned = _turns(context, look)
+    report = _compared(context, limb, empty)
     back = drive.follow(reversed_motion(motion))
     if back is not None:
         return back
     limb.limb.arm.disengage()
-    if turned is not None:
-        return turned
-    if found is None:
-        words = f"the hand of the {limb.name} arm is not seen where it must be"
-        return FaultFound("fiducial_lost", words, limb.name)
-    size = float(np.linalg.norm(found))
-    facts = {"hand_seen": True, "shift_mm": np.round(1e3 * found, 1).tolist()}
-    if size > context.settings.camera_shift:
+    if isinstance(report, FaultFound):
+        return report
+    size = float(np.linalg.norm(report.shift))
+    facts = {
+        "hand_seen": True,
+        "shift_mm": np.round(1e3 * report.shift, 1).tolist(),
+        "camera": report.status.value,
+    }
+    if report.blocks_grasps or size > context.settings.camera_shift:
         words = f"the hand is seen {1e3 * size:.0f} mm from where it is, expected at "
         words += f"most {1e3 * context.settings.camera_shift:.0f}: calibrate first"
+        words += f" ({report})"
         return FaultFound("calibration_off", words, limb.name, {"shift": size})
     return Done(facts)
+
+
+def _looks(context: Context) -> list[Mapping[str, float]]:
+    """Attitudes of the head: aside, and as for captures."""
+    look, head = look_of(context), context.robot.head
+    if head is None:
+        return [look]
+    return [{n: look.get(n, 0.0) - _ASIDE for n in head.joint_names}, look]
+
+
+def _looked(context: Context) -> list[DepthFrame] | FaultFound:
+    """Take an image from each attitude; looks that are all alike tell nothing."""
+    frames = []
+    for target in _looks(context):
+        fault = _turned(context, target)
+        if fault is not None:
+            return fault
+        frames.append(context.robot.camera.capture())
+    return frames
+
+
+def _turned(context: Context, target: Mapping[str, float]) -> FaultFound | None:
+    fault, head = turn_head(context, target), context.robot.head
+    if fault is not None or head is None:
+        return fault
+    wanted = np.array([target.get(name, 0.0) for name in head.joint_names])
+    away = float(np.abs(np.asarray(head.read().q) - wanted).max())
+    if away <= _TURNED:
+        return None
+    words = f"the head is {away:.2f} rad from where it was sent: all looks are alike"
+    return FaultFound("calibration_poses", words)
+
+
+def _compared(
+    context: Context, limb: LimbState, empty: Sequence[DepthFrame]
+) -> DriftReport | FaultFound:
+    """Judge where the hand is seen, by all looks of the run."""
+    head = context.robot.head
+    hand = limb.pose(context.posture(limb)).p
+    seen, readings = [], []
+    for target, before in zip(_looks(context), empty, strict=True):
+        fault = _turned(context, target)
+        if fault is not None:
+            return fault
+        found = _seen_shift(context, limb, before)
+        if found is not None:
+            T_base_camera = context.model.T_base_camera(context.joint_values())
+            seen.append(T_base_camera.inverse().apply(hand + found))
+            readings.append([] if head is None else list(head.read().q))
+    if found is None:  # as captures are taken
+        words = f"the hand of the {limb.name} arm is not seen where it must be"
+        return FaultFound("fiducial_lost", words, limb.name)
+    looks = Observations(
+        points_base=np.tile(hand, (len(seen), 1)),
+        points_camera=np.array(seen),
+        sigmas=_NOISE,
+        head=np.array(readings),
+    )
+    monitor = context.camera_watch or DriftMonitor(calibration=_AsBuilt.of(context))
+    context.camera_watch, report = monitor.seen(looks)
+    return report
 
 
 def _way_into_view(
@@ -100,24 +200,6 @@ def _way_into_view(
         fault = found
     assert fault is not None
     return fault
-
-
-def _turns(context: Context, look: Mapping[str, float]) -> FaultFound | None:
-    """Turn the head aside and back; looks that are all alike tell nothing."""
-    head = context.robot.head
-    if head is None:
-        return None
-    aside = {name: look.get(name, 0.0) - _ASIDE for name in head.joint_names}
-    for target in (aside, look):
-        fault = turn_head(context, target)
-        if fault is not None:
-            return fault
-        wanted = np.array([target.get(name, 0.0) for name in head.joint_names])
-        away = float(np.abs(np.asarray(head.read().q) - wanted).max())
-        if away > _TURNED:
-            words = f"the head is {away:.2f} rad from where it was sent: all looks "
-            return FaultFound("calibration_poses", words + "are alike")
-    return None
 
 
 def _seen_shift(

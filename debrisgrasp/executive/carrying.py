@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import (
     Compliance,
     LegOutcome,
@@ -12,13 +13,13 @@ from debrisgrasp.control import (
 )
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
-from debrisgrasp.motion import MotionPlan, UnknownSpace
+from debrisgrasp.motion import MotionPlan, MotionPlanner, MotionSpace, UnknownSpace
 
 from .context import Context, Held, LimbState
 from .drag import drag
 from .drive import Drive
 from .dropoff import drop_postures
-from .moves import carrying, free_share, planned, space_of
+from .moves import carrying, free_share, is_folded, planned, space_of
 from .pacing import careful
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
@@ -30,6 +31,8 @@ _STANDING = 0.4
 """How long the arm stands while the load is averaged [s]."""
 _HIGHER = 0.12
 """How far an object is lifted once more where no way is free around it [m]."""
+_SLOWEST = 0.1
+"""Share of the usual speed that is left of it after some touches."""
 _CAREFUL = 0.3
 """Share of the usual speed on a way on which what is held may touch something."""
 _AROUND = 0.05
@@ -83,6 +86,8 @@ def _height_to_go(context: Context, limb: LimbState, held: Held, z: float) -> fl
     assert motion is not None
     least = context.settings.lift
     q = context.posture(limb)
+    if is_folded(limb, q):
+        return 0.0 if held.is_lifted else least  # so much was planned
     if held.is_lifted:
         begun = float(motion.grasp.T_base_hand.p[2])
         wanted = max(least - max(z - begun, 0.0), _HIGHER)
@@ -118,7 +123,12 @@ def verify_hold(context: Context) -> StepResult:
     T = limb.pose(context.posture(limb))
     raw = mean_wrench(readings)
     try:
-        payload, _ = identify_payload(limb.loads, raw, T.R @ limb.loads.T_ee_ft.R)
+        payload, _ = identify_payload(
+            limb.loads,
+            raw,
+            T.R @ limb.loads.T_ee_ft.R,
+            expected_com=_middle_ft(limb, held),
+        )
     except InputError as error:
         return FaultFound("slip", f"nothing hangs on the hand: {error}", held.arm)
     weight = 9.81 * payload.mass
@@ -135,6 +145,18 @@ def verify_hold(context: Context) -> StepResult:
     return Done({"mass": round(payload.mass, 3)})
 
 
+def _middle_ft(limb: LimbState, held: Held) -> FloatArray:
+    """Middle of what is held as it was seen, frame of the sensor [m], shape (3,).
+
+    Weighed in one attitude, an object tells its centre of mass across gravity only.
+    """
+    points = held.points_hand
+    if not len(points):
+        return limb.loads.T_ee_ft.inverse().p
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return limb.loads.T_ee_ft.inverse().apply(middle)
+
+
 def transport(context: Context) -> StepResult:
     """Carry what is held over the drop-off, around everything else."""
     held = context.held
@@ -143,12 +165,14 @@ def transport(context: Context) -> StepResult:
     found: MotionPlan | FaultFound | None = _way(context, limb, held)
     if found is None:
         # What it hangs over may be in the way of the box around it.
-        end = drive.leg(
-            [0.0, 0.0, _HIGHER], speed=context.settings.lift_speed,
-            tare=TarePolicy.SESSION,
-        )  # fmt: skip
-        if isinstance(end, FaultFound):
-            return end
+        q, up = context.posture(limb), np.array([0.0, 0.0, _HIGHER])
+        share = 0.0 if is_folded(limb, q) else free_share(limb, q, up)
+        if share * _HIGHER > _LEAST:
+            end = drive.leg(
+                share * up, speed=context.settings.lift_speed, tare=TarePolicy.SESSION
+            )
+            if isinstance(end, FaultFound):
+                return end
         found = _way(context, limb, held)
     pace = context.settings.carry_speed * context.cycle.speed
     if found is None:
@@ -161,32 +185,46 @@ def transport(context: Context) -> StepResult:
     paces = careful(context, limb, held.points_hand, found.trajectory, pace)
     fault = drive.follow(found.trajectory, pace=paces)
     if fault is not None:
+        # It is larger than it looked: what it may touch next must be met more slowly.
+        context.cycle.speed = max(0.5 * context.cycle.speed, _SLOWEST)
         return fault
     return Done({"seconds": round(context.now() - begun, 3)})
 
 
 def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | None:
     """Plan to over the drop-off with a box around what is held."""
-    q = context.posture(limb)
-    goals = drop_postures(context, limb, held, q)
-    if not len(goals):
-        return None
-    planner = carrying(context, limb)
-    label = context.cycle.label
-    for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
-        space = space_of(context, label, unknown=unknown)
-        found = planned(context, limb, goals, space, planner)
-        if not isinstance(found, FaultFound):
-            return found
+    planner, label = carrying(context, limb), context.cycle.label
+    stands = limb, context.posture(limb)
+    hidden, ignored = UnknownSpace.HIDDEN, UnknownSpace.IGNORED
+    for unknown, standing in ((hidden, None), (ignored, None), (ignored, stands)):
+        space = space_of(context, label, unknown=unknown, stands=standing)
+        goals = _goals(context, limb, held, space, planner)
+        if len(goals):
+            found = planned(context, limb, goals, space, planner)
+            if not isinstance(found, FaultFound):
+                return found
     return None
 
 
 def _bare_way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFound:
     """Plan for the arm alone: the box may touch what the object itself does not."""
-    goals = drop_postures(context, limb, held, context.posture(limb))
-    if not len(goals):
-        place = context.settings.drop_off[held.arm]
-        words = f"no posture holds it over the drop-off at {place}"
-        return FaultFound("unreachable", words, held.arm)
     space = space_of(context, context.cycle.label, unknown=UnknownSpace.IGNORED)
+    goals = _goals(context, limb, held, space, limb.planner)
+    if not len(goals):
+        x, y = context.settings.drop_off[held.arm]
+        words = f"no posture holds it over the drop-off at ({x:g}, {y:g})"
+        return FaultFound("unreachable", words, held.arm)
     return planned(context, limb, goals, space)
+
+
+def _goals(
+    context: Context,
+    limb: LimbState,
+    held: Held,
+    space: MotionSpace,
+    planner: MotionPlanner,
+) -> FloatArray:
+    """Postures over the drop-off that touch nothing, nearest first, (g, d)."""
+    q, points = context.posture(limb), held.points_hand
+    is_free = planner.exact_test(space).is_free
+    return drop_postures(context, limb, points, q, is_free)

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from debrisgrasp.motion import UnknownSpace
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.motion import MotionSpace, UnknownSpace
 from debrisgrasp.pipeline import (
+    GraspMotion,
     MotionsConfig,
     Passage,
     Perception,
@@ -20,7 +22,9 @@ from debrisgrasp.planning import Grasp
 from debrisgrasp.segmentation import Segment
 
 from .context import Context
+from .dropoff import drop_postures, object_in_hand
 from .moves import space_of
+from .reposition import repositioned
 from .result import Done, FaultFound, StepResult
 from .states import State
 from .triage import Triage, Way, judge
@@ -31,6 +35,8 @@ _ALIKE, _ALIKE_TURN = 0.03, 0.35
 """Grasps nearer to each other than this are one [m], [rad]."""
 _PREFERRED = 0.05
 """By so much likelier to hold the grasp of another hand must be."""
+_SEARCHES = 3
+"""So often at most grasps are sought on an object that was not got the last time."""
 _SPECK = 20
 """Fewer cells of surface than this are noise, wherever they are."""
 
@@ -44,7 +50,8 @@ def select(context: Context) -> StepResult:
     if context.settings.is_object_specific:
         return Done({"cleared": True}, State.CLEARED)
     left: dict[str, str] = {}
-    failed: list[str] = []
+    failed: dict[str, FloatArray] = {}
+    open_: list[tuple[Segment, Triage, str]] = []
     for candidate in seen.order(context.pipeline.policy):
         segment = seen.segmentation.segment(candidate.label)
         name = _named(segment)
@@ -56,7 +63,7 @@ def select(context: Context) -> StepResult:
             left[name] = f"{triage.way.value}: {triage.reason}"
             continue
         why = context.marks.why_left(
-            segment.centroid, context.n_removed, context.settings.tries
+            segment.centroid, context.n_changes, context.settings.tries
         )
         if triage.way is Way.DRAG:
             mark = context.marks.of(segment.centroid)
@@ -64,13 +71,21 @@ def select(context: Context) -> StepResult:
             why = why if is_done else ""
         if why:
             left[name] = why
-            failed.append(name)
+            failed[name] = segment.centroid
             continue
-        context.left = left
-        return _chosen(context, segment, triage, candidate.reason)
+        open_.append((segment, triage, candidate.reason))
     context.left = left
+    if open_:
+        # What failed has another turn after all that did not.
+        return _chosen(
+            context,
+            *min(open_, key=lambda item: context.marks.failures(item[0].centroid)),
+        )
     if failed:
-        return _nothing_more(context, left, failed)
+        moved = repositioned(context, list(failed.values()))
+        if moved:
+            return Done({"moved": round(moved, 3), "left": left}, State.CAPTURE)
+        return _nothing_more(context, left, list(failed))
     if seen.segmentation.ground.plane is None:
         return FaultFound("empty_cloud", "no ground was seen: nothing says it is clear")
     return Done({"cleared": True, "left": left}, State.CLEARED)
@@ -80,15 +95,16 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
     """Take the marked object, whatever it was divided into."""
     marked = seen.is_marked
     assert marked is not None
-    if not marked.any():
-        return Done({"cleared": True}, State.CLEARED)
     own = seen.segmentation.labels[marked]
-    label = int(np.bincount(own[own > 0]).argmax()) if (own > 0).any() else 0
-    if not label:
-        return Done({"cleared": True}, State.CLEARED)
+    if not (own > 0).any():
+        if context.n_removed:
+            return Done({"cleared": True}, State.CLEARED)
+        # It was never seen, so nothing says that it is gone.
+        return FaultFound("empty_cloud", "no object was seen where one is marked")
+    label = int(np.bincount(own[own > 0]).argmax())
     segment = seen.segmentation.segment(label)
     why = context.marks.why_left(
-        segment.centroid, context.n_removed, context.settings.tries
+        segment.centroid, context.n_changes, context.settings.tries
     )
     if why:
         return _nothing_more(context, {_named(segment): why}, [_named(segment)])
@@ -133,7 +149,7 @@ def _named(segment: Segment) -> str:
 def _not_in_the_way(context: Context, seen: Perception, segment: Segment) -> str:
     """Why something that was divided off is no object in the way, or nothing."""
     config = context.pipeline.config
-    if not context.settings.bounds.contains(segment.centroid):
+    if not context.is_in_way(segment.centroid):
         return "outside the workspace"
     points = seen.cloud.points[seen.segmentation.points_of(segment.label)]
     ground = seen.segmentation.ground
@@ -170,15 +186,20 @@ def plan_grasp(context: Context) -> StepResult:
     assert cycle.seen is not None
     assert cycle.triage is not None
     label = None if cycle.seen.is_marked is not None else cycle.label
-    seed = int(context.rng.integers(2**31))
-    found = context.pipeline.plan(cycle.seen, object_label=label, seed=seed)
     mark = context.marks.of(cycle.centroid or (np.inf,) * 3)
     failed = [] if mark is None else mark.failed
-    grasps = [
-        grasp
-        for grasp in found.plan.grasps
-        if grasp.arm in context.limbs and not any(_is_like(grasp, f) for f in failed)
-    ]
+    # A search is drawn: what found nothing good is repeated, and all finds count.
+    n_searches = 1 if mark is None else min(1 + mark.searches + mark.tries, _SEARCHES)
+    grasps: list[Grasp] = []
+    for _ in range(n_searches):
+        seed = int(context.rng.integers(2**31))
+        found = context.pipeline.plan(cycle.seen, object_label=label, seed=seed)
+        for grasp in found.plan.grasps:
+            known = (*failed, *grasps)
+            if grasp.arm in context.limbs and not any(
+                _is_like(grasp, other) for other in known
+            ):
+                grasps.append(grasp)
     if not grasps:
         why = found.plan.why_empty or "no hand in use takes any of the grasps"
         if failed and found.plan.grasps:
@@ -195,6 +216,20 @@ def plan_grasp(context: Context) -> StepResult:
     )
     best = cycle.plan.plan.grasps[0]
     return Done({"seed": seed, "grasps": len(grasps), "best": _grasp_facts(best)})
+
+
+def _no_drop(context: Context, motion: GraspMotion, space: MotionSpace) -> str:
+    """Say that what a motion lifts can't be put down, or nothing."""
+    triage = context.cycle.triage
+    if triage is not None and triage.way is Way.DRAG:
+        return ""
+    grasp, limb = motion.grasp, context.limbs[motion.arm]
+    points = object_in_hand(context, grasp.T_base_hand, grasp.width)
+    is_free = limb.planner.exact_test(space, with_hand=False).is_free
+    if len(drop_postures(context, limb, points, motion.lift.q[-1], is_free, 1)):
+        return ""
+    x, y = context.settings.drop_off[motion.arm]
+    return f"transport: no posture holds it over the drop-off at ({x:g}, {y:g})"
 
 
 def _is_like(grasp: Grasp, failed: Grasp) -> bool:
@@ -249,20 +284,22 @@ def plan_motion(context: Context) -> StepResult:
         lift=(0.0, 0.0, settings.lift), tries=6, clamp=settings.clamp
     )
     space = space_of(context, unknown=UnknownSpace.HIDDEN)
+    passage = Passage(
+        space.measured_points, cycle.plan.object_points, cycle.plan.grippers
+    )
     found = first_executable(
         cycle.plan.plan,
         context.model,
         space,
-        passage=Passage(
-            space.measured_points, cycle.plan.object_points, cycle.plan.grippers
-        ),
+        passage=passage,
         present=context.joint_values(),
         config=config,
+        accepted=lambda motion: _no_drop(context, motion, space),
         rng=context.rng,
     )
     if found.chosen is None:
         reasons = [reason for _, reason in found.passed_over]
-        is_far = all("reach" in r and "posture" in r for r in reasons)
+        is_far = all("posture" in r for r in reasons)
         name = "unreachable" if is_far else "plan_collision"
         return FaultFound(name, found.why_none)
     cycle.motion = found.chosen

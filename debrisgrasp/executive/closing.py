@@ -2,33 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import hypot
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import GripConfig, GripController, GripPhase, TarePolicy
-from debrisgrasp.geometry import voxel_downsample
+from debrisgrasp.control import (
+    GripConfig,
+    GripController,
+    GripPhase,
+    TarePolicy,
+)
+from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.pipeline import GraspMotion
 from debrisgrasp.planning import Grasp
 
 from .context import FINGER_TICKS, Context, Held, LimbState
 from .drive import Drive
+from .dropoff import object_in_hand
 from .fingers import run_grip
-from .grasping import motion_of, opening_of
+from .grasping import STANDING, motion_of, opening_of
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["close", "verify_grasp"]
 
-_STANDING = 0.24
-"""How long the arm stands while forces are averaged [s]."""
 _GENTLE, _FIRM = 100.0, 200.0
 """A claw could crush: a finger squeezes as the weight demands, within these [N]."""
 _PUSHED = 45.0
 """Pushed by more while it closes, the hand gives way [N] ..."""
-_GIVE = 0.0015
+_GIVE = 0.002
 """... by so much [m] ..."""
-_GIVES = 8
+_GIVES = 20
 """... so many times: then the object pushes the hand off, or it was never around it."""
 _SHIFTS = 2
 """So often a hand that met something with one side only is shifted ..."""
@@ -42,12 +47,15 @@ _SLACK = 4.0
 """Beyond the time that this takes, a finger that has met nothing is jammed [s]."""
 _RAMP, _SETTLING = 32, 8
 """Steps in which the force of the fingers grows, and settles ..."""
+_STEP = 3e-4
+"""... each of which closes them by so much at most [m]: where all of them push the hand
+off, what the wrist bears must not grow faster than it is felt ..."""
 _WAITS = 60
 """... and at most so many in which it waits for the fingers on the other side ..."""
 _ANSWERED = 0.3
 """... until those feel this share of what the first ones do."""
-_THICKEST = 0.1
-"""[m]."""
+_MOVED = 0.01
+"""A finger that has closed by so much does move [m]."""
 _SQUEEZED = 0.015
 """What gives way by more when squeezed was not between the fingers [m]."""
 
@@ -83,7 +91,14 @@ def close(context: Context) -> StepResult:
     words += f" mm, {1e3 * held.grip.config.width:.0f} mm expected"
     if phase is GripPhase.HOLDING:
         return _squeezed(context, held, drive)
-    fault_name = "empty_grip" if phase is GripPhase.EMPTY else "finger_jammed"
+    # Fingers that moved, or feel what stops them, are no broken ones.
+    beyond = held.grip.config.opening - _MOVED
+    stands = any(
+        x > beyond and not is_met
+        for x, is_met in zip(openings, held.state.is_stopped, strict=True)
+    )
+    is_jammed = phase is GripPhase.LOST or (phase is GripPhase.JAMMED and stands)
+    fault_name = "finger_jammed" if is_jammed else "empty_grip"
     return FaultFound(fault_name, words, limb.name)
 
 
@@ -107,14 +122,9 @@ def _shifted(
         x for x, is_met in zip(openings, held.state.is_stopped, strict=True) if is_met
     ]
     way = 0.5 * side * max(met) * limb.pose(context.posture(limb)).R[:, 0]
-    context.held = None  # the fingers wait
-    end = drive.leg(
-        way, speed=0.02, tare=TarePolicy.SESSION,
-        until=lambda load: -side * load[0] > _TOUCHED,
-    )  # fmt: skip
-    context.held = held
-    if isinstance(end, FaultFound):
-        return end
+    fault = _nudged(context, drive, way, until=lambda load: -side * load[0] > _TOUCHED)
+    if fault is not None:
+        return fault
     held.state = held.state._replace(
         phase=GripPhase.CLOSING,
         targets=openings,
@@ -134,8 +144,23 @@ def _given_way(
         words = f"closing pushes the hand off: {force:.0f} N after it gave way "
         words += f"{n_before} times"
         return FaultFound("empty_grip", words, held.arm, {"force": force})
-    context.held = None  # the fingers wait
-    end = drive.leg(_GIVE / force * push, speed=0.02, tare=TarePolicy.SESSION)
+    return _nudged(context, drive, _GIVE / force * push)
+
+
+def _nudged(
+    context: Context,
+    drive: Drive,
+    way: FloatArray,
+    until: Callable[[Wrench], bool] | None = None,
+) -> FaultFound | None:
+    """Move the hand a little (3,) [m] while its fingers stay as they are."""
+    held, context.held = context.held, None
+    end = drive.leg(
+        way,
+        speed=0.02,
+        tare=TarePolicy.SESSION,
+        until=until,
+    )
     context.held = held
     return end if isinstance(end, FaultFound) else None
 
@@ -153,7 +178,10 @@ def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
     while level < _RAMP + _SETTLING:
         share = min(level / _RAMP, 1.0)
         force = config.resistance + share * (config.squeeze - config.resistance)
-        _, command = held.grip.step(first, drive.fingers())
+        fingers = drive.fingers()
+        _, command = held.grip.step(first, fingers)
+        goals = zip(command.openings, fingers.openings, strict=True)
+        command = command._replace(openings=tuple(max(x, y - _STEP) for x, y in goals))
         gripper.command(command._replace(force=force))
         stood = drive.stand(4 * context.settings.period)
         if isinstance(stood, FaultFound):
@@ -199,7 +227,7 @@ def verify_grasp(context: Context) -> StepResult:
     assert held is not None
     drive = Drive(context, held.arm)
     before = drive.fingers().openings
-    stood = drive.stand(_STANDING)
+    stood = drive.stand(STANDING)
     if isinstance(stood, FaultFound):
         return stood
     fingers = drive.fingers()
@@ -209,7 +237,10 @@ def verify_grasp(context: Context) -> StepResult:
         words = f"closed by {1e3 * travel:.1f} mm more, the weaker side feels "
         words += f"{least:.1f} N"
         return FaultFound("empty_grip", words, held.arm)
-    held.points_hand = _object_in_hand(context, held)
+    limb = context.limbs[held.arm]
+    held.points_hand = object_in_hand(
+        context, limb.pose(context.posture(limb)), motion_of(context).grasp.width
+    )
     return Done({"travel": round(travel, 5), "least_force": round(least, 2)})
 
 
@@ -249,18 +280,3 @@ def _squeeze_for(grasp: Grasp) -> float:
     if grasp.load is None:
         return _GENTLE
     return float(np.clip(grasp.load.grip[1], _GENTLE, _FIRM))
-
-
-def _object_in_hand(context: Context, held: Held) -> FloatArray:
-    """Visible points of the object in the frame of the palm that holds it."""
-    cycle = context.cycle
-    assert cycle.seen is not None
-    assert cycle.label is not None
-    limb = context.limbs[held.arm]
-    points = cycle.seen.cloud.points[cycle.seen.segmentation.points_of(cycle.label)]
-    T = limb.pose(context.posture(limb))
-    points = points[voxel_downsample(points, 0.01)]
-    # Its underside is as far below as it is thick.
-    thick = min(motion_of(context).grasp.width, _THICKEST)
-    points = np.concatenate([points, points - [0.0, 0.0, thick]])
-    return T.inverse().apply(points)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, Rng
+from debrisgrasp.calibration import DriftMonitor
 from debrisgrasp.control import (
     Body,
     GripController,
@@ -120,6 +121,8 @@ class Cycle:
     plan: PlanningResult | None = None
     motion: GraspMotion | None = None
     is_removed: bool = False
+    is_marked: bool = False
+    """Whether it has been counted as a try in vain."""
     speed: float = 1.0
     """Share of the usual speed; lower after something swung."""
     peak_force: float = 0.0
@@ -149,6 +152,10 @@ class Context:
     """Whether its fingers were sent to close."""
     marks: Marks = field(default_factory=Marks)
     n_removed: int = 0
+    n_moves: int = 0
+    """How often the base drove to where the arms reach better."""
+    T_base_way: SE3 = field(default_factory=SE3.identity)
+    """Where the base stood when the task began: in that frame the workspace is."""
     last_seen: Perception | None = None
     """The last look, until the base moves; a new cycle has none of its own at first."""
     dropped: list[FloatArray] = field(default_factory=list)
@@ -157,10 +164,22 @@ class Context:
     """The same of what was let go among what the camera sees, until it looks again."""
     dragged: SE3 | None = None
     """How far the base has moved with an object, ``T_before_now``; None: not at all."""
+    camera_watch: DriftMonitor | None = None
+    """Looks at the hand so far; None: none yet."""
     trace: list[tuple[float, float, float]] = field(default_factory=list)
     """Time, force and torque at the hand [s, N, N m], since the state began."""
     left: dict[str, str] = field(default_factory=dict)
     """Objects that stay, and why, by the last look."""
+
+    @property
+    def n_changes(self) -> int:
+        """How often something changed that may let a try succeed that failed."""
+        return self.n_removed + self.n_moves
+
+    def is_in_way(self, points: FloatArray) -> BoolArray:
+        """Which points (..., 3), base frame [m], lie in the workspace."""
+        T_way_base = self.T_base_way.inverse()
+        return self.settings.bounds.contains(T_way_base.apply(points))
 
     def now(self) -> float:
         """Time by the robot's clock [s]."""

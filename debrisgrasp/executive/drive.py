@@ -38,7 +38,10 @@ __all__ = ["Drive", "LegEnd"]
 
 _SAFETY = SafetyConfig()
 _CARRYING = replace(_SAFETY, motion_force=30.0, motion_torque=8.0)
-"""What is carried should touch nothing."""
+"""What is carried should touch nothing ..."""
+_UNSURE_COM = 0.15
+"""... but how high its centre of mass lies was only seen, to this [m]: as the hand
+leans, the torque changes by so much times the weight."""
 _SPARE = 0.9
 """Share of a planned speed that is used: between its knots a motion, and more so one
 that is run backwards, may exceed its acceleration by a few percent."""
@@ -307,7 +310,11 @@ class Drive(Senses):
 
     @property
     def _safety(self) -> SafetyConfig:
-        return _CARRYING if self.context.state is State.TRANSPORT else _SAFETY
+        held = self.context.held
+        if self.context.state is not State.TRANSPORT or held is None:
+            return _SAFETY
+        turn = 9.81 * held.payload.mass * _UNSURE_COM
+        return replace(_CARRYING, motion_torque=(_CARRYING.motion_torque or 0.0) + turn)
 
     def supervised(self) -> tuple[Supervisor, SafetyState | FaultFound]:
         """Begin to watch the arm: who watches, and its state, or why not."""

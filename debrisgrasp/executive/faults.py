@@ -171,6 +171,7 @@ _TABLE = (
         33, "not_released", "the hand does not come free", _C.MECHANICAL, _A.RETRY, 1
     ),
     FaultSpec(34, "oscillation", "the hand swings in contact", _C.SAFETY, _A.STOP),
+    FaultSpec(35, "software_error", "a step raised an error", _C.SOFTWARE, _A.STOP),
 )
 
 FAULTS: Mapping[str, FaultSpec] = {spec.name: spec for spec in _TABLE}

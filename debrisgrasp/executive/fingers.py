@@ -16,6 +16,12 @@ __all__ = ["loosen", "open_hand", "run_grip"]
 
 _OPENING_FORCE = 30.0
 """With which fingers open among other things [N]."""
+_LOOSENING = 0.03
+"""At which fingers open among other things [m/s] ..."""
+_PRESSED = 0.5
+"""... until the hand is pressed by this share of its limit ..."""
+_MORE = 15.0
+"""... and by so much more than it was [N]."""
 _FELT = 2.0
 """A finger that feels more still holds [N]."""
 _CREEP, _STALLED = 5e-4, 0.4
@@ -89,15 +95,24 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
     gripper = drive.devices.gripper
     before = gripper.read().openings
     goals = tuple(max(x, most) for x in before)
-    end, last, since = drive.clock.now() + 4.0, before, drive.clock.now()
+    end, last, since = drive.clock.now() + 8.0, before, drive.clock.now()
+    step = _LOOSENING * FINGER_TICKS * drive.period
+    begun = hypot(*drive.weighed()[:3])
+    most_force = max(_PRESSED * drive.limits.force, begun + _MORE)
     while drive.clock.now() < end:
-        gripper.command(GripCommand(goals, _OPENING_FORCE))
+        ahead = tuple(min(x + step, g) for x, g in zip(last, goals, strict=True))
+        gripper.command(GripCommand(ahead, _OPENING_FORCE))
         drive.context.wait(FINGER_TICKS * drive.period)
         now = gripper.read().openings
+        if hypot(*drive.weighed()[:3]) > most_force:
+            # Wedged: from here on the arm must give way.
+            gripper.command(GripCommand(tuple(now), _OPENING_FORCE))
+            return None
         if all(x > goal - 0.004 for x, goal in zip(now, goals, strict=True)):
             break
         if max(abs(x - y) for x, y in zip(now, last, strict=True)) > _CREEP:
-            last, since = now, drive.clock.now()
+            since = drive.clock.now()
+        last = now
         if drive.clock.now() - since > _STALLED:
             break
     hand = gripper.read()

@@ -14,6 +14,7 @@ from debrisgrasp.control import (
 )
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import LimitSet
 from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.pipeline import GraspMotion
 from debrisgrasp.planning import Grasp
@@ -22,10 +23,18 @@ from .context import Context, LimbState
 from .drive import Drive, LegEnd
 from .fingers import open_hand
 from .moves import planned, space_of
-from .pacing import careful
+from .pacing import careful, hand_corners
 from .result import Done, FaultFound, StepResult
 
-__all__ = ["approach", "motion_of", "opening_of", "pregrasp", "switch"]
+__all__ = [
+    "STANDING",
+    "approach",
+    "motion_of",
+    "opening_of",
+    "pregrasp",
+    "require_room",
+    "switch",
+]
 
 _AT_GRASP = 0.02
 """A touch so near to the end of the approach is the object between the fingers [m]."""
@@ -35,9 +44,11 @@ _ASIDES = 5
 """... so many times."""
 _SLANT = 0.25
 """Share of a push across the approach that makes it slanting."""
-_STANDING = 0.24
-"""How long the arm stands while forces are averaged [s]."""
+STANDING = 0.24
+"""How long an arm stands while forces are averaged [s]."""
 _GUARD = ContactGuard(force=50.0)
+_SLOWEST = 0.002
+"""An approach that may only be slower than this takes too long [m/s]."""
 
 
 def pregrasp(context: Context) -> StepResult:
@@ -59,8 +70,7 @@ def pregrasp(context: Context) -> StepResult:
             return found
         assert found.trajectory is not None
         reach = found.trajectory
-    solids = limb.hand.solids(grasp.preshape, opening_of(limb, grasp))
-    corners = np.concatenate([solid.mesh()[0] for solid in solids])
+    corners = hand_corners(limb, grasp.preshape, opening_of(limb, grasp))
     paces = careful(context, limb, corners, reach, context.cycle.speed)
     fault = drive.follow(reach, pace=paces)
     if fault is not None:
@@ -79,7 +89,7 @@ def switch(context: Context) -> StepResult:
     if fault is not None:
         return fault
     before = context.posture(limb)
-    readings = drive.stand(_STANDING)
+    readings = drive.stand(STANDING)
     if isinstance(readings, FaultFound):
         return readings
     moved = float(np.abs(context.posture(limb) - before).max())
@@ -107,15 +117,28 @@ def switch(context: Context) -> StepResult:
     return Done({"force": round(force, 2)})
 
 
+def require_room(limits: LimitSet, load_share: float) -> None:
+    """Raise `InputError` if limits leave no room between a touch and too much of it."""
+    if _GUARD.largest_speed(limits.scaled(load=load_share)) < _SLOWEST:
+        least = _GUARD.force + _GUARD.stiffness * _GUARD.reaction_time * _SLOWEST
+        raise InputError(
+            "limit of the force at the hand",
+            got=f"{limits.force:g} N",
+            expected=f"{least / load_share:.0f} N or more",
+            mend="A touch is felt at 50 N, and grows until the arm stands.",
+        )
+
+
 def approach(context: Context) -> StepResult:
     """Go straight in; stop at the first touch."""
     motion = motion_of(context)
     drive, settings = Drive(context, motion.arm), context.settings
     goal, shift = motion.grasp.T_base_hand, np.zeros(3)
+    speed = min(settings.approach_speed, _GUARD.largest_speed(drive.limits))
     end: LegEnd | FaultFound
     for n_aside in range(_ASIDES + 1):
         aim = SE3.from_parts(goal.R, goal.p + shift)
-        end = drive.leg(aim, speed=settings.approach_speed, guard=_GUARD)
+        end = drive.leg(aim, speed=speed, guard=_GUARD)
         if isinstance(end, FaultFound):
             return end
         if end.outcome is LegOutcome.DONE or end.left <= _AT_GRASP:
@@ -125,7 +148,7 @@ def approach(context: Context) -> StepResult:
         if end.outcome is not LegOutcome.CONTACT or aside is None or n_aside == _ASIDES:
             break
         way = _ASIDE * aside - _BACK_OFF * goal.R[:, 2]
-        moved = drive.leg(way, speed=settings.approach_speed, tare=TarePolicy.SESSION)
+        moved = drive.leg(way, speed=speed, tare=TarePolicy.SESSION)
         if isinstance(moved, FaultFound):
             return moved
         shift = shift + _ASIDE * aside

@@ -14,6 +14,7 @@ from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.robot import Robot
 
 from .context import LimbState
+from .grasping import require_room
 from .settings import TaskSettings
 
 __all__ = ["limbs_of"]
@@ -50,11 +51,13 @@ def limbs_of(
         limb = robot.limbs[name]
         reach = ArmReach(robot.model, name)
         _require_reach(reach, settings.drop_off[name])
+        limits = robot.model.limits(name, reach.chain)
+        require_room(limits.controller, settings.load_share)
         limbs[name] = LimbState(
             name=name,
             limb=limb,
             reach=reach,
-            limits=robot.model.limits(name, reach.chain),
+            limits=limits,
             hand=hands[robot.model.arm(name).gripper],
             kinematics=PostureKinematics(reach.chain),
             loads=limb.loads,

@@ -11,12 +11,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.geometry import SE3
 from debrisgrasp.planning import Grasp
+
+from .result import FaultFound
 
 __all__ = ["Mark", "Marks"]
 
 _SAME = 0.07
 """Middles nearer than this belong to one object [m]."""
+_SEARCHES = 2
+"""A search is drawn: so many that found no way are enough, until something changes."""
+_STUCK = 2
+"""An object that so often could not be lifted is not just caught under another."""
 
 
 @dataclass(eq=False)
@@ -27,11 +34,17 @@ class Mark:
     """[m], shape (3,)."""
     reason: str
     fault: str
-    tries: int = 1
-    n_removed: int = 0
-    """How many objects had been removed when it was last tried."""
+    tries: int = 0
+    """By a hand, and in vain."""
+    searches: int = 0
+    """In vain since the last change."""
+    n_changes: int = 0
+    """How often something had changed when it was last tried: one was removed, or the
+    robot moved."""
+    n_stuck: int = 0
+    """How often it could not be lifted."""
     is_heavy: bool = False
-    """Whether it was too heavy to lift."""
+    """Whether it is too heavy to carry: by the scales, or because it never comes."""
     failed: list[Grasp] = field(default_factory=list)
     """Grasps that were tried on it."""
 
@@ -50,30 +63,60 @@ class Marks:
             near, key=lambda m: float(np.linalg.norm(m.centroid - place)), default=None
         )
 
-    def add(self, centroid: ArrayLike, fault: str, reason: str, n_removed: int) -> Mark:
-        """Remember a try that came to nothing."""
+    def add(
+        self,
+        centroid: ArrayLike,
+        found: FaultFound,
+        n_changes: int,
+        *,
+        is_search: bool = False,
+        is_same_try: bool = False,
+    ) -> Mark:
+        """Remember a try that came to nothing, or a search for a way to try.
+
+        What goes wrong again in the same try is not counted again.
+        """
         mark = self.of(centroid)
+        place = np.array(centroid, dtype=np.float64)
         if mark is None:
-            mark = Mark(np.array(centroid, dtype=np.float64), reason, fault, tries=0)
+            mark = Mark(place, found.message, found.fault)
             self.marks.append(mark)
-        mark.centroid = np.array(centroid, dtype=np.float64)
-        mark.reason, mark.fault, mark.n_removed = reason, fault, n_removed
-        mark.tries += 1
-        mark.is_heavy |= fault == "too_heavy"
+        if mark.n_changes < n_changes:
+            mark.searches = 0
+        mark.centroid, mark.n_changes = place, n_changes
+        mark.reason, mark.fault = found.message, found.fault
+        if is_search:
+            mark.searches += 1
+            return mark
+        mark.tries += not is_same_try
+        mark.n_stuck += found.fault == "too_heavy"
+        is_weighed = found.fault == "too_heavy" and "mass" in found.values
+        mark.is_heavy |= is_weighed or mark.n_stuck >= _STUCK
         return mark
 
-    def why_left(self, centroid: ArrayLike, n_removed: int, tries: int) -> str:
+    def moved(self, T_now_before: SE3) -> None:
+        """Take the marks along when the base has moved; grips will be others."""
+        for mark in self.marks:
+            mark.centroid = T_now_before.apply(mark.centroid)
+            mark.failed.clear()
+
+    def failures(self, centroid: ArrayLike) -> int:
+        """Tell how much came to nothing at a place."""
+        mark = self.of(centroid)
+        return 0 if mark is None else mark.tries + mark.searches
+
+    def why_left(self, centroid: ArrayLike, n_changes: int, tries: int) -> str:
         """Say why not to try again what lies there, or nothing.
 
-        A plan that failed may succeed once another object is gone; a grip that failed
-        is tried a few times in all.
+        Whatever failed may succeed once another object is gone.
         """
         mark = self.of(centroid)
         if mark is None:
             return ""
-        is_plan = mark.fault in ("no_grasp", "unreachable", "plan_collision")
-        if is_plan and mark.n_removed < n_removed:
+        is_new = mark.n_changes < n_changes
+        is_out = mark.tries >= tries or mark.searches >= _SEARCHES
+        if not mark.is_heavy and (is_new or not is_out):
             return ""
-        if not is_plan and mark.tries < tries and not mark.is_heavy:
-            return ""
-        return f"{mark.reason} ({mark.tries} {'try' if mark.tries == 1 else 'tries'})"
+        counts = [(mark.tries, "tries"), (mark.searches, "searches")]
+        words = ", ".join(f"{n} {what} in vain" for n, what in counts if n)
+        return f"{mark.reason} ({words})"

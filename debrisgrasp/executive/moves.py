@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import CartesianLeg, LegPlanner, TarePolicy
@@ -23,12 +24,14 @@ from debrisgrasp.motion import (
 from .context import Context, LimbState
 from .drive import Drive, LegEnd
 from .fingers import loosen, open_hand
+from .pacing import careful, hand_corners
 from .result import FaultFound
 
 __all__ = [
     "back_out",
     "carrying",
     "free_share",
+    "is_folded",
     "let_go",
     "lying",
     "planned",
@@ -43,13 +46,18 @@ _BACK = 0.12
 _SPARE = 0.02
 """Before the last bit of a way that an arm can't go it could hardly go back [m]."""
 _UP = 0.12
-"""Where it stands too near to something to plan from, a hand rises so far [m]."""
+"""Where it stands too near to something to plan from, a hand rises so far [m] ..."""
+_RISES = 3
+"""... and so often."""
 _FIRST = 10
 """Looks at the weight before any may count as less."""
 _UNSURE = 0.015
 """How much farther than its points what was let go may reach [m]."""
 _GRAIN = 0.025
 """Spacing of the points that stand for it [m]."""
+_STANDS_FREE = 0.02
+"""Where an arm stands there is nothing, whatever noise and boxes say, nor so near [m]:
+else no way out would begin."""
 _BARE = np.array([0.0, 0.0, 1.0, 0.0])
 
 
@@ -64,7 +72,11 @@ def reversed_motion(trajectory: Trajectory) -> Trajectory:
 
 
 def space_of(
-    context: Context, without: int | None = None, *, unknown: UnknownSpace
+    context: Context,
+    without: int | None = None,
+    *,
+    unknown: UnknownSpace,
+    stands: tuple[LimbState, FloatArray] | None = None,
 ) -> MotionSpace:
     """Obstacles by the last look, and what was put down since.
 
@@ -72,6 +84,8 @@ def space_of(
     ----------
     without
         Label of an object that is no obstacle, because the hand holds it.
+    stands
+        An arm and its posture (d,): points so near to where it stands are left out.
     """
     seen = context.cycle.seen or context.last_seen
     if seen is None:
@@ -80,6 +94,10 @@ def space_of(
     if without is not None:
         cloud = cloud.selected(np.flatnonzero(seen.segmentation.labels != without))
     points = np.concatenate([cloud.points, *context.dropped, *context.fallen])
+    if stands is not None:
+        balls = stands[0].planner.balls_at(stands[1], _STANDS_FREE)
+        rows = cKDTree(points).query_ball_point(balls[:, :3], balls[:, 3])
+        points = np.delete(points, np.unique(np.concatenate(rows)).astype(int), axis=0)
     normals = np.full(points.shape, np.nan)
     everything = PointCloud(points, normals, cloud.viewpoint)
     plane = seen.ground_plane
@@ -201,17 +219,21 @@ def free_share(limb: LimbState, q: FloatArray, way: FloatArray) -> float:
     must get out.
     """
     limits = limb.limits.controller
-    alone = MotionSpace(measured=None, unknown=None, ground_plane=_BARE)
-    test = limb.planner.exact_test(alone, with_hand=False)
     start = np.clip(q, limits.lower, limits.upper)
 
     def is_free(row: FloatArray) -> bool:
-        return bool(test.is_free(row[None])[0])
+        return not is_folded(limb, row)
 
     legs = LegPlanner(
         limb.reach.chain, limits, is_free=is_free if is_free(start) else None
     )
     return legs.plan(start, CartesianLeg.along(limb.pose(start), way).goal).share
+
+
+def is_folded(limb: LimbState, q: FloatArray) -> bool:
+    """Whether an arm is nearer to itself, or to the robot, than plans may be."""
+    alone = MotionSpace(measured=None, unknown=None, ground_plane=_BARE)
+    return not limb.planner.exact_test(alone, with_hand=False).is_free(q[None])[0]
 
 
 def to_rest(context: Context, arm: str) -> FaultFound | None:
@@ -229,17 +251,33 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
         is_there = np.abs(q - reach.q[-1]).max() < 0.01
         is_from_rest = np.abs(reach.q[0] - q_rest).max() < 0.01
         if is_there and is_from_rest:
-            return drive.follow(reversed_motion(reach))
+            return _followed(context, drive, reversed_motion(reach))
     found = _way_to(context, limb, q_rest)
-    if isinstance(found, FaultFound) and "at_start" in found.values:
-        up = np.array([0.0, 0.0, _UP])
+    for _ in range(_RISES):
+        if not (isinstance(found, FaultFound) and "at_start" in found.values):
+            break
+        q, up = context.posture(limb), np.array([0.0, 0.0, _UP])
         way, speed = free_share(limb, q, up) * up, context.settings.lift_speed
+        if np.linalg.norm(way) < 5e-3:
+            break
         end = drive.leg(way, speed=speed, tare=TarePolicy.SESSION)
         found = end if isinstance(end, FaultFound) else _way_to(context, limb, q_rest)
     if isinstance(found, FaultFound):
         return found
     assert found.trajectory is not None
-    return drive.follow(found.trajectory)
+    return _followed(context, drive, found.trajectory)
+
+
+def _followed(
+    context: Context, drive: Drive, trajectory: Trajectory
+) -> FaultFound | None:
+    """Follow a motion with an empty hand, slowly near all that it may touch."""
+    preshape = next(iter(drive.limb.hand.preshapes))
+    widest = drive.limb.hand.preshape(preshape).widths[1]
+    corners = hand_corners(drive.limb, preshape, widest)
+    return drive.follow(
+        trajectory, pace=careful(context, drive.limb, corners, trajectory, 1.0)
+    )
 
 
 def _way_to(
@@ -250,6 +288,10 @@ def _way_to(
     found = planned(context, limb, goal, space)
     if isinstance(found, FaultFound):
         space = space_of(context, unknown=UnknownSpace.IGNORED)
+        found = planned(context, limb, goal, space)
+    if isinstance(found, FaultFound):
+        stands = limb, context.posture(limb)
+        space = space_of(context, unknown=UnknownSpace.IGNORED, stands=stands)
         found = planned(context, limb, goal, space)
     return found
 

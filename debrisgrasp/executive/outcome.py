@@ -21,6 +21,8 @@ class RunEnd(Enum):
     """Nothing that can be removed is left."""
     FINISHED = "finished"
     """As many objects were removed as was asked for."""
+    LEFT = "left"
+    """In order, with objects left that no try could take; `RunResult.left` has why."""
     ABORTED = "aborted"
     """Ended in order; the fault says why."""
     STOPPED = "stopped"

@@ -10,7 +10,7 @@ from debrisgrasp.kinematics import Trajectory
 
 from .context import Context, LimbState
 
-__all__ = ["careful", "times_at"]
+__all__ = ["careful", "hand_corners", "times_at"]
 
 _KNOT = 0.05
 """Spacing of the looks along a motion, by its own time [s]."""
@@ -18,9 +18,9 @@ _GRAIN = 0.005
 """Spacing of the times between which the pace changes evenly [s]."""
 _GAIN = 0.4
 """Change of the pace in a second, at most [1/s]."""
-_NEAR = 0.03
+_NEAR = 0.05
 """What is nearer than this may be touched [m]."""
-_BRAKES = 1.0
+_BRAKES = 0.6
 """What is farther away may be come to as fast as the arm brakes [m/s^2]."""
 _LEAST = 0.02
 """Of the pace."""
@@ -54,6 +54,12 @@ def times_at(trajectory: Trajectory, paces: FloatArray, period: float) -> FloatA
     return np.asarray(s[at] + (rate[at] + 0.5 * gain * since) * since)
 
 
+def hand_corners(limb: LimbState, preshape: str, opening: float) -> FloatArray:
+    """Corners of a hand's solids in its frame [m], shape (n, 3)."""
+    solids = limb.hand.solids(preshape, opening)
+    return np.concatenate([solid.mesh()[0] for solid in solids])
+
+
 def careful(
     context: Context,
     limb: LimbState,
@@ -76,6 +82,7 @@ def careful(
     if seen is None or not len(points):
         return np.full(n, pace)
     others = seen.cloud.points[seen.segmentation.labels != 0]
+    others = np.concatenate([others, *context.dropped, *context.fallen])
     points = points[:: max(1, len(points) // _MOST_POINTS)]
     rows = trajectory.at(np.linspace(0.0, trajectory.duration, n))[0]
     T = limb.reach.chain.fk(rows)

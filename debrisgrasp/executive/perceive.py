@@ -120,9 +120,9 @@ def _on_workspace(context: Context, frame: DepthFrame, T_base_camera: SE3) -> Bo
         ground = (
             eye[:2] + np.where(np.isfinite(reach), reach, 0.0)[:, None] * (rays[:, :2])
         )
-    (x0, y0, _), (x1, y1, _) = context.settings.workspace
-    inside = np.isfinite(reach) & (ground[:, 0] > x0) & (ground[:, 0] < x1)
-    inside &= (ground[:, 1] > y0) & (ground[:, 1] < y1)
+    inside = np.isfinite(reach)
+    on_ground = np.column_stack([ground[inside], np.zeros(np.count_nonzero(inside))])
+    inside[inside] = context.is_in_way(on_ground)
     found: BoolArray = inside.reshape(camera.height, camera.width)
     return found
 

@@ -63,7 +63,7 @@ class RunRecord:
     Parameters
     ----------
     folder
-        A new or an empty folder.
+        A new folder, or one without a run.
     inputs
         What the run was asked for: enough to do it again.
 
@@ -77,7 +77,7 @@ class RunRecord:
         self, folder: str | os.PathLike[str], inputs: Mapping[str, object]
     ) -> None:
         self.folder = Path(folder)
-        if (self.folder / _EVENTS).exists():
+        if _holds_a_run(self.folder / _EVENTS):
             raise OutputError(self.folder, "it holds the record of another run")
         try:
             (self.folder / _CAPTURES).mkdir(parents=True, exist_ok=True)
@@ -127,6 +127,13 @@ class RunRecord:
             return  # the reader leaves out a last line that is not whole
 
 
+def _holds_a_run(events: Path) -> bool:
+    try:
+        return events.stat().st_size > 0
+    except OSError:
+        return False
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StoredRun:
     """A record that was read."""
@@ -141,6 +148,20 @@ class StoredRun:
     def end(self) -> Mapping[str, Any] | None:
         """The last line of a run that came to an end."""
         return self.events[-1] if self.is_whole else None
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What a whole record of this run would have besides: its end, captures."""
+        lacking = () if self.is_whole else (f"the end of {_EVENTS}",)
+        number, names = 1, []
+        for event in self.events:
+            if event.get("event") == "attempt":
+                number = int(event.get("number", number)) + 1
+            if event.get("event") == "done" and event.get("state") == "capture":
+                names.append(f"capture_{number:03d}.npz")
+        folder = self.folder / _CAPTURES
+        gone = [name for name in dict.fromkeys(names) if not (folder / name).exists()]
+        return (*lacking, *(f"{_CAPTURES}/{name}" for name in gone))
 
     def capture(self, name: str) -> Capture | None:
         """Capture by its name, if it was stored."""

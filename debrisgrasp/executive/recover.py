@@ -101,7 +101,7 @@ def _remember(context: Context, held: Held) -> None:
         return
     limb = context.limbs[held.arm]
     body = lying(limb.pose(context.posture(limb)), held.points_hand)
-    is_seen = context.settings.bounds.contains(body.mean(axis=0))
+    is_seen = bool(context.is_in_way(body.mean(axis=0)))
     body -= [0.0, 0.0, max(float(body[:, 2].min()), 0.0)]
     (context.fallen if is_seen else context.dropped).append(body)
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 import numpy as np
 
-from debrisgrasp.control import TarePolicy
+from debrisgrasp.control import LegOutcome, TarePolicy
 
 from .context import Context
 from .drag import drive_back
 from .drive import Drive
 from .moves import back_out, let_go, lying, put_down, to_rest
+from .relief import relieve
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
 
@@ -18,6 +21,8 @@ __all__ = ["release", "retreat", "verify_release"]
 _LOWERED = 0.12
 """How far an object is lowered at most [m]."""
 _STANDING = 0.24
+_CAUGHT = 40.0
+"""On a hand that should be empty, this force means that it isn't [N]."""
 _SHAKE = 0.03
 """How far a hand that does not come free is shaken up and down [m]."""
 
@@ -38,7 +43,7 @@ def release(context: Context) -> StepResult:
         T_now = T if context.dragged is None else context.dragged @ T
         context.dropped.append(lying(T_now, points))
     context.cycle.is_removed = False
-    context.released = held
+    context.released, context.is_in_pile = held, held.arm
     return Done({"place": np.round(T.p, 3).tolist()})
 
 
@@ -52,6 +57,7 @@ def _shaken_open(context: Context) -> FaultFound | None:
         next(iter(limb.hand.preshapes)) if motion is None else (motion.grasp.preshape)
     )
     fault = let_go(context, limb.hand.preshape(preshape).widths[1])
+    fault = fault or relieve(context, limb.name)
     drive = Drive(context, limb.name)
     for way in (_SHAKE, -_SHAKE):
         if fault is not None:
@@ -68,10 +74,18 @@ def verify_release(context: Context) -> StepResult:
     assert held is not None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
     T = limb.pose(context.posture(limb))
-    speed = context.settings.lift_speed
-    backed = drive.leg(-0.04 * T.R[:, 2], speed=speed, tare=TarePolicy.SESSION)
+    backed = drive.leg(
+        -0.04 * T.R[:, 2],
+        speed=0.5 * context.settings.lift_speed,
+        tare=TarePolicy.SESSION,
+        until=lambda load: hypot(*load[:3]) > _CAUGHT,
+    )
     if isinstance(backed, FaultFound):
         return backed
+    if backed.outcome is LegOutcome.CONTACT:
+        words = f"{hypot(*drive.load[:3]):.0f} N as the open hand rises: it is caught"
+        context.held = held
+        return FaultFound("not_released", words, held.arm)
     readings = drive.stand(_STANDING)
     if isinstance(readings, FaultFound):
         return readings

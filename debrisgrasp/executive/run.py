@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from debrisgrasp._arrays import Rng
-from debrisgrasp.errors import DebrisGraspError, DriverError
+from debrisgrasp.control import FaultClass
+from debrisgrasp.errors import DriverError
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import Robot
 
 from . import carrying, choose, closing, grasping, perceive, prepare, releasing
 from .calibrated import calib_check
 from .context import Context, Cycle, Recorder
-from .faults import Action
+from .faults import Action, fault_named
 from .limbs import limbs_of
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
 from .record import NoRecord
@@ -25,7 +28,7 @@ from .recover import clear_up, recover, reset_stops, stop_all
 from .result import Done, FaultFound, StepResult
 from .settings import TaskSettings
 from .states import STAGES, State
-from .table import FOLLOWING, HOLDING, Answer, answer_to
+from .table import FOLLOWING, Answer, answer_to
 
 __all__ = ["STEPS", "Executive", "Observer"]
 
@@ -50,18 +53,7 @@ STEPS: Mapping[State, Callable[[Context], StepResult]] = {
     State.RETREAT: releasing.retreat,
 }
 """What each state does."""
-
-_MOVING = (*HOLDING, *STAGES[STAGES.index(State.PREGRASP) :])
-_UNEXPECTED = {
-    State.SELF_TEST: "limit_mismatch",
-    State.CALIB_CHECK: "stale_cloud",
-    State.CAPTURE: "stale_cloud",
-    State.SEGMENT: "stale_cloud",
-    State.SELECT: "no_grasp",
-    State.PLAN_GRASP: "no_grasp",
-    State.PLAN_MOTION: "no_grasp",
-}
-"""What an error counts as that no step foresaw; while moving, the controller's."""
+_OF_THE_PILE = (FaultClass.BAD_GRASP, FaultClass.PLANNING)
 
 
 class Observer(Protocol):
@@ -144,7 +136,7 @@ class Executive:
         while True:
             n_most = self.context.settings.max_attempts
             if len(self._attempts) >= n_most and state in STAGES:
-                self._note(state, _given_up(self.context), Action.ABORT)
+                self._note(State.SELECT, _given_up(self.context), Action.ABORT)
                 state = State.ABORT
             self._enter(state)
             if state is State.CLEARED:
@@ -160,6 +152,7 @@ class Executive:
                 continue
             self._write("done", {"state": state.value, **result.facts})
             if state is State.RETREAT:
+                self._forgive()
                 self._finish_attempt()
                 if self.context.n_removed == self.context.settings.max_removals:
                     return RunEnd.FINISHED
@@ -176,7 +169,7 @@ class Executive:
 
     def _stepped(self, state: State) -> StepResult:
         """Run one step; whatever it raises becomes a fault."""
-        return _guarded(lambda: STEPS[state](self.context), state)
+        return _guarded(lambda: STEPS[state](self.context))
 
     def _answered(self, state: State, found: FaultFound) -> State:
         """Do what the table says about a fault; returns where to go on."""
@@ -184,9 +177,6 @@ class Executive:
         used = self._used[state, found.fault]
         self._used[state, found.fault] += 1
         answer = answer_to(state, found.fault, used)
-        if "unexpected" in found.values:
-            final = Action.STOP if state in _MOVING else Action.ABORT
-            answer = replace(answer, action=final)
         too_many = 10 * context.settings.max_attempts
         if len(self._faults) >= too_many and answer.action is not Action.STOP:
             answer = replace(answer, action=Action.ABORT)  # nothing goes round for ever
@@ -200,8 +190,11 @@ class Executive:
             Action.RETRY,
         ):
             mark = context.marks.add(
-                context.cycle.centroid, found.fault, found.message, context.n_removed
-            )
+                context.cycle.centroid, found, context.n_changes,
+                is_search=state in (State.PLAN_GRASP, State.PLAN_MOTION),
+                is_same_try=context.cycle.is_marked,
+            )  # fmt: skip
+            context.cycle.is_marked = True
             if context.cycle.motion is not None:
                 mark.failed.append(context.cycle.motion.grasp)
         if answer.action is Action.SKIP:
@@ -218,16 +211,22 @@ class Executive:
             self._finish_attempt(keeps_look=resume is State.SELECT)
         return resume
 
+    def _forgive(self) -> None:
+        """After a removal, retries of what has to do with the pile begin anew."""
+        for state, fault in list(self._used):
+            if fault_named(fault).fault_class in _OF_THE_PILE:
+                del self._used[state, fault]
+
     def _recovered(self, event: FaultEvent, answer: Answer) -> State | None:
         """Carry an answer out; a state if that failed, and the run must end there."""
         context = self.context
         for n_left in (1, 0):
-            result = _guarded(lambda: recover(context, event, answer), State.RECOVER)
+            result = _guarded(lambda: recover(context, event, answer))
             self._flush_trace(State.RECOVER)
             if not isinstance(result, FaultFound):
                 return None
             again = answer_to(State.RECOVER, result.fault)
-            is_stop = again.action is Action.STOP or "unexpected" in result.values
+            is_stop = again.action is Action.STOP
             if is_stop or n_left == 0 or result.fault == "connection_lost":
                 action = Action.STOP if is_stop else Action.ABORT
                 self._note(State.RECOVER, result, action)
@@ -250,8 +249,8 @@ class Executive:
         if is_silent:
             return self._stopped()
         if not is_busy:
-            return RunEnd.ABORTED
-        result = _guarded(lambda: _cleared_up(context), State.ABORT)
+            return RunEnd.LEFT if _is_nothing_more(last) else RunEnd.ABORTED
+        result = _guarded(lambda: _cleared_up(context))
         self._flush_trace(State.ABORT)
         if isinstance(result, FaultFound):
             # The class of the run is that of what it was aborted for.
@@ -354,27 +353,27 @@ class Executive:
         return result
 
 
-def _guarded(step: Callable[[], StepResult], state: State) -> StepResult:
+def _guarded(step: Callable[[], StepResult]) -> StepResult:
     """Run something; whatever it raises becomes a fault with evidence."""
     try:
         return step()
     except DriverError as error:
         return FaultFound("connection_lost", str(error))
-    except DebrisGraspError as error:
-        words = f"{type(error).__name__}: {error}"
-        return FaultFound(_name_for(state), words, None, {"unexpected": 0.0})
     except Exception as error:  # noqa: BLE001 - a robot must survive its software
-        words = f"unexpected {type(error).__name__}: {error}"
-        return FaultFound(_name_for(state), words, None, {"unexpected": 1.0})
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(at.filename).name}, line {at.lineno}, in {at.name}"
+        words = f"{type(error).__name__} in {where}: {error}"
+        return FaultFound("software_error", words)
+
+
+def _is_nothing_more(last: FaultEvent | None) -> bool:
+    """Whether a run ends because no object that is left is worth another try."""
+    return last is not None and last.state is State.SELECT and last.fault == "no_grasp"
 
 
 def _cleared_up(context: Context) -> StepResult:
     reset_stops(context)
     return clear_up(context) or Done()
-
-
-def _name_for(state: State) -> str:
-    return _UNEXPECTED.get(state, "controller_refuses")
 
 
 def _given_up(context: Context) -> FaultFound:

@@ -19,7 +19,7 @@ from debrisgrasp.control import (
 )
 from debrisgrasp.control._rigid import Wrench
 
-from .context import FINGER_TICKS, Context
+from .context import FINGER_TICKS, Context, Held
 from .noticed import fault_of_stop
 from .result import FaultFound
 from .states import State
@@ -30,6 +30,8 @@ _ZERO = (0.0,) * 6
 _CLOSING = (State.CLOSE, State.VERIFY_GRASP)
 _SLACK = 10.0
 """With which fingers stay where they were stopped [N]."""
+_STILL_FELT = 1.0
+"""Both sides feel at least so much of what is between them [N]."""
 _LETS_GO = 0.15
 """Fingers that have lost what they held have closed within so long [s]."""
 
@@ -57,6 +59,14 @@ class Senses:
         wrench = self.devices.sensor.read()
         self.limb.q_last = joints.q
         return Reading(self.clock.now(), joints.q, wrench.wrench_ft, wrench.time)
+
+    def weighed(self) -> Wrench:
+        """Measure the load on the hand, absolute, in its axes [N, N m]."""
+        reading = self.read()
+        raw = np.asarray(reading.wrench_ft, dtype=np.float64).tolist()
+        R, _ = self.limb.kinematics.pose(np.asarray(reading.q, dtype=float).tolist())
+        self.load = self.limb.loads.load_ee(raw, R)
+        return self.load
 
     def fingers(self) -> FingerReading:
         """Measure the fingers."""
@@ -92,6 +102,15 @@ class Senses:
             held.state, fingers._replace(carried=carried)
         )
         self.devices.gripper.command(command)
+        if held.state.phase is GripPhase.SLIPPED and self._is_borne(held, fingers):
+            # It lies on something, or something that lay on it is gone.
+            held.state = held.state._replace(
+                phase=GripPhase.HOLDING, most_carried=carried or 0.0, slipping=0.0
+            )
+            if self.context.state is not State.TRANSPORT:
+                return None
+            words = f"of what is carried {carried or 0.0:.0f} N are left: it touches "
+            return FaultFound("plan_collision", words + "something", self.limb.name)
         if held.state.phase in (GripPhase.SLIPPED, GripPhase.LOST):
             what = held.state.phase.value
             words = f"{what}: fingers at "
@@ -99,6 +118,13 @@ class Senses:
             fault = "slip" if held.state.phase is GripPhase.SLIPPED else "finger_jammed"
             return FaultFound(fault, words, self.limb.name)
         return None
+
+    @staticmethod
+    def _is_borne(held: Held, fingers: FingerReading) -> bool:
+        """Whether the hand lost weight, but its fingers still squeeze what they had."""
+        travel = held.grip.travel(held.state.held_openings, fingers.openings)
+        is_shut = travel >= 0.5 * held.grip.config.slip_travel
+        return not is_shut and held.grip.weakest(fingers.forces) >= _STILL_FELT
 
     def carried(self, load: tuple[float, ...]) -> float:
         """Weight that a load at the hand amounts to [N]."""
@@ -141,7 +167,7 @@ class Senses:
         travel = held.grip.travel(before, fingers.openings) if is_whole else 0.0
         if (
             travel < held.grip.config.slip_travel
-            and held.grip.weakest(fingers.forces) >= 1.0
+            and held.grip.weakest(fingers.forces) >= _STILL_FELT
         ):
             return ""
         return f"the load jumped as the fingers closed by {1e3 * travel:.0f} mm"

@@ -85,6 +85,8 @@ class TaskSettings:
     special objects."""
     region: Bounds | None = None
     """Object-specific task: the object of interest lies in this box, base frame."""
+    repositions: int = 4
+    """So often the base may drive, by up to 35 cm, to where the arms reach better."""
     drag_distance: float = 0.5
     """How far the base pulls what can't be lifted [m]."""
     period: float = 0.004
@@ -95,6 +97,7 @@ class TaskSettings:
             require_range(f"TaskSettings.{name}", getattr(self, name), 1, 10_000)
         if self.max_removals is not None:
             require_range("TaskSettings.max_removals", self.max_removals, 1, 10_000)
+        require_range("TaskSettings.repositions", self.repositions, 0, 100)
         for name in ("drive_over", "drop_height", "max_dropout"):
             require_range(f"TaskSettings.{name}", getattr(self, name), 0.0, 1.0)
         for name in ("lift", "approach_speed", "lift_speed", "drag_distance"):

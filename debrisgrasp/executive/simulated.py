@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from types import NoneType
 from typing import Any
 
@@ -11,8 +11,10 @@ import numpy as np
 
 from debrisgrasp._arrays import Rng, require_range
 from debrisgrasp.errors import ConfigError, UnknownNameError
-from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.geometry import Bounds
+from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.robot import (
     FakeConfig,
     FakeTruth,
@@ -21,6 +23,7 @@ from debrisgrasp.robot import (
     fake_robot,
     inject,
 )
+from debrisgrasp.settings import Settings
 from debrisgrasp.worlds import (
     SCENES,
     PileConfig,
@@ -33,6 +36,7 @@ from debrisgrasp.worlds import named_scene as scene_named
 
 from .context import Recorder
 from .faults import fault_named
+from .marking import StaysMarked
 from .outcome import RunResult
 from .run import Executive, Observer
 from .settings import TaskSettings
@@ -56,11 +60,15 @@ class Simulated:
     """Whether a stop is latched on every arm."""
 
 
+_NAME = ((str, NoneType), "a name, or none")
 _KINDS: Mapping[str, tuple[tuple[type, ...], str]] = {
     "scene": ((str, NoneType), "the name of a scene, or none"),
     "objects": ((int, NoneType), "a whole number, or none"),
     "seed": ((int,), "a whole number"),
-    "robot": ((str,), "the name of a robot"),
+    "site": _NAME,
+    "robot": _NAME,
+    "gripper": _NAME,
+    "mask": _NAME,
     "arms": ((tuple,), "names of arms"),
     "faults": ((tuple,), "names of faults"),
     "max_removals": ((int, NoneType), "a whole number, or none"),
@@ -77,8 +85,19 @@ class SimulatedTask:
     objects: int | None = None
     """Bodies of a drawn pile; None: 3 to 8."""
     seed: int = 0
-    robot: str = "roman"
+    site: str | None = None
+    """File of settings of a site; its camera is that of captures from files, and not
+    the one of the robot in memory."""
+    robot: str | None = None
+    """None: that of the site, or RoMan."""
+    gripper: str | None = None
+    """Use only this hand."""
     arms: tuple[str, ...] = ()
+    """Use only these arms."""
+    mask: str | None = None
+    """Object-specific task: file of a capture with a mask of the object."""
+    region: tuple[float, ...] | None = None
+    """Object-specific task: lower and upper corner of a box, base frame [m]."""
     faults: tuple[str, ...] = ()
     """Faults to inject, each ``name`` or ``name@state``."""
     max_removals: int | None = None
@@ -103,7 +122,26 @@ class SimulatedTask:
             require_range("objects", self.objects, 1, 50)
         if self.seed < 0:
             raise ConfigError("seed", got=self.seed, expected="an integer of 0 or more")
+        if self.mask is not None and self.region is not None:
+            raise ConfigError("mask", got="a region too", expected="one of them")
+        self._bounds()
         injections_of(self.faults)
+
+    def _bounds(self) -> Bounds | None:
+        if self.region is None:
+            return None
+        try:
+            box = np.array(self.region, dtype=np.float64)
+        except (TypeError, ValueError):
+            box = np.zeros(0)
+        low, high = box[:3], box[3:]
+        if box.shape != (6,) or not (np.isfinite(box).all() and (low < high).all()):
+            raise ConfigError(
+                "region",
+                got=self.region,
+                expected="six numbers [m], a lower corner below an upper one",
+            )
+        return Bounds(low, high)
 
     def to_json(self) -> dict[str, Any]:
         """Content for the record of a run."""
@@ -118,7 +156,7 @@ class SimulatedTask:
             for key, value in content.items()
             if key in known
         }
-        missing = known - set(given)
+        missing = {"seed", "faults"} - set(given)
         if missing:
             raise ConfigError(
                 "inputs of a run",
@@ -140,6 +178,59 @@ class SimulatedTask:
         pile = let_down(generate_pile(rng=rng, config=config)).world
         return come_to_rest(pile).world
 
+    def _site(self) -> Settings:
+        site = Settings() if self.site is None else Settings.load(self.site)
+        robot, arm = self.robot or site.robot, site.arm
+        if robot == "none":
+            raise ConfigError(
+                "robot",
+                got="none",
+                expected="a robot with arms",
+                mend="Only `plan` plans for a floating hand.",
+            )
+        if self.robot is not None and self.robot != site.robot:
+            # Arms have other names on another robot.
+            site, arm = replace(site, drop_off={}), None
+        if self.arms:
+            arm = self.arms[0] if len(self.arms) == 1 else None
+        return replace(site, robot=robot, arm=arm, gripper=self.gripper or site.gripper)
+
+    def pipeline(self) -> Pipeline:
+        """Make what the task plans with: robot, hands, limits and policy of the site.
+
+        Raises
+        ------
+        ConfigError, UnknownNameError
+            As `Settings.load` and `Pipeline.from_settings` do.
+        """
+        return Pipeline.from_settings(self._site())
+
+    def settings(self, pipeline: Pipeline) -> TaskSettings:
+        """Return what is to be done, by this task and its site.
+
+        Raises
+        ------
+        ConfigError, UnknownNameError
+            If the robot has no such arm, or a drop-off lies in the way.
+        CaptureError
+            If the file of the mask can't be read, or shows no marked object.
+        """
+        site, usual = self._site(), TaskSettings()
+        known = {} if pipeline.robot is None else pipeline.robot.arms
+        for name in self.arms:
+            if name not in known:
+                raise UnknownNameError("arm", name, known)
+        return TaskSettings(
+            arms=self.arms or tuple(arm.name for arm in pipeline.arms),
+            drop_off={**usual.drop_off, **site.drop_off},
+            approach_speed=min(usual.approach_speed, site.limits.hand_speed),
+            lift_speed=min(usual.lift_speed, site.limits.hand_speed),
+            max_removals=self.max_removals,
+            drive_over=self.drive_over,
+            mark=None if self.mask is None else StaysMarked.of(Capture.load(self.mask)),
+            region=self._bounds(),
+        )
+
     def run(
         self,
         record: Recorder | None = None,
@@ -154,20 +245,16 @@ class SimulatedTask:
         record
             Takes down what happens.
         pipeline
-            To plan with; None: the default one for the robot.
+            To plan with; None: that of the site, or the default one for the robot.
         settings
-            Of the task; None: the defaults, with what this task says.
+            Of the task; None: the defaults, with what this task and its site say.
         """
-        settings = settings or TaskSettings(
-            arms=self.arms,
-            max_removals=self.max_removals,
-            drive_over=self.drive_over,
-        )
+        pipeline = pipeline or self.pipeline()
         return simulate(
             self.world(),
-            settings,
+            settings or self.settings(pipeline),
             injections_of(self.faults),
-            pipeline=pipeline or Pipeline(robot=RobotModel.load(self.robot)),
+            pipeline=pipeline,
             record=record,
             rng=np.random.default_rng(self.seed),
         )
@@ -205,7 +292,8 @@ def simulate(
         raise ConfigError("robot of the pipeline", got="none", expected="a robot")
     # Only an injected fault takes the zero of a gripper.
     config = FakeConfig(is_initialised=True)
-    fake = fake_robot(model, world, rng=robot_rng, config=config)
+    grippers = {**load_grippers(), **pipeline.grippers}
+    fake = fake_robot(model, world, rng=robot_rng, config=config, grippers=grippers)
     injected = inject(fake.robot, faults, rng=fault_rng, world=fake)
     executive = Executive(
         injected.robot,

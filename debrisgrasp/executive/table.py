@@ -67,6 +67,7 @@ def _default_resume(state: State, action: Action) -> State:
 
 _AGAIN = Answer(Action.RETRY, 1, Action.NEXT, State.CAPTURE, is_cleared_up=True)
 _BASELINE = Answer(Action.RETRY, 1, Action.ABORT, State.SELF_TEST, is_cleared_up=True)
+_SHAKEN = Answer(Action.RETRY, 3, Action.STOP, State.SELF_TEST, is_cleared_up=True)
 
 ANSWERS: Mapping[tuple[State, str], Answer] = {
     **{(state, "early_contact"): _AGAIN for state in _IN_THE_PILE},
@@ -74,6 +75,10 @@ ANSWERS: Mapping[tuple[State, str], Answer] = {
     **{(state, "finger_jammed"): replace(_AGAIN, then=Action.ABORT)
        for state in _IN_THE_PILE},
     **{(state, "bias_drift"): _BASELINE for state in (*_IN_THE_PILE, *HOLDING)},
+    # Rubble that slides off, or knocks, is felt as a jump and as a swing. The stop is
+    # ended, and what the sensor is worth is seen by a new baseline.
+    **{(state, fault): _SHAKEN for state in (State.CLOSE, State.VERIFY_GRASP, *HOLDING)
+       for fault in ("bias_jump", "oscillation")},
     # What a plan could not foresee may be otherwise after another look.
     (State.PREGRASP, "plan_collision"): replace(_AGAIN, budget=3),
     (State.TRANSPORT, "plan_collision"): Answer(

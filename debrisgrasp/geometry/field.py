@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -42,7 +43,7 @@ class Space(IntEnum):
     """Within one cell of a measured surface."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class DistanceField:
     """Truncated distance to the measured points inside a box, base frame."""
 
@@ -58,14 +59,11 @@ class DistanceField:
     nearest: IntArray
     """Index of the point nearest to each cell's centre, shape (cells,) in C order;
     ``n`` (one past the last point) where none is nearer than the truncation."""
-    gap: Float32Array
-    """Distance from each cell's centre to its nearest point [m], flat, at most the
-    truncation."""
-    space: np.ndarray
-    """`Space` of each cell, flat, uint8."""
     table: Float32Array
     """Position and normal of each point, shape (n + 1, 6) [m]; a NaN normal becomes
     zero, the last row stands for no point and lies far away."""
+    sight: LineOfSight
+    """Tells free from unknown."""
 
     @classmethod
     def build(
@@ -127,18 +125,28 @@ class DistanceField:
         table[:-1, :3] = cloud.points
         table[:-1, 3:] = np.nan_to_num(cloud.normals)
         table[-1, :3] = 1e3
-        field = cls(
+        return cls(
             origin=origin,
             spacing=spacing,
             shape=shape,
             truncation=truncation,
             nearest=nearest,
-            gap=_gaps(nearest, table, origin, spacing, shape, truncation),
-            space=np.empty(0, np.uint8),
             table=table,
+            sight=sight,
         )
-        object.__setattr__(field, "space", _classify(field, sight))
-        return field
+
+    @cached_property
+    def gap(self) -> Float32Array:
+        """Distance from each cell's centre to its nearest point [m], flat.
+
+        At most the truncation.
+        """
+        return _gaps(self)
+
+    @cached_property
+    def space(self) -> np.ndarray:
+        """`Space` of each cell, flat, uint8."""
+        return _classify(self)
 
     def cell(self, x: Float32Array, y: Float32Array, z: Float32Array) -> IntArray:
         """Flat index of the cell around each point (n,); outside it, a border cell."""
@@ -223,21 +231,28 @@ def _write_discs(
     inside = np.flatnonzero(((cell >= 0) & (cell < grid.shape)).all(axis=1))
     # Of several points in a cell the first stays: the assignment runs backwards.
     inside = inside[::-1]
-    x, y, z = np.ascontiguousarray(cell[inside].T)
-    name, flat = inside.astype(np.uint32), grid.reshape(-1)
     _, ny, nz = grid.shape
-    steps = np.arange(-reach, reach + 1)
+    # Nearly all discs lie within the grid and need no test.
+    low, high = np.array([reach, reach]), np.array([ny, nz]) - reach
+    is_inner = ((cell[inside, 1:] >= low) & (cell[inside, 1:] < high)).all(axis=1)
+    inner, outer = inside[is_inner], inside[~is_inner]
+    first = cell @ np.array([ny * nz, nz, 1])
+    first_inner, first_outer = first[inner], first[outer]
+    _, y, z = cell[outer].T
+    flat, steps = grid.reshape(-1), np.arange(-reach, reach + 1)
     squared = steps[:, None] ** 2 + steps**2
     for i, k in np.argwhere(squared <= reach * reach)[
         np.argsort(-squared[squared <= reach * reach], kind="stable")
     ]:
+        step = steps[i] * nz + steps[k]
+        cost = np.uint32(int(squared[i, k]) << _INDEX_BITS)
         yy, zz = y + steps[i], z + steps[k]
         ok = (yy >= 0) & (yy < ny) & (zz >= 0) & (zz < nz)
-        index = ((x * ny + yy) * nz + zz)[ok]
-        flat[index] = name[ok] | np.uint32(int(squared[i, k]) << _INDEX_BITS)
+        flat[first_outer[ok] + step] = outer[ok].astype(np.uint32) | cost
+        flat[first_inner + step] = inner.astype(np.uint32) | cost
 
 
-def _classify(field: DistanceField, sight: LineOfSight) -> np.ndarray:
+def _classify(field: DistanceField) -> np.ndarray:
     """`Space` of every cell, a few slabs at a time so that memory stays bounded."""
     nx, ny, nz = field.shape
     h = np.float32(field.spacing)
@@ -249,7 +264,7 @@ def _classify(field: DistanceField, sight: LineOfSight) -> np.ndarray:
     n = max(1, _CHUNK // (ny * nz))
     for i in range(0, nx, n):
         slab = x[i : i + n, None, None], y[:, None], z
-        space[i : i + n] = sight.clearance(*slab) > h
+        space[i : i + n] = field.sight.clearance(*slab) > h
     for axis in range(3):
         border = np.moveaxis(space, axis, 0)
         border[0] = border[-1] = Space.UNKNOWN
@@ -260,19 +275,20 @@ def _classify(field: DistanceField, sight: LineOfSight) -> np.ndarray:
     return flat
 
 
-def _gaps(
-    nearest: IntArray,
-    table: Float32Array,
-    origin: FloatArray,
-    spacing: float,
-    shape: tuple[int, int, int],
-    truncation: float,
-) -> Float32Array:
+def _gaps(field: DistanceField) -> Float32Array:
     """Distance from each cell's centre to its nearest point, where there is one."""
-    gap = np.full(nearest.size, truncation, dtype=np.float32)
-    index = np.flatnonzero(nearest < len(table) - 1)
-    cell = np.stack(np.unravel_index(index, shape), axis=-1).astype(np.float32)
-    offset = cell * np.float32(spacing) + origin.astype(np.float32)
-    offset -= table[nearest[index], :3]
-    gap[index] = np.minimum(np.sqrt((offset * offset).sum(axis=-1)), truncation)
+    gap = np.full(field.nearest.size, field.truncation, dtype=np.float32)
+    rest = np.flatnonzero(field.nearest < len(field.table) - 1).astype(np.int32)
+    index, point = rest, field.nearest[rest]
+    squared = np.zeros(len(rest), dtype=np.float32)
+    strides = (field.shape[1] * field.shape[2], field.shape[2], 1)
+    for axis, stride in enumerate(strides):
+        cell = rest // np.int32(stride)
+        rest = rest - cell * np.int32(stride)
+        offset = cell.astype(np.float32)
+        offset *= np.float32(field.spacing)
+        offset += np.float32(field.origin[axis])
+        offset -= np.ascontiguousarray(field.table[:, axis]).take(point)
+        squared += offset * offset
+    gap[index] = np.minimum(np.sqrt(squared), np.float32(field.truncation))
     return gap

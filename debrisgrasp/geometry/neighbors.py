@@ -79,31 +79,40 @@ def voxel_downsample(points: FloatArray, size: float) -> IntArray:
         Ascending indices of the points nearest to the means of their cells, one for
         each occupied cell.
     """
-    cell_index, n_cells = _any_cells(points, size)
-    offset = points - cell_means(points, cell_index, n_cells)[cell_index]
-    distance_squared = np.einsum("ni,ni->n", offset, offset)
+    columns = np.array(points.T, order="C")
+    cell_index, n_cells = _any_cells(points, columns, size)
+    counts = np.bincount(cell_index, minlength=n_cells)
+    distance_squared = np.zeros(len(points))
+    for column in columns:
+        mean = np.bincount(cell_index, column, n_cells) / counts
+        distance_squared += np.square(column - mean[cell_index])
     least = np.full(n_cells, np.inf)
     np.minimum.at(least, cell_index, distance_squared)
     nearest = np.flatnonzero(distance_squared <= least[cell_index])
     # Of equally near points the first stays: the assignment runs backwards.
     kept = np.empty(n_cells, dtype=np.int64)
     kept[cell_index[nearest[::-1]]] = nearest[::-1]
-    return np.sort(kept)
+    is_kept = np.zeros(len(points), dtype=bool)
+    is_kept[kept] = True
+    return np.flatnonzero(is_kept)
 
 
-def _any_cells(points: FloatArray, size: float) -> tuple[IntArray, int]:
+def _any_cells(
+    points: FloatArray, columns: FloatArray, size: float
+) -> tuple[IntArray, int]:
     """Like `voxel_cells`, but in any order, which spares the sorting."""
     if not size > 0 or not len(points):
         return voxel_cells(points, size)
-    low, high = points.min(axis=0), points.max(axis=0)
-    shape = np.floor(high / size) - np.floor(low / size) + 1
+    cells = np.floor(columns / size)
+    low = cells.min(axis=1)
+    shape = cells.max(axis=1) - low + 1
     # NaN fails the comparison too, and is refused there.
     if not np.prod(shape) <= _MAX_TABLE:
         return voxel_cells(points, size)
     keys = np.zeros(len(points), dtype=np.int64)
-    for axis, first in enumerate(np.floor(low / size)):
-        keys *= int(shape[axis])
-        keys += (np.floor(points[:, axis] / size) - first).astype(np.int64)
+    for cell, first, n in zip(cells, low, shape, strict=True):
+        keys *= int(n)
+        keys += (cell - first).astype(np.int64)
     # Each cell is named by one of its points; only cells that hold one are touched.
     owner = np.empty(int(np.prod(shape)), dtype=np.int32)
     everyone = np.arange(len(points), dtype=np.int32)

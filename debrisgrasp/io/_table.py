@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import why_unreadable
 from debrisgrasp.errors import CaptureError
 
 __all__ = ["binary_table", "positions", "text_table"]
@@ -41,7 +42,7 @@ def text_table(body: bytes, layout: np.dtype[Any], n_rows: int) -> NDArray[Any]:
         )
     except ValueError as error:
         raise CaptureError(
-            "rows of numbers", got=str(error), expected="numbers only"
+            "rows of numbers", got=why_unreadable(error), expected="numbers only"
         ) from error
     widths = [
         layout[name].shape[0] if layout[name].shape else 1

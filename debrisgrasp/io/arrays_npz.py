@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from debrisgrasp._files import UNREADABLE_ARRAY
+from debrisgrasp._files import UNREADABLE_ARRAY, why_unreadable
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Intrinsics
 
@@ -80,9 +80,9 @@ def _load_known(path: Path) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:
     except UNREADABLE_ARRAY as error:
         raise CaptureError(
             "archive",
-            got=str(error) or type(error).__name__,
+            got=why_unreadable(error),
             expected="a whole .npz of plain arrays",
-            mend="Write it again with numpy.savez_compressed; objects are not loaded.",
+            mend="Write it again with numpy.savez_compressed.",
         ) from error
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import UNREADABLE_ARRAY, read_json, read_yaml
+from debrisgrasp._files import UNREADABLE_ARRAY, read_json, read_yaml, why_unreadable
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 
@@ -94,7 +94,9 @@ def _read_array(path: Path, read: Any) -> Any:
     try:
         return read()
     except UNREADABLE_ARRAY as error:
-        raise ConfigError(str(path), got=str(error), expected="a 4x4 matrix") from error
+        raise ConfigError(
+            str(path), got=why_unreadable(error), expected="a 4x4 matrix"
+        ) from error
 
 
 _READERS = {

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._checked import checked
 from debrisgrasp._files import write_atomic
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import (
@@ -88,6 +89,7 @@ class Capture:
             object.__setattr__(self, name, value)
 
     @classmethod
+    @checked
     def load(
         cls,
         path: str | os.PathLike[str],

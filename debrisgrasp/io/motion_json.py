@@ -23,7 +23,7 @@ __all__ = [
     "save_motion",
 ]
 
-MOTION_SCHEMA = "debrisgrasp/motion/1"
+MOTION_SCHEMA = "debrisgrasp/motion/2"
 _DIGITS = 12
 
 

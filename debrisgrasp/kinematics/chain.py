@@ -20,7 +20,7 @@ from debrisgrasp._arrays import (
     require_trailing,
 )
 from debrisgrasp.errors import ConfigError, UnknownNameError
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, so3
 
 from .formulas import ChainFormulas
 from .ik_types import Freedom
@@ -253,13 +253,19 @@ class KinematicChain:
         At zero it is aligned with base and its origin is the joint's. Shape (..., d).
         """
         lanes, batch = self._lanes(q)
-        form, d = self.form, self.n_joints
-        frames = form.frames(lanes)
-        out = np.empty((lanes.shape[1], d, 4, 4))
+        n, d = lanes.shape[1], self.n_joints
+        angles = np.where(self.is_revolute, lanes.T, 0.0)[..., None, None]
+        ways = np.where(self.is_revolute, 0.0, lanes.T)[..., None]
+        k = so3.hat(self.axes)
+        turns = np.eye(3) + np.sin(angles) * k + (1.0 - np.cos(angles)) * (k @ k)
+        steps = ways * self.axes + np.diff(self.points, axis=0, prepend=0.0)
+        out = np.zeros((n, d, 4, 4))
+        out[..., 3, 3] = 1.0
+        R, p = np.eye(3), np.zeros((n, 3))
         for i in range(d):
-            at_zero = SE3.from_parts(p=self.points[i]).matrix
-            rest = np.linalg.inv(form.frames_at_zero[i]) @ at_zero
-            out[:, i] = form.T_base_first @ frames.matrices(i) @ rest
+            p = p + (R @ steps[:, i, :, None])[..., 0]
+            R = R @ turns[:, i]
+            out[:, i, :3, :3], out[:, i, :3, 3] = R, p
         return SE3(out.reshape(*batch, d, 4, 4))
 
     @cached_property

@@ -31,6 +31,8 @@ __all__ = ["cache_folder", "cached_reach_map", "load_reach_map", "save_reach_map
 
 _SCHEMA = "debrisgrasp/reach-map/1"
 _VARIABLE = "DEBRISGRASP_CACHE"
+_VERSIONS = 3
+"""Of so many versions of the code the cache keeps a map."""
 
 
 def cache_folder() -> Path | None:
@@ -60,7 +62,8 @@ def cached_reach_map(
     """Take the map of a chain from the user's cache, or build it and leave it there.
 
     A file that is damaged, or belongs to something else, is replaced with a warning
-    that says so. Where the cache can't be written, the map is built every time.
+    that says so. Where the cache can't be written, the map is built every time. Several
+    versions of the code keep a file each; of older ones only the newest two stay.
 
     Raises
     ------
@@ -71,7 +74,8 @@ def cached_reach_map(
     folder = cache_folder()
     if folder is None:
         return ReachMap.build(chain, config)
-    path = folder / f"reach-{chain.hash}-{_digest(asdict(config))}.npz"
+    name = f"reach-{chain.hash}-{_digest(asdict(config))}"
+    path = folder / f"{name}-{_maker()}.npz"
     if path.exists():
         try:
             found = load_reach_map(path, chain)
@@ -84,6 +88,10 @@ def cached_reach_map(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         save_reach_map(built, path)
+        files = [path for path in folder.glob(f"{name}*.npz") if path.is_file()]
+        files.sort(key=lambda path: path.stat().st_mtime)
+        for old in files[:-_VERSIONS]:
+            old.unlink(missing_ok=True)
     except OSError:
         # A cache is a convenience: without one everything works, only later.
         pass

@@ -242,4 +242,5 @@ def _find(name_or_path: str | Path) -> Path:
     for candidate in shipped:
         if candidate.stem == str(name_or_path):
             return candidate
-    raise UnknownNameError("robot", str(name_or_path), [p.stem for p in shipped])
+    known = [*(p.stem for p in shipped), "the path of a .yaml file"]
+    raise UnknownNameError("robot", str(name_or_path), known)

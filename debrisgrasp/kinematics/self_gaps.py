@@ -54,6 +54,9 @@ class _Still:
 
     segment: int
     gap: SolidGap
+    middle: Lanes
+    """Centre of a ball around the solid, shape (3, 1) [m]."""
+    radius: np.float32
     spheres: IntArray
     """Those of the group that may meet it."""
     starts: IntArray
@@ -133,6 +136,11 @@ class SelfModel:
                     R, p = poses.relative(group.segment, segment)
                     middle = carried(R, p, group.middle)[:, 0]
                 reach = np.maximum(least, np.float32(limit)) + group.radius
+                # Most are far off, which a ball around the solid tells at once.
+                apart = middle - other.middle
+                far = reach + other.radius
+                if (np.einsum("in,in->n", apart, apart) > far * far).all():
+                    continue
                 near = np.flatnonzero(other.gap(middle) < reach)
                 if not len(near):
                     continue
@@ -208,7 +216,18 @@ def _group(
         pairs = pairs[np.argsort(body.pairs[pairs, 0], kind="stable")]
         spheres = np.flatnonzero(np.isin(owner, body.pairs[pairs, 0]))
         starts = np.flatnonzero(np.diff(owner[spheres], prepend=-1))
-        others.append(_Still(parts[j].segment, gaps[j], spheres, starts, pairs))
+        bounds = parts[j].solid.bounds
+        others.append(
+            _Still(
+                segment=parts[j].segment,
+                gap=gaps[j],
+                middle=0.5 * (bounds.lower + bounds.upper)[:, None].astype(np.float32),
+                radius=np.float32(np.linalg.norm(bounds.size) / 2 + _SLACK),
+                spheres=spheres,
+                starts=starts,
+                pairs=pairs,
+            )
+        )
     return _Group(
         segment=parts[members[0]].segment,
         middle=middle[:, None].astype(np.float32),

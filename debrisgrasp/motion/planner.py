@@ -124,7 +124,7 @@ class MotionPlanner:
             )
         start = self._checked_start(q_start)
         self._require_within(start[None], "start posture")
-        watch = Stopwatch(deadline, progress or _in_silence)
+        watch = Stopwatch(deadline, progress)
         query = MotionQuery(
             spheres_of_arm=self._spheres,
             solids_of_arm=self._solids,
@@ -212,16 +212,25 @@ class MotionPlanner:
         """Space in which what is unknown around the robot at its start is free."""
         if space.unknown is None:
             return space
-        R, p = self._spheres.poses(start[None])
-        centers = self._spheres.centers(R, p)[..., 0].T
-        radii = self._spheres.radii[:, 0]
+        balls = self.balls_at(start, self.config.margin)
         near = space.unknown_tree.query_ball_point(
-            centers, radii + self.config.margin, return_length=True
+            balls[:, :3], balls[:, 3], return_length=True
         )
         if not near.any():
             return space
-        balls = np.column_stack([centers, radii + self.config.start_room])
-        return space.with_opened(balls)
+        return space.with_opened(self.balls_at(start, self.config.start_room))
+
+    def balls_at(self, q: FloatArray, room: float) -> FloatArray:
+        """Balls that cover the robot in a posture (d,), and some room around it [m].
+
+        Returns
+        -------
+        array
+            Centre and radius of each [m], base frame, shape (b, 4).
+        """
+        R, p = self._spheres.poses(q[None])
+        centers = self._spheres.centers(R, p)[..., 0].T
+        return np.column_stack([centers, self._spheres.radii[:, 0] + room])
 
     def _goals(
         self, start: FloatArray, goal: SE3 | ArrayLike, rng: Rng
@@ -300,7 +309,3 @@ def _why_unreached(near: IkResult) -> str:
     away = f"{1000 * float(near.position_error):.0f} mm and "
     away += f"{np.degrees(float(near.rotation_error)):.0f} degrees"
     return f"the nearest any attempt gets is {away} away{held}"
-
-
-def _in_silence(_stage: str, _share: float) -> None:
-    """Tell nobody."""

@@ -5,6 +5,7 @@ from .passage import Passage
 from .perception import Perception, motion_space
 from .pipeline import Pipeline, PipelineConfig, PlanningResult, Progress
 from .reasons import is_ground, too_small
+from .recall import recall_plan
 from .targets import Target, choose_targets
 
 __all__ = [
@@ -22,5 +23,6 @@ __all__ = [
     "first_executable",
     "is_ground",
     "motion_space",
+    "recall_plan",
     "too_small",
 ]

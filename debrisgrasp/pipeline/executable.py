@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, Rng, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp.control import CartesianLeg, LegPlan, LegPlanner
 from debrisgrasp.errors import ConfigError, InputError
@@ -35,10 +36,12 @@ _RETREAT = 0.15
 """How far the hand goes along the retreat of a grasp [m]."""
 _LEAST_STAND_OFF = 0.06
 """Shortest straight approach that is tried [m]."""
+_NOT_TRIED = "not tried: the deadline had passed"
 _EVERY = 4
 """Of the postures of a leg, at most 2 mm apart, every so many are looked at."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionsConfig:
     """What the chain of motions is."""
@@ -92,15 +95,22 @@ class GraspMotions:
     """Grasps before it: place in the plan, and what stops them."""
 
     @property
+    def tried(self) -> tuple[tuple[int, str], ...]:
+        """Those of the grasps passed over for which there was time."""
+        return tuple(over for over in self.passed_over if over[1] != _NOT_TRIED)
+
+    @property
     def why_none(self) -> str:
         """Why no grasp can be carried out; empty if one can."""
         if self.chosen is not None:
             return ""
         if not self.passed_over:
             return "the plan has no grasp"
-        index, reason = self.passed_over[0]
-        n = len(self.passed_over)
-        return f"none of {n} grasps can be carried out; grasp {index + 1}: {reason}"
+        n, left = len(self.tried), len(self.passed_over) - len(self.tried)
+        index, reason = self.tried[0]
+        why = f"none of {n} grasps tried can be carried out; grasp {index + 1}: "
+        more = f"; {left} more were not tried, the deadline had passed" if left else ""
+        return why + reason + more
 
 
 def first_executable(
@@ -111,6 +121,7 @@ def first_executable(
     passage: Passage | None = None,
     present: Mapping[str, float] | None = None,
     config: MotionsConfig | None = None,
+    accepted: Callable[[GraspMotion], str] | None = None,
     rng: Rng,
     deadline: float | None = None,
     progress: Progress | None = None,
@@ -128,6 +139,9 @@ def first_executable(
         stand; None tests the arm alone, with the hand at rest.
     present
         Joint values now [rad or m]; None: each arm stands in its present posture.
+    accepted
+        Says of a feasible chain what else speaks against it, or nothing; None: nothing
+        does.
     deadline
         Seconds after which no further grasp is tried.
 
@@ -142,7 +156,7 @@ def first_executable(
             got=f"{deadline} s",
             expected="a positive number of seconds, or none",
         )
-    watch = Stopwatch(deadline, progress or (lambda _stage, _share: None))
+    watch = Stopwatch(deadline, progress)
     config = config or MotionsConfig()
     chains: dict[tuple[object, ...], _Chain] = {}
     passed_over: list[tuple[int, str]] = []
@@ -155,7 +169,7 @@ def first_executable(
                 mend="Plan with a robot rather than for a floating hand.",
             )
         if passed_over and watch.is_late():
-            passed_over.append((index, "not tried: the deadline had passed"))
+            passed_over.append((index, _NOT_TRIED))
             continue
         key = grasp.arm, grasp.preshape, grasp.opening
         if key not in chains:
@@ -165,6 +179,8 @@ def first_executable(
             chains[key] = _Chain(arm, space, passage, config)
         watch.report("motion", index / len(plan.grasps))
         found = chains[key].motion(grasp, index, rng, watch)
+        if isinstance(found, GraspMotion) and accepted is not None:
+            found = accepted(found) or found
         if isinstance(found, GraspMotion):
             return GraspMotions(chosen=found, passed_over=tuple(passed_over))
         passed_over.append((index, found))

@@ -9,7 +9,6 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp._stopwatch import Stopwatch
-from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import (
     DepthSight,
     LineOfSight,
@@ -71,13 +70,6 @@ class Perception:
         CaptureError
             If the capture has no pose.
         """
-        if not isinstance(capture, Capture):
-            raise CaptureError(
-                "capture",
-                got=type(capture).__name__,
-                expected="a Capture",
-                mend="Capture.load(path) reads one.",
-            )
         with watch.stage("cloud"):
             cloud = capture.cloud()
             sight = _sight(capture, cloud)
@@ -98,8 +90,7 @@ class Perception:
     @cached_property
     def obstacles(self) -> ObstacleMap:
         """Everything in the way of an arm."""
-        thinned = self.cloud.selected(self._thinned)
-        return ObstacleMap.build(thinned, self.sight, self.ground_plane)
+        return ObstacleMap.build(self._thin_cloud, self.sight, self.ground_plane)
 
     @property
     def ground_plane(self) -> FloatArray | None:
@@ -122,7 +113,7 @@ class Perception:
             while len(self._scenes) >= _KEPT_SCENES:
                 del self._scenes[next(iter(self._scenes))]
             self._scenes[key] = GraspScene.build(
-                self.cloud.selected(self._thinned),
+                self._thin_cloud,
                 is_object[self._thinned],
                 target.region,
                 self.sight,
@@ -132,12 +123,19 @@ class Perception:
         return self._scenes[key]
 
     @cached_property
+    def _thin_cloud(self) -> PointCloud:
+        """Those points."""
+        return self.cloud.selected(self._thinned)
+
+    @cached_property
     def _thinned(self) -> IntArray:
         """One point for each object in each cell: what planner and obstacles need."""
         group = self.segmentation.labels.astype(np.int64)
         if self.is_marked is not None:
             group = 2 * group + self.is_marked
-        order = np.argsort(group, kind="stable")
+        # Numbers of one or two bytes are sorted by counting.
+        dtype = np.min_scalar_type(int(group.max(initial=0)))
+        order = np.argsort(group.astype(dtype), kind="stable")
         parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
         spacing, points = self.scene_config.spacing, self.cloud.points
         kept = [part[voxel_downsample(points[part], spacing)] for part in parts]

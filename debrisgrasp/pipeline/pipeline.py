@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds, PointCloud
@@ -50,6 +51,7 @@ from .targets import Target, choose_targets
 __all__ = ["Pipeline", "PipelineConfig", "PlanningResult", "Progress"]
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PipelineConfig:
     """Settings of the whole chain; each stage has its own."""
@@ -69,12 +71,8 @@ class PipelineConfig:
     of segmentation, not an object to grip."""
 
     def __post_init__(self) -> None:
-        if self.max_objects < 1 or self.region_margin < 0:
-            raise ConfigError(
-                "max_objects, region_margin",
-                got=(self.max_objects, self.region_margin),
-                expected="at least 1, and 0 m or more",
-            )
+        require_range("PipelineConfig.max_objects", self.max_objects, 1)
+        require_range("PipelineConfig.region_margin [m]", self.region_margin, 0.0)
         require_range("PipelineConfig.doubtful", self.doubtful, 0.0, 1.0)
         require_range("PipelineConfig.max_further", self.max_further, 0)
 
@@ -103,6 +101,7 @@ class PlanningResult:
         points: FloatArray = self.cloud.points[is_own]
         return points
 
+    @checked
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the grasps as JSON (docs/formats.md)."""
         save_plan(self.plan, path)
@@ -138,6 +137,7 @@ class Pipeline:
         If a file is malformed, or no prototype fits the chosen hands.
     """
 
+    @checked
     def __init__(
         self,
         *,
@@ -174,6 +174,7 @@ class Pipeline:
         self._generic = GraspPlanner(generic, self.config.planner)
 
     @classmethod
+    @checked
     def from_settings(
         cls, settings: Settings, config: PipelineConfig | None = None
     ) -> Pipeline:
@@ -201,6 +202,7 @@ class Pipeline:
         used = {prototype.gripper for prototype in self.library}
         return tuple(self.grippers[name].opening_range[1] for name in sorted(used))
 
+    @checked
     def perceive(
         self, capture: Capture, *, progress: Progress | None = None
     ) -> Perception:
@@ -211,12 +213,13 @@ class Pipeline:
         CaptureError
             If the capture has no pose.
         """
-        return self._perceive(capture, Stopwatch(None, progress or _in_silence))
+        return self._perceive(capture, Stopwatch(None, progress))
 
     def _perceive(self, capture: Capture, watch: Stopwatch) -> Perception:
         config = self.config
         return Perception.of(capture, config.segmentation, config.planner.scene, watch)
 
+    @checked
     def plan(
         self,
         capture: Capture | Perception,
@@ -245,8 +248,8 @@ class Pipeline:
         deadline
             Seconds after which the search settles for what it has.
         mass
-            What the object weighs [kg]; by default bounds on it are estimated from what
-            was seen of it.
+            What the first object that is tried weighs [kg]. Of others, and by default,
+            bounds are estimated from what was seen of them.
         advise
             Whether to work out advice for a good plan too; poor and empty ones have it.
         progress
@@ -262,7 +265,7 @@ class Pipeline:
             If the seed is negative, or deadline or mass are not above zero.
         """
         require_limits(seed, deadline, mass)
-        watch = Stopwatch(deadline, progress or _in_silence)
+        watch = Stopwatch(deadline, progress)
         seen = capture
         if not isinstance(seen, Perception):
             seen = self._perceive(seen, watch)
@@ -359,8 +362,9 @@ class Pipeline:
             n_tried += 1
             with watch.stage("scene"):
                 scene, obstacles = seen.scene(target), seen.obstacles
+            known = mass if n_tried == 1 else None  # others weigh something else
             result = planner.plan(
-                scene, self.arms, obstacles, rng=rng, watch=watch, mass=mass
+                scene, self.arms, obstacles, rng=rng, watch=watch, mass=known
             )
             best.take(result, target)
         return best
@@ -395,7 +399,3 @@ class Pipeline:
                 seen.segmentation.labels,
                 rng=np.random.default_rng([seed, 1]),
             )
-
-
-def _in_silence(_stage: str, _share: float) -> None:
-    """Tell nobody."""

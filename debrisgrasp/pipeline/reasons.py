@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.geometry import MAX_CELLS, Bounds
+from debrisgrasp.geometry import MAX_CELLS, Bounds, voxel_downsample
 from debrisgrasp.planning import PassedOver, SceneConfig
 from debrisgrasp.segmentation import GroundConfig, GroundReport, Segmentation
 
@@ -27,10 +27,10 @@ def too_small(points: FloatArray, spacing: float, least: int) -> str | None:
     least
         Number of cells from which on it is worth a search.
     """
-    cells = np.unique(np.floor(points / spacing).astype(np.int64), axis=0)
-    if len(cells) >= least:
+    n_cells = len(voxel_downsample(points, spacing))
+    if n_cells >= least:
         return None
-    return f"too small: {len(cells)} cells of surface seen, {least} are needed"
+    return f"too small: {n_cells} cells of surface seen, {least} are needed"
 
 
 def too_large(region: Bounds, config: SceneConfig) -> str | None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import (
     BoolArray,
@@ -20,7 +19,8 @@ from debrisgrasp._arrays import (
 )
 from debrisgrasp.errors import ConfigError
 
-from .hands import HandSpace, PackedHands
+from .hand_space import HandSpace
+from .hands import PackedHands
 from .inspection import Inspection, InspectionConfig
 from .scene import GraspScene
 
@@ -81,8 +81,7 @@ class Ways:
         self._scene, self._hands = scene, hands
         self._config, self._inspection = config, inspection
         self._max_hits = inspection.max_hits
-        self._points = scene.cloud.points.astype(np.float32)
-        self._tree = cKDTree(scene.cloud.points)
+        self._points = scene.cloud.points.T.astype(np.float32, order="C")
 
     def relieved(
         self, look: Inspection, Ts_base_hand: FloatArray, prototype: IntArray
@@ -213,7 +212,15 @@ class Ways:
         """Points that the hand may sweep, palm frame (3, n), and which are its own."""
         spaces, index = self._hands.spaces, self._hands.space_index[which]
         middle = T[:3, :3] @ spaces.middle[index] + T[:3, 3]
-        radius = float(spaces.radius[index]) + reach
-        near = np.array(self._tree.query_ball_point(middle, radius), dtype=np.int64)
-        local = (self._points[near] - T[:3, 3].astype(np.float32)) @ T[:3, :3]
-        return local.T, self._scene.is_target[near]
+        half = np.abs(T[:3, :3]) @ spaces.half[index] + reach
+        is_near = np.ones(self._points.shape[1], dtype=bool)
+        for along, low, high in zip(
+            self._points,
+            (middle - half).astype(np.float32),
+            (middle + half).astype(np.float32),
+            strict=True,
+        ):
+            is_near &= (along >= low) & (along <= high)
+        near = np.flatnonzero(is_near)
+        offset = self._points[:, near] - T[:3, 3:].astype(np.float32)
+        return T[:3, :3].T @ offset, self._scene.is_target[near]

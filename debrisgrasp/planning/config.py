@@ -57,7 +57,7 @@ class PlannerConfig:
     refinement: LocalMove = LocalMove(position=(0.012, 0.0036), rotation=(0.12, 0.036))
     """Steps of the refinement that follows the annealing: on what the list is sorted
     by."""
-    refinement_sweeps: int = 12
+    refinement_sweeps: int = 8
     """How often steps are offered; only improvements are taken."""
     refinement_steps: int = 96
     """Steps offered in each sweep, to all poses together."""
@@ -90,7 +90,8 @@ class PlannerConfig:
     minimum_evidence: float = 0.5
     """Where a finger ends in space that was never seen, this share of the prototype's
     surface facing the palm must have been seen to match: it tells how thick the object
-    is. 0 trusts the prototype instead."""
+    is. Where a side was not seen, what is short of it lowers the score. 0 trusts the
+    prototype instead."""
     n_best: int = 20
     """How many distinct grasps to return."""
     n_per_hand: int = 1000

@@ -24,7 +24,7 @@ from debrisgrasp.prototypes import PrototypeLibrary
 
 from .scene import GraspScene
 
-__all__ = ["ContactConfig", "PadContacts", "PadZones"]
+__all__ = ["ContactConfig", "PadContacts", "PadLook", "PadZones"]
 
 _TURNED = 0.15
 """Cosine to the closing axis from which on a face is turned to a finger at all."""
@@ -36,6 +36,8 @@ _LEAST_CURVED = 6
 """Fewer points between the fingers don't tell where the hidden side is."""
 _FLAT = 0.01
 """Variance of the normals along the closing axis that comes from noise alone."""
+_BATCH = 64
+"""Poses looked at together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +93,27 @@ class PadZones:
         return cls(np.array(lower, np.float32), np.array(upper, np.float32))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PadLook:
+    """What k poses find at their pads."""
+
+    probability: FloatArray
+    """That both sides get to press within their cones, in [0, 1], shape (k,). A side of
+    which too little was seen is taken to be as the prototype says, if what was seen of
+    the object leaves a finger room there."""
+    is_too_wide: BoolArray
+    """Whether a hidden side is so far out that a finger would land on it, (k,)."""
+    angles: FloatArray
+    """Between the closing axis and the face that each side comes to lie on [rad], shape
+    (k, 2), thumb side first; NaN where too little was seen."""
+    is_seen: BoolArray
+    """Whether enough was seen of both of them, shape (k,)."""
+    room: FloatArray
+    """Gap between each open finger and the hidden side that is expected there [m],
+    shape (k, 2), negative where the object is expected to be in the way; infinite where
+    the side itself was seen, or too little."""
+
+
 class PadContacts:
     """How likely pads press within the friction cones, in one scene."""
 
@@ -102,69 +125,39 @@ class PadContacts:
         self._normals = scene.cloud.normals[usable].T.astype(np.float32)
         self._zones, self._config = zones, config
 
-    def angles(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
-        """Angle between the closing axis and the face that each side comes to lie on.
+    def look(self, Ts_base_hand: FloatArray, prototype: IntArray) -> PadLook:
+        """Look at the faces that the pads of poses meet.
+
+        Where a side was not seen, it is at least as far out as anything that was seen
+        between the fingers, and the curve of that leads to it: on a cylinder of
+        radius r, x = c + r n_x for all points and normals, and nearly so on the faces
+        of a box that reaches from c - r to c + r.
 
         Parameters
         ----------
         Ts_base_hand, prototype
             Poses (k, 4, 4), and whose hand each carries (k,).
-
-        Returns
-        -------
-        FloatArray
-            [rad], shape (k, 2), thumb side first; NaN where too little was seen.
         """
-        return self._looks(Ts_base_hand, prototype)[:, :2]
-
-    def room(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
-        """Gap between each open finger and the hidden side that is expected there.
-
-        On a cylinder of radius r, x = c + r n_x for all points and normals, and nearly
-        so on the faces of a box that reaches from c - r to c + r: a line through what
-        was seen between the fingers leads to the side that was not.
-
-        Parameters
-        ----------
-        Ts_base_hand, prototype
-            Poses (k, 4, 4), and whose hand each carries (k,).
-
-        Returns
-        -------
-        FloatArray
-            [m], shape (k, 2), thumb side first, negative where the object is expected
-            to be in the way; infinite where the side itself was seen, or too little.
-        """
-        return self._looks(Ts_base_hand, prototype)[:, 2:]
-
-    def __call__(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
-        """Probability that both sides get to press within their cones, in [0, 1], (k,).
-
-        A side of which too little was seen is taken to be as the prototype says, if
-        what was seen of the object leaves a finger room there.
-        """
-        looks = self._looks(Ts_base_hand, prototype)
-        config = self._config
-        angle = np.nan_to_num(looks[:, :2], nan=0.0)
-        cone, error = np.arctan(config.friction), config.angle_error
-        share = ndtr((cone - angle) / error) / ndtr(cone / error)
-        both: FloatArray = share.prod(axis=1) * _fits(looks[:, 2:])
-        return both
-
-    def is_too_wide(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
-        """Whether a hidden side is so far out that a finger would land on it, (k,)."""
-        found = _fits(self.room(Ts_base_hand, prototype)) < self._config.least
-        return np.asarray(found)
-
-    def _looks(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
-        """Angles and room of the sides, shape (k, 4)."""
         found = np.empty((len(Ts_base_hand), 4))
         for first in range(0, len(found), _BATCH):
             some = slice(first, first + _BATCH)
             found[some] = self._look(Ts_base_hand[some], prototype[some])
-        return found
+        angles, room = found[:, :2], found[:, 2:]
+        config = self._config
+        cone, error = np.arctan(config.friction), config.angle_error
+        share = ndtr((cone - np.nan_to_num(angles, nan=0.0)) / error)
+        share /= ndtr(cone / error)
+        fits = ndtr((room - _ROOM) / _ROOM_ERROR).prod(axis=1)
+        return PadLook(
+            probability=share.prod(axis=1) * fits,
+            is_too_wide=fits < config.least,
+            angles=angles,
+            is_seen=np.asarray(np.isfinite(angles).all(axis=1)),
+            room=room,
+        )
 
     def _look(self, Ts: FloatArray, prototype: IntArray) -> FloatArray:
+        """Angles and room of the sides, shape (k, 4)."""
         to_hand = Ts[:, :3, :3].astype(np.float32).transpose(0, 2, 1)
         local = to_hand @ self._points - to_hand @ Ts[:, :3, 3:].astype(np.float32)
         along = to_hand[:, 0] @ self._normals
@@ -184,7 +177,13 @@ class PadContacts:
             angle = np.arccos(np.clip(steepest, 0.0, 1.0))
             angles.append(np.where(is_seen, angle, np.nan))
             room = upper[:, 0] - (side * middle + radius)
-            rooms.append(np.where(is_seen | np.isnan(room), np.inf, room))
+            room[np.isnan(room)] = np.inf
+            # What goes on to where the finger comes down has no side before it.
+            reaches = np.float32(side) * local[:, 0] > upper[:, :1] - np.float32(_ROOM)
+            reaches &= is_near
+            goes_on = np.count_nonzero(reaches, axis=1) >= self._config.min_points
+            room[goes_on] = np.minimum(room[goes_on], 0.0)
+            rooms.append(np.where(is_seen, np.inf, room))
         return np.stack(angles + rooms, axis=1)
 
 
@@ -206,13 +205,3 @@ def _curve(
     radius = np.maximum(covariance, 0.0) / (variance + _FLAT)
     radius = np.where(count >= _LEAST_CURVED, radius, np.nan)
     return mean_x - radius * mean_along, radius
-
-
-def _fits(room: FloatArray) -> FloatArray:
-    """Probability that both fingers have room (k, 2), shape (k,)."""
-    found: FloatArray = ndtr((room - _ROOM) / _ROOM_ERROR).prod(axis=1)
-    return found
-
-
-_BATCH = 64
-"""Poses looked at together."""

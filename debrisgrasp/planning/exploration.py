@@ -20,6 +20,8 @@ from .quality import NOTHING, GraspQuality
 __all__ = ["LogMerit", "exchanged", "explore", "refine"]
 
 LogMerit = Callable[[FloatArray, IntArray, FloatArray], FloatArray]
+_EARLY = 1.5
+"""Above 1 the first rounds, of many walkers, are shorter than the last, of few."""
 _IN_ANY_CASE = 4
 """Sweeps of the refinement that are made however late it is."""
 _SETTLE_EVERY = 4
@@ -56,7 +58,8 @@ def explore(
     Ts, prototype = _starts(quality, jump, len(gripper_of), config, rng)
     walkers = Walkers.at(Ts, quality(Ts, prototype, np.full(len(Ts), -np.inf)))
     settled = postures.unknown(Walkers.at(Ts, np.full(len(Ts), NOTHING)))
-    ends = np.linspace(0, config.schedule.sweeps, config.rounds + 1).astype(int)
+    shares = np.linspace(0.0, 1.0, config.rounds + 1) ** _EARLY
+    ends = (config.schedule.sweeps * shares).round().astype(int)
     left: list[tuple[Settled, IntArray]] = []
     is_over = False
 

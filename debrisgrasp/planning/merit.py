@@ -162,8 +162,9 @@ class Merit:
         self._ways = ways
         zero, one = np.zeros(1), np.ones(1)
         self._lightest = success_terms(
-            expected=one, contact=one, demand=zero, lever=zero, margin=zero, slack=one
-        )
+            expected=one, contact=one, demand=zero, lever=zero, margin=zero, slack=one,
+            sight=one,
+        )  # fmt: skip
         wide, soft = blurred(config)
         self.quick = GraspQuality(
             ShapeSimilarity(scene, tools.coarse, wide),
@@ -200,6 +201,7 @@ class Merit:
             lever=lever,
             margin=0.0 * full,
             slack=self._tools.hands.slack[prototype],
+            sight=full,
         )
         weights = self._tools.success.weights
         odds = (terms - self._lightest) @ weights / self._steepness
@@ -211,13 +213,29 @@ class Merit:
         look = self._inspector(Ts_base_hand, prototype)
         return self._ways.relieved(look, Ts_base_hand, prototype)
 
-    def is_guess(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
-        """Whether nothing tells how thick the object is behind a finger, (k,)."""
-        found = self.clearance.is_blind(Ts_base_hand, prototype)
-        rows = np.flatnonzero(found)
+    def sight(
+        self, Ts_base_hand: FloatArray, prototype: IntArray, is_seen: BoolArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """How much tells that the object lies between the fingers, and no farther.
+
+        Parameters
+        ----------
+        is_seen
+            Whether faces were seen that both sides come to lie on, shape (k,).
+
+        Returns
+        -------
+        sight, is_guess
+            In [0, 1]; and whether it is short of 1 although a finger ends in space that
+            was never seen; shape (k,) each.
+        """
+        sight = np.ones(len(prototype))
+        is_blind = self.clearance.is_blind(Ts_base_hand, prototype)
+        rows = np.flatnonzero(is_blind | ~is_seen)
         seen = self.fine.evidence_of_thickness(Ts_base_hand[rows], prototype[rows])
-        found[rows] = seen < self._config.minimum_evidence
-        return found
+        enough = self._config.minimum_evidence
+        sight[rows] = np.where(seen < enough, seen / max(enough, 1e-9), 1.0)
+        return sight, is_blind & (sight < 1.0)
 
     def expected(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
         """Mean of S C over the errors of the pose, shape (k,)."""
@@ -246,13 +264,16 @@ class Merit:
         known = self._left(known, needed)
         S = self._around(known.Ts, known.prototype, few)
         known = self._left(replace(known, S=S, expected=S.mean(axis=1)), needed)
-        contact = self.contacts(known.Ts, known.prototype)
-        known = self._left(replace(known, contact=contact), needed)
+        pads = self.contacts.look(known.Ts, known.prototype)
+        known = replace(known, contact=pads.probability, is_seen=pads.is_seen)
+        known = self._left(known, needed)
         expected = self._cleared(known.S, known.Ts, known.prototype, few)
         known = self._left(replace(known, expected=expected), needed)
         look = self.inspection(known.Ts, known.prototype)
-        odds = self._odds(replace(known, margin=look.margin))
-        odds[~self._passes(look, known)] -= _FLAWED
+        known = replace(known, margin=look.margin)
+        passes, known = self._passes(look, known)
+        odds = self._odds(known)
+        odds[~passes] -= _FLAWED
         value = np.full(len(prototype), -np.inf)
         value[known.rows] = log_expit(odds)
         return value
@@ -275,7 +296,8 @@ class Merit:
         config = self._config
         S, coverage = (term.astype(np.float64) for term in self.fine(Ts, prototype))
         C = self.clearance.exposure(Ts, prototype)
-        contact = self.contacts(Ts, prototype)
+        pads = self.contacts.look(Ts, prototype)
+        sight, is_guess = self.sight(Ts, prototype, pads.is_seen)
         look = self.inspection(Ts, prototype)
         quality, ok = S * C, np.ones(len(S), dtype=bool)
         causes: dict[str, tuple[BoolArray, FloatArray | IntArray | None]] = {
@@ -283,9 +305,9 @@ class Merit:
             for reason, applies in look.reasons(config.inspection).items()
         }
         causes |= {
-            _GUESS: (self.is_guess(Ts, prototype), None),
-            _WIDE: (self.contacts.is_too_wide(Ts, prototype), None),
-            _SLANTED: (contact < config.contact.least, None),
+            _GUESS: (is_guess, None),
+            _WIDE: (pads.is_too_wide, None),
+            _SLANTED: (pads.probability < config.contact.least, None),
             _POOR: (quality < config.minimum_score, quality),
         }
         for reason, (applies, by) in causes.items():
@@ -299,8 +321,9 @@ class Merit:
             prototype,
             *self._burden(Ts, prototype),
             expected=expected,
-            contact=contact,
+            contact=pads.probability,
             margin=look.margin,
+            sight=sight,
         )
         modes = Modes(
             Ts=Ts,
@@ -309,8 +332,9 @@ class Merit:
             C=C,
             coverage=coverage,
             expected=expected,
-            contact=contact,
+            contact=pads.probability,
             margin=look.margin,
+            sight=sight,
             score=expit(self._odds(known)),
             support=np.zeros(len(S), dtype=np.int64),
         )
@@ -328,11 +352,12 @@ class Merit:
             lever=known.lever,
             margin=known.margin,
             slack=self._tools.hands.slack[known.prototype],
+            sight=known.sight,
         )
         return self._tools.success.log_odds(terms)
 
-    def _passes(self, look: Inspection, known: _Known) -> BoolArray:
-        """Which poses nothing rules out, shape (k,)."""
+    def _passes(self, look: Inspection, known: _Known) -> tuple[BoolArray, _Known]:
+        """Which poses nothing rules out, shape (k,), and their sight too."""
         config = self._config
         ok = known.contact >= config.contact.least
         for applies in look.reasons(config.inspection).values():
@@ -342,8 +367,10 @@ class Merit:
         S, _ = self.fine(Ts, prototype)
         C = self.clearance.exposure(Ts, prototype)
         ok[rows] = config.minimum_score <= S * C
-        ok[rows] &= ~self.is_guess(Ts, prototype)
-        return ok
+        sight = np.ones(len(ok))
+        sight[rows], is_guess = self.sight(Ts, prototype, known.is_seen[rows])
+        ok[rows] &= ~is_guess
+        return ok, replace(known, sight=sight)
 
     def _around(
         self, Ts: FloatArray, prototype: IntArray, offsets: FloatArray
@@ -378,6 +405,8 @@ class _Known:
     expected: FloatArray = field(default_factory=lambda: np.ones(1))
     contact: FloatArray = field(default_factory=lambda: np.ones(1))
     margin: FloatArray = field(default_factory=lambda: np.ones(1))
+    sight: FloatArray = field(default_factory=lambda: np.ones(1))
+    is_seen: BoolArray = field(default_factory=lambda: np.ones(1, dtype=bool))
 
     def __getitem__(self, kept: BoolArray) -> _Known:
         columns = {item.name: getattr(self, item.name) for item in fields(self)}

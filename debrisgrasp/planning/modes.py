@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
@@ -43,9 +44,7 @@ def distinct(
         Indices into the n poses, best first.
     """
     order = np.argsort(-value, kind="stable")
-    is_near = _near(Ts[order], Ts[order], distance, angle)
-    ranked = group[order]
-    is_near &= ranked[:, None] == ranked
+    worse, first = _worse_ones(Ts[order], group[order], distance, angle)
     kept: list[int] = []
     is_open = np.ones(len(order), dtype=bool)
     for i in range(len(order)):
@@ -53,8 +52,31 @@ def distinct(
             break
         if is_open[i]:
             kept.append(i)
-            is_open &= ~is_near[i]
+            is_open[worse[first[i] : first[i + 1]]] = False
     return order[np.array(kept, dtype=np.int64)]
+
+
+def _worse_ones(
+    Ts: FloatArray, group: IntArray | NDArray[np.str_], distance: float, angle: float
+) -> tuple[IntArray, IntArray]:
+    """Find later poses of the same group near each of (n, 4, 4), best first.
+
+    Returns
+    -------
+    worse, first
+        Those of pose i are ``worse[first[i] : first[i + 1]]``.
+    """
+    pairs = cKDTree(Ts[:, :3, 3]).query_pairs(distance, output_type="ndarray")
+    a, b = pairs.T
+    is_same = group[a] == group[b]
+    a, b = a[is_same], b[is_same]
+    R = Ts[:, :3, :3].reshape(-1, 9)
+    trace = np.einsum("ij,ij->i", R[a], R[b])
+    is_near = trace > 1.0 + 2.0 * np.cos(angle)
+    a, b = a[is_near], b[is_near]
+    by_better = np.argsort(a, kind="stable")
+    first = np.searchsorted(a[by_better], np.arange(len(Ts) + 1))
+    return b[by_better], first
 
 
 def count_near(

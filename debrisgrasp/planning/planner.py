@@ -304,6 +304,7 @@ class GraspPlanner:
                 lever=loads.lever[index],
                 margin=found.margin[index],
                 slack=self._search.tools.hands.slack[found.prototype[index]],
+                sight=found.sight[index],
             )
         )
         return Grasp(

@@ -68,6 +68,9 @@ class Modes:
     """Probability that both sides press within their friction cones."""
     margin: FloatArray
     """How far the hand may be off before it touches something [m]."""
+    sight: FloatArray
+    """How much tells that the object lies between the fingers, and no farther, in
+    [0, 1]."""
     score: FloatArray
     """What the list is sorted by."""
     support: IntArray
@@ -88,6 +91,7 @@ class Modes:
             expected=empty,
             contact=empty,
             margin=empty,
+            sight=empty,
             score=empty,
             support=index,
         )

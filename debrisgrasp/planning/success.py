@@ -20,7 +20,7 @@ from debrisgrasp.errors import ConfigError
 __all__ = ["SUCCESS_TERMS", "SuccessForecast", "SuccessModel", "success_terms"]
 
 SCHEMA = "debrisgrasp.success/1"
-SUCCESS_TERMS = ("fit", "contact", "load", "lever", "margin", "slack")
+SUCCESS_TERMS = ("fit", "contact", "load", "lever", "margin", "slack", "sight")
 """What success depends on, in the order of `success_terms`."""
 _LEAST = 1e-3
 """Qualities below this are as bad as this."""
@@ -33,6 +33,9 @@ _ENOUGH_MARGIN = 0.024
 _ENOUGH_SLACK = 0.020
 """Wider gaps between fingers and prototype don't help [m]."""
 
+_GUESSED = -0.5
+"""With less sight than this a grasp is called a guess."""
+
 
 def success_terms(
     *,
@@ -42,6 +45,7 @@ def success_terms(
     lever: FloatArray,
     margin: FloatArray,
     slack: FloatArray,
+    sight: FloatArray,
 ) -> FloatArray:
     """Put what is known of k grasps into the terms of the model.
 
@@ -61,11 +65,15 @@ def success_terms(
         How far the hand may be off before it touches something [m], shape (k,).
     slack
         Least distance between the open fingers and the prototype [m], shape (k,).
+    sight
+        How much tells that the object lies between the fingers and no farther, in
+        [0, 1], shape (k,): 1 where both sides were seen, 0 where neither a side nor
+        what joins the two was, so that only the prototype says so.
 
     Returns
     -------
     FloatArray
-        Shape (k, 6), see `SUCCESS_TERMS`.
+        Shape (k, 7), see `SUCCESS_TERMS`.
     """
     columns = (
         np.log(np.maximum(expected, _LEAST)),
@@ -74,6 +82,7 @@ def success_terms(
         -np.clip(lever - _SHORT_LEVER, 0.0, _LONG_LEVER - _SHORT_LEVER),
         np.clip(margin, 0.0, _ENOUGH_MARGIN),
         np.clip(slack, 0.0, _ENOUGH_SLACK),
+        np.clip(sight, 0.0, 1.0) - 1.0,
     )
     return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
@@ -94,6 +103,8 @@ class SuccessForecast:
     def in_words(self) -> str:
         """Say it, and how far it can be trusted."""
         said = f"holds with a probability of {self.probability:.0%}"
+        if len(self.terms) == len(SUCCESS_TERMS) and self.terms[-1] < _GUESSED:
+            said += ", a guess at sides that were not seen"
         if self.outside:
             said += f", extrapolated in {' and '.join(self.outside)}"
         return said
@@ -104,12 +115,12 @@ class SuccessModel:
     """Log-odds of success, linear in the terms of a grasp."""
 
     weights: FloatArray
-    """Shape (6,), in the order of `SUCCESS_TERMS`."""
+    """Shape (7,), in the order of `SUCCESS_TERMS`."""
     intercept: float
     lower: FloatArray
-    """Least value of each term in the flights, shape (6,)."""
+    """Least value of each term in the flights, shape (7,)."""
     upper: FloatArray
-    """Greatest one, shape (6,)."""
+    """Greatest one, shape (7,)."""
     date: str = ""
     """When it was fitted."""
     campaign: str = ""
@@ -155,17 +166,17 @@ class SuccessModel:
         )
 
     def probability(self, terms: FloatArray) -> FloatArray:
-        """Probability of success of grasps with these terms (k, 6), shape (k,)."""
+        """Probability of success of grasps with these terms (k, 7), shape (k,)."""
         found: FloatArray = expit(self.log_odds(terms))
         return found
 
     def log_odds(self, terms: FloatArray) -> FloatArray:
-        """Log-odds of success of grasps with these terms (k, 6), shape (k,)."""
+        """Log-odds of success of grasps with these terms (k, 7), shape (k,)."""
         found: FloatArray = terms @ self.weights + self.intercept
         return found
 
     def forecast(self, terms: FloatArray) -> SuccessForecast:
-        """Probability for one grasp (6,), and whether it is extrapolated."""
+        """Probability for one grasp (7,), and whether it is extrapolated."""
         is_off = (terms < self.lower) | (terms > self.upper)
         names = tuple(
             name for name, off in zip(SUCCESS_TERMS, is_off, strict=True) if off

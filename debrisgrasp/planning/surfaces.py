@@ -40,14 +40,18 @@ class VisibleSurfaces:
     @classmethod
     def pack(cls, prototypes: PackedPrototypes, max_points: int) -> VisibleSurfaces:
         """Pick the points of each view evenly over the surface."""
-        p, d, _ = prototypes.is_visible.shape
-        m = min(max_points, max(1, int(prototypes.is_visible.sum(axis=-1).max())))
+        views = [prototype.visible.is_visible for prototype in prototypes.prototypes]
+        p, d = len(views), len(prototypes.directions)
+        most = max(int(np.count_nonzero(seen, axis=1).max()) for seen in views)
+        m = min(max_points, max(1, most))
         table = np.empty((p, d, 6, m), dtype=np.float32)
         is_used = np.empty((p, d, m), dtype=bool)
         surface = np.concatenate([prototypes.points, prototypes.normals], axis=2)
-        for row, is_visible in enumerate(prototypes.is_visible):
+        columns = np.moveaxis(surface, 1, 2).astype(np.float32)
+        for row, is_visible in enumerate(views):
             kept, is_used[row] = _evenly(is_visible, m)
-            table[row] = np.moveaxis(surface[row].astype(np.float32)[kept], 1, 2)
+            for column, values in enumerate(columns[row]):
+                table[row, :, column] = values.take(kept)
         # The fingers close along x of the hand.
         is_touched = is_used & (np.abs(table[:, :, 3]) > _TOUCHED)
         return cls(
@@ -86,11 +90,16 @@ class VisibleSurfaces:
 def _palm_share(prototypes: PackedPrototypes) -> FloatArray:
     """See `VisibleSurfaces.palm_share`."""
     faces_palm = prototypes.mask & (prototypes.normals[..., 2] < -_TOUCHED)
-    seen = prototypes.is_visible @ faces_palm[..., None].astype(np.float32)
     total = faces_palm.sum(axis=1).astype(np.float64)
     total[total == 0] = np.nan
-    share: FloatArray = (seen[..., 0] / total[:, None]).ravel()
-    return share
+    share = []
+    for prototype, faces, n in zip(
+        prototypes.prototypes, faces_palm, total, strict=True
+    ):
+        is_visible = prototype.visible.is_visible
+        seen = is_visible[:, faces[: is_visible.shape[1]]]
+        share.append(np.count_nonzero(seen, axis=1) / n)
+    return np.concatenate(share)
 
 
 def _evenly(is_visible: BoolArray, m: int) -> tuple[IntArray, BoolArray]:
@@ -101,9 +110,10 @@ def _evenly(is_visible: BoolArray, m: int) -> tuple[IntArray, BoolArray]:
     columns, is_used
         Indices into the n points, and which of the picks are real ones, both (d, m).
     """
-    counts = is_visible.sum(axis=1)[:, None]
+    counts = np.count_nonzero(is_visible, axis=1)[:, None]
     taken, slot = np.minimum(counts, m), np.arange(m)
     rank = np.minimum(slot * counts // np.maximum(taken, 1), np.maximum(counts - 1, 0))
-    # Visible points first, in their order.
-    order = np.argsort(~is_visible, axis=1, kind="stable")
-    return np.take_along_axis(order, rank, axis=1), slot < taken
+    seen = np.append(np.flatnonzero(is_visible) % is_visible.shape[1], 0)
+    first = np.cumsum(counts)[:, None] - counts
+    columns = np.where(counts > 0, seen.take(first + rank), 0)
+    return columns, slot < taken

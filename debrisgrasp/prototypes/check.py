@@ -16,7 +16,7 @@ from .prototype import GraspPrototype
 from .surface_shape import SurfaceShape
 from .surfaces import sample
 
-__all__ = ["Finding", "check", "contact_opening", "seen_sides"]
+__all__ = ["Finding", "check", "contact_opening", "depth_in", "seen_sides"]
 
 PENETRATION_TOLERANCE = 0.002
 """How deep the open hand may reach into the shape [m]."""
@@ -115,7 +115,7 @@ def contact_opening(
 
     def touches(opening: float) -> bool:
         solids = gripper.finger_solids(prototype.preshape, opening, side)
-        return _depths(prototype, solids, surface)[0] > 0
+        return depth_in(prototype, solids, surface)[0] > 0
 
     n_steps = 1 + int(np.ceil(prototype.opening / _COARSE_STEP))
     free = prototype.opening
@@ -130,6 +130,29 @@ def contact_opening(
         middle = (free + touching) / 2
         free, touching = (free, middle) if touches(middle) else (middle, touching)
     return free
+
+
+def depth_in(
+    prototype: GraspPrototype, solids: Sequence[Solid], surface: FloatArray
+) -> tuple[float, FloatArray]:
+    """Find how deep solids and shape are in each other [m], and where, palm frame.
+
+    Parameters
+    ----------
+    surface
+        Points of the shape [m], palm frame, shape (n, 3).
+    """
+    in_solids = -np.min([solid.signed_distance(surface) for solid in solids], axis=0)
+    # Solids that lie wholly inside the shape have none of its surface in them.
+    corners = np.concatenate([solid.mesh()[0] for solid in solids])
+    definition = prototype.definition
+    own = definition.T_hand_shape.inverse().apply(corners)
+    in_shape = -np.min(
+        [part.signed_distance(own) for part in definition.shape.parts()], axis=0
+    )
+    depths, points = np.append(in_solids, in_shape), np.vstack([surface, corners])
+    deepest = int(np.argmax(depths))
+    return float(depths[deepest]), points[deepest]
 
 
 def seen_sides(prototype: GraspPrototype) -> tuple[int, ...]:
@@ -202,7 +225,7 @@ def _penetration(
         prototype.opening, float(gripper.preshape(prototype.preshape).openings[0])
     )
     solids = [s.moved(back) for s in gripper.solids(prototype.preshape, opening)]
-    return _depths(prototype, solids, _surface(prototype)[0])
+    return depth_in(prototype, solids, _surface(prototype)[0])
 
 
 def _approach_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[str]:
@@ -223,20 +246,3 @@ def _surface(prototype: GraspPrototype) -> tuple[FloatArray, FloatArray]:
     shape, T = prototype.definition.shape, prototype.definition.T_hand_shape
     points, normals = sample(shape.patches(), shape.parts(), _DENSE)
     return T.apply(points), T.rotate(normals)
-
-
-def _depths(
-    prototype: GraspPrototype, solids: Sequence[Solid], surface: FloatArray
-) -> tuple[float, FloatArray]:
-    """Greatest depth of the surface in the solids, or of solids in the shape."""
-    in_solids = -np.min([solid.signed_distance(surface) for solid in solids], axis=0)
-    # Solids that lie wholly inside the shape have none of its surface in them.
-    corners = np.concatenate([solid.mesh()[0] for solid in solids])
-    definition = prototype.definition
-    own = definition.T_hand_shape.inverse().apply(corners)
-    in_shape = -np.min(
-        [part.signed_distance(own) for part in definition.shape.parts()], axis=0
-    )
-    depths, points = np.append(in_solids, in_shape), np.vstack([surface, corners])
-    deepest = int(np.argmax(depths))
-    return float(depths[deepest]), points[deepest]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -116,12 +117,12 @@ class GripperModel:
         self, preshape: str, opening: float, side: int | None = None
     ) -> tuple[Solid, ...]:
         """Solids of the fingers, or of those on one side: -1 thumb, +1 pair."""
-        values = self._values(preshape, opening)
+        placed = _placed(self, preshape, opening)
         return tuple(
             solid
-            for finger in self.fingers
+            for finger, solids in zip(self.fingers, placed, strict=True)
             if side in (None, finger.side)
-            for solid in finger.solids(values)
+            for solid in solids
         )
 
     def sphere_cover(
@@ -169,11 +170,8 @@ class GripperModel:
         fingers along z, between the pads along x, and as far across as the outermost
         fingers stand.
         """
-        last_links = [
-            solid
-            for finger in self.fingers
-            for solid in finger.solids(self._values(preshape, opening))[-1:]
-        ]
+        placed = _placed(self, preshape, opening)
+        last_links = [solid for solids in placed for solid in solids[-1:]]
         reach = self.fingertip_reach(preshape, opening)
         lower = min(float(solid.bounds.lower[1]) for solid in last_links)
         upper = max(float(solid.bounds.upper[1]) for solid in last_links)
@@ -184,6 +182,17 @@ class GripperModel:
     def _values(self, preshape: str, opening: float) -> dict[str, float]:
         command = self.opening_to_command(preshape, opening)
         return self.preshape(preshape).values(command)
+
+
+@lru_cache(maxsize=256)
+def _placed(
+    gripper: GripperModel, preshape: str, opening: float
+) -> tuple[tuple[Solid, ...], ...]:
+    """Solids of each finger; the same few openings are asked for again and again."""
+    values = gripper.preshape(preshape).values(
+        gripper.opening_to_command(preshape, opening)
+    )
+    return tuple(finger.solids(values) for finger in gripper.fingers)
 
 
 def load_grippers(

@@ -171,15 +171,11 @@ class PrototypeLibrary:
         counts = [len(prototype.points) for prototype in self.prototypes]
         p, m = len(counts), max(counts)
         points, normals = np.zeros((p, m, 3)), np.zeros((p, m, 3))
-        is_visible = np.zeros((p, len(directions), m), dtype=bool)
         for row, (prototype, n) in enumerate(zip(self.prototypes, counts, strict=True)):
             points[row, :n] = prototype.points
             normals[row, :n] = prototype.normals
-            is_visible[row, :, :n] = prototype.visible.is_visible
         mask = np.arange(m) < np.array(counts)[:, None]
-        return PackedPrototypes(
-            self.prototypes, points, normals, mask, directions, is_visible
-        )
+        return PackedPrototypes(self.prototypes, points, normals, mask, directions)
 
 
 _CHOOSE_MORE = "The choice of hand, names and kind leaves nothing."

@@ -9,10 +9,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, fibonacci_sphere
 
-from .check import check
+from .check import PENETRATION_TOLERANCE, check, depth_in
 from .gripper import GripperModel
 from .hand_poses import settled
 from .prototype import GraspPrototype, PrototypeDefinition
@@ -50,7 +51,8 @@ def prototype_of_shape(
     Returns
     -------
     PrototypeDefinition
-        Where no place is without findings, the one with the fewest; `check` tells them.
+        Where the hand can't go around the shape, where it gets least into it; where no
+        other place is without findings, the one with the fewest. `check` tells them.
 
     Raises
     ------
@@ -79,19 +81,49 @@ def prototype_of_shape(
     definition = definition_from(content, {gripper.name: gripper}, source)
     if "position" in shape:
         return settled(definition, gripper)
-    pad = float(gripper.pad_positions(preshape, (low + high) / 2)[:, 2].mean())
-    reach = gripper.fingertip_reach(preshape, (low + high) / 2)
-    heights = np.arange(0.0, reach + 0.15, _STEP)
-    if grip == "tip":
-        heights = heights[np.argsort(np.abs(heights - pad), kind="stable")]
-    best, fewest = definition, np.inf
-    for z in heights:
+    best, fewest = None, np.inf
+    for z in _heights(definition, gripper, grip):
         T = SE3.from_parts(definition.T_hand_shape.R, [0.0, 0.0, round(float(z), 3)])
         placed = settled(replace(definition, T_hand_shape=T), gripper)
-        built = GraspPrototype.build(placed, fibonacci_sphere(1))
-        n = len(check(built, gripper))
+        n = len(check(_built(placed), gripper))
         if n < fewest:
             best, fewest = placed, n
         if n == 0:
             break
+    assert best is not None
     return best
+
+
+def _heights(
+    definition: PrototypeDefinition, gripper: GripperModel, grip: Grip
+) -> FloatArray:
+    """Distances from the palm [m] at which the wide open hand goes around the shape.
+
+    The best come first; where there is none, the one at which it gets in least deep.
+    """
+    preshape = gripper.preshape(definition.preshape)
+    middle = sum(preshape.widths) / 2
+    reach = gripper.fingertip_reach(preshape.name, middle)
+    start = SE3.from_parts(definition.T_hand_shape.R)
+    widest = float(preshape.openings[0])
+    wide = _built(replace(definition, T_hand_shape=start, opening=widest))
+    nearest = float(wide.points[:, 2].min())
+    heights = np.arange(0.0, reach - nearest + _STEP, _STEP)
+    # Whether the shape is farther out, or the hand farther back, is the same.
+    hand = gripper.solids(preshape.name, widest)
+    back = [SE3.from_parts(p=(0.0, 0.0, -z)) for z in heights]
+    depths = np.array(
+        [depth_in(wide, [s.moved(T) for s in hand], wide.points)[0] for T in back]
+    )
+    is_free = depths <= PENETRATION_TOLERANCE
+    if not is_free.any():
+        return heights[[np.argmin(depths)]]
+    heights = heights[is_free]
+    if grip == "power":
+        return heights
+    pads = gripper.pad_positions(preshape.name, middle)[:, 2].mean()
+    return heights[np.argsort(np.abs(heights - pads), kind="stable")]
+
+
+def _built(definition: PrototypeDefinition) -> GraspPrototype:
+    return GraspPrototype.build(definition, fibonacci_sphere(1))

@@ -156,5 +156,3 @@ class PackedPrototypes:
     """Which entries are points, shape (p, m)."""
     directions: FloatArray
     """Directions of view shared by all, shape (d, 3)."""
-    is_visible: BoolArray
-    """Points seen from each direction, shape (p, d, m); false where ``mask`` is."""

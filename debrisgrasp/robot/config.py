@@ -46,7 +46,7 @@ class FakeConfig:
     """How fast the bias drifts from there, in a direction drawn once [N/h, N m/h]."""
     sensor_noise: tuple[float, float] = (0.3, 0.01)
     """Standard deviations [N, N m]."""
-    sensor_lag: float = 0.005
+    sensor_lag: float = 0.012
     """Time constant of the wrist sensor and what carries it [s]."""
     wrench_sign: float = 1.0
     """-1: the driver reports what the hand exerts."""

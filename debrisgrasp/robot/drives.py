@@ -49,7 +49,9 @@ class Drives:
         """By how much the goal itself goes on per tick [rad or m] ..."""
         self._ahead: list[int] = []
         """... and for how many ticks."""
-        self._bounds: list[tuple[float, float, float, float]] = []
+        self._bounds: list[tuple[float, float, float, float, float]] = []
+        """Lower and upper end, speed and acceleration per tick, and the way in which a
+        joint stops from that speed."""
         self._busy: set[int] = set()
 
     def add(self, limits: LimitSet, q: Sequence[float]) -> list[int]:
@@ -72,7 +74,9 @@ class Drives:
                 self._goal.append(None)
                 self._flow.append(0.0)
                 self._ahead.append(0)
-                self._bounds.append((bounds[0], bounds[1], bounds[2], bounds[3]))
+                lower, upper, most, gain = bounds
+                braking = (most + 0.5 * gain) ** 2 / (2.0 * gain)
+                self._bounds.append((lower, upper, most, gain, braking))
         return [self.index[name] for name in limits.joint_names]
 
     @property
@@ -101,7 +105,7 @@ class Drives:
     def advance(self) -> None:
         """Move every joint for one period."""
         for i in tuple(self._busy):
-            lower, upper, most, gain = self._bounds[i]
+            lower, upper, most, gain, braking = self._bounds[i]
             value, last, goal = self.q[i], self.step[i], self._goal[i]
             if goal is None:
                 wanted = 0.0
@@ -113,12 +117,24 @@ class Drives:
                     flow = self._flow[i]
                     self._ahead[i] -= 1
                 left = goal - self._ahead[i] * flow - value - flow
-                wanted = flow + copysign(stoppable(abs(left), gain), left)
-            high = min(last + gain, most, stoppable(upper - value, gain))
-            low = max(last - gain, -most, -stoppable(value - lower, gain))
-            step = min(max(wanted, low), high)
-            # Something else may have pushed a joint out; it comes back step by step.
-            self.q[i] = min(max(value + step, min(lower, value)), max(upper, value))
+                if -0.5 * gain <= left <= 0.5 * gain:
+                    wanted = flow + left
+                else:
+                    wanted = flow + copysign(stoppable(abs(left), gain), left)
+            # Written out, since this is done for every joint in every period.
+            high, low = last + gain, last - gain
+            high, low = most if high > most else high, -most if low < -most else low
+            if upper - value < braking:
+                high = min(high, stoppable(upper - value, gain))
+            if value - lower < braking:
+                low = max(low, -stoppable(value - lower, gain))
+            step = wanted if wanted > low else low
+            step = high if step > high else step
+            there = value + step
+            if not lower <= there <= upper:
+                # Something else may have pushed it out; it comes back step by step.
+                there = min(max(there, min(lower, value)), max(upper, value))
+            self.q[i] = there
             self.step[i] = self.q[i] - value
             if step == 0.0 and (goal is None or goal == value):
                 self._busy.discard(i)

@@ -179,7 +179,8 @@ class FakeRobot:
 
     def _look_at_links(self) -> None:
         for name, links in self._links.items():
-            self._stage.scrape(name, links, self.base.T_odom_base)
+            if links.has_moved(self.arms[name].q):
+                self._stage.scrape(name, links, self.base.T_odom_base)
 
     def change_world(self, change: Callable[[World], World]) -> bool:
         """Let bodies be others, or elsewhere; not while a hand holds one."""
@@ -199,12 +200,19 @@ class FakeRobot:
         """Let hands keep hold of what they hold for so long."""
         self._stage.sticky_ticks = ceil(seconds / self.timeline.period)
 
-    def misplace(self, margin: float, arm: str | None = None) -> None:
-        """Put the last joint that has limits beyond its upper one [rad]."""
-        device = self.arms[arm or next(iter(self.arms))]
+    def misplace(self, margin: float, arm: str | None = None) -> bool:
+        """Put the last joint that has limits beyond its upper one [rad].
+
+        Not while the hand is at a body: it would be driven through it.
+        """
+        name = arm or next(iter(self.arms))
+        if self._stage.is_at_a_body(name):
+            return False
+        device = self.arms[name]
         upper = device.limits.upper
         joint = max(i for i, value in enumerate(upper) if isfinite(value))
         self._drives.put(device.joints[joint], float(upper[joint]) + margin)
+        return True
 
     def _make_head(self) -> FakeHead:
         """Joints between base and camera that no arm moves."""

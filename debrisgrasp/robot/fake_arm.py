@@ -219,7 +219,7 @@ class FakeForceSensor:
         self._sigma = np.repeat(config.sensor_noise, 3)
         self._range = np.repeat(config.sensor_range, 3)
         self._lag = config.sensor_lag
-        self._felt: FloatArray | None = None
+        self._felt: Sequence[float] | None = None
         self._last: WrenchReading | None = None
 
     def read(self) -> WrenchReading:
@@ -230,10 +230,14 @@ class FakeForceSensor:
         return self._last
 
     def _reading(self, now: float) -> FloatArray:
-        load, last = np.array(self.load_ee), self._last
+        load, last = self.load_ee, self._last
         if self._felt is not None and last is not None and self._lag > 0.0:
-            load += exp((last.time - now) / self._lag) * (self._felt - load)
+            rest = exp((last.time - now) / self._lag)
+            load = tuple(
+                [x + rest * (y - x) for x, y in zip(load, self._felt, strict=True)]
+            )
         self._felt = load
         raw = self._loads.reading(load, self._arm.pose()[0])
-        raw = raw + self._drift * now + self._sigma * self._rng.standard_normal(6)
+        raw += self._drift * now
+        raw += self._sigma * self._rng.standard_normal(6)
         return np.asarray(np.minimum(np.maximum(raw, -self._range), self._range))

@@ -28,10 +28,11 @@ class Changeable(Protocol):
     def stick(self, seconds: float) -> None:
         """Let what a hand holds stick to it for so long."""
 
-    def misplace(self, margin: float, arm: str | None) -> None:
+    def misplace(self, margin: float, arm: str | None) -> bool:
         """Put a joint of an arm beyond the limits of its controller by a margin [rad].
 
-        It stays within those of the drives. None: an arm of its choice.
+        It stays within those of the drives. None: an arm of its choice. Refused while
+        the hand is at a body, which it would be driven through.
         """
 
 
@@ -78,8 +79,7 @@ def _sticky(world: Changeable, live: Live) -> bool:
 
 
 def _misplaced(world: Changeable, live: Live) -> bool:
-    world.misplace(live.severity, live.arm)
-    return True
+    return world.misplace(live.severity, live.arm)
 
 
 def _changed(edit: Callable[[World, Live], World]) -> _Happening:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import atan, cos, hypot, pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.prototypes import GripperModel
 
 from .shapes import BodyShape
-from .touch import PALM, Spring
+from .touch import PALM, Spring, Touch
 
-__all__ = ["Hold", "Seat", "hook_of", "is_enclosed", "sides_of", "squeeze_of"]
+__all__ = ["NO_GRIP", "Grip", "Hold", "Seat", "is_enclosed", "sides_of"]
 
 _LEAST = 2.0
 """Force of a side below which it does not hold [N]."""
@@ -98,6 +99,39 @@ class Hold:
         self.borne = borne
 
 
+class Grip(NamedTuple):
+    """What the contacts of a hand with what it holds amount to."""
+
+    contacts: Sequence[Spring]
+    """Frame of the hand."""
+    sides: tuple[list[Spring], list[Spring]]
+    """Of the thumb's side, and of the pair's."""
+    squeeze: float
+    """Force of the weaker side [N]."""
+    hook: float
+    """How much the contacts face the palm, summed: fingers curled around a body keep
+    it in the hand without friction."""
+    felt: list[float]
+    """Force on each finger, against its closing [N]."""
+
+    @classmethod
+    def of(cls, contacts: Sequence[Spring], body: int, touch: Touch) -> Grip:
+        """Sum contacts up, in the frame of the hand, with the body that is held."""
+        hand = touch.gripper.model
+        sides = sides_of(contacts, body, hand)
+        squeeze = min(
+            _squeeze_of(side, sign) for side, sign in zip(sides, (-1, 1), strict=True)
+        )
+        felt = [0.0] * len(hand.fingers)
+        for spring in contacts:
+            if spring.owner > PALM:
+                felt[spring.owner - 1] += touch.felt(spring.owner, *spring[2:4])
+        return cls(contacts, sides, squeeze, _hook_of((*sides[0], *sides[1])), felt)
+
+
+NO_GRIP = Grip((), ([], []), 0.0, 0.0, [])
+
+
 def sides_of(
     springs: Sequence[Spring], body: int, hand: GripperModel
 ) -> tuple[list[Spring], list[Spring]]:
@@ -145,7 +179,7 @@ def _mean(side: Sequence[Spring]) -> tuple[FloatArray, FloatArray]:
     return weights @ points / weights.sum(), np.asarray(force)
 
 
-def squeeze_of(side: Sequence[Spring], sign: int) -> float:
+def _squeeze_of(side: Sequence[Spring], sign: int) -> float:
     """Sum of the forces of one side, frame of the hand [N].
 
     What presses a finger of the thumb's side (-1) or of the pair's (1) further open is
@@ -158,11 +192,8 @@ def squeeze_of(side: Sequence[Spring], sign: int) -> float:
     )
 
 
-def hook_of(springs: Sequence[Spring]) -> float:
-    """How much contacts of fingers, in the frame of the hand, face the palm, summed.
-
-    Fingers curled around a body keep it in the hand without friction.
-    """
+def _hook_of(springs: Sequence[Spring]) -> float:
+    """How much contacts of fingers, in the frame of the hand, face the palm, summed."""
     total = 0.0
     for spring in springs:
         facing = float(spring.force[2]) / float(np.linalg.norm(spring.force))

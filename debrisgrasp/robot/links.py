@@ -51,6 +51,12 @@ class LinkSpheres:
                         joints += [i] * len(found[1])
         self._centers, self._radii = np.concatenate(centers), np.concatenate(radii)
         self._joints = np.array(joints, dtype=int)
+        self._q_last: Sequence[float] = ()
+
+    def has_moved(self, q: Sequence[float]) -> bool:
+        """Whether the arm is elsewhere than when this was asked last."""
+        has_moved, self._q_last = q != self._q_last, q
+        return has_moved
 
     def overlaps(
         self, q: Sequence[float], T_odom_base: SE3, bodies: Sequence[BodyShape]

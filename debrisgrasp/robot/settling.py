@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import Body
 from debrisgrasp.worlds.body import as_part
 
 from .fake_arm import FakeArm, FakeForceSensor
 from .fake_hand import FakeGripper
-from .holding import Hold
+from .holding import NO_GRIP, Grip, Hold
 from .rubble import Rubble
 from .touch import Spring, Touch
 
@@ -34,20 +35,25 @@ class HandState:
     hold: Hold | None = None
     seen: tuple[object, ...] | None = None
     springs: Sequence[Spring] = ()
-    place: SE3 = field(default_factory=SE3.identity)
-    """Of the hand, frame odom."""
+    R: FloatArray = field(default_factory=lambda: np.eye(3))
+    """Pose of the hand in odom, shape (3, 3) ..."""
+    p: FloatArray = field(default_factory=lambda: np.zeros(3))
+    """... and (3,) [m]."""
+    grip: Grip = NO_GRIP
+    """What the fingers do to what it holds."""
 
     def as_body(self) -> Body:
         """Palm and fingers where they are, as something to lie on."""
         parts = tuple(as_part(solid) for solid in self.gripper.solids())
         name = f"hand of the {self.arm.name} arm"
-        return Body(name, "hand", parts, self.gripper.model.mass, self.place)
+        place = SE3.from_parts(self.R, self.p)
+        return Body(name, "hand", parts, self.gripper.model.mass, place)
 
     def is_at(self, bodies: set[int], rubble: Rubble) -> bool:
         """Whether it is near one of some bodies, and does not hold it."""
         held = set() if self.hold is None else {self.hold.index}
         return any(
-            float(np.linalg.norm(shape.middle - self.place.p))
+            float(np.linalg.norm(shape.middle - self.p))
             < shape.radius + self.touch.shape.radius
             for shape in (rubble.shapes[body] for body in bodies - held)
         )
@@ -104,5 +110,5 @@ class Settling:
         return [
             value
             for hand in self._hands
-            for value in (*hand.place.p.tolist(), *hand.gripper.openings)
+            for value in (*hand.p.tolist(), *hand.gripper.openings)
         ]

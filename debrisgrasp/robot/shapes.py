@@ -24,6 +24,8 @@ _PITCH = 0.014
 """Distance of the points on fingers [m]."""
 _PALM_PITCH = 0.02
 _EDGE_PITCH = 0.02
+_HARDLY = 0.1
+"""A link that moves by less per change of the opening hardly moves."""
 _MANY = 600
 """More points than this on the edges of a body are thinned out."""
 _GRID = 0.0015
@@ -179,6 +181,25 @@ class HandShape:
             share = min(max(row - i, 0.0), 1.0)
             found.append((1.0 - share) * table[i] + share * table[i + 1])
         return np.concatenate(found)
+
+    def way_of(
+        self, preshape: str, openings: Sequence[float], finger: int, point: FloatArray
+    ) -> FloatArray:
+        """Direction in which a finger moves near a point when it opens, shape (3,).
+
+        Frame of the hand, as the point (3,) [m] is; a link that hardly moves has that
+        of a pad.
+        """
+        low, spacing, tables = self._table(preshape)
+        table = tables[finger]
+        i = min(max(int((openings[finger] - low) / spacing), 0), len(table) - 2)
+        gaps = table[i] - point
+        nearest = int(np.einsum("ij,ij->i", gaps, gaps).argmin())
+        way: FloatArray = table[i + 1, nearest] - table[i, nearest]
+        size = float(way @ way) ** 0.5
+        if size < _HARDLY * spacing:
+            return np.array([float(self.model.fingers[finger].side), 0.0, 0.0])
+        return np.asarray(way / size)
 
     def _table(self, preshape: str) -> tuple[float, float, list[FloatArray]]:
         if preshape not in self._tables:

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import hypot, sqrt
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control._rigid import (
+    Rotation,
+    Vector,
+    Wrench,
+    added,
+    cross,
+    turned_back,
+)
 from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import World
 
 from .config import FakeConfig
 from .fake_arm import FakeArm, FakeForceSensor
 from .fake_hand import FakeGripper
-from .holding import Hold, Seat, hook_of, is_enclosed, sides_of, squeeze_of
+from .holding import Grip, Hold, Seat, is_enclosed, sides_of
 from .links import LinkSpheres
 from .pushing import GRAVITY, Push
 from .rubble import Rubble
@@ -70,6 +79,8 @@ class Stage:
         self._started = [shape.com.copy() for shape in self._rubble.shapes]
         self._pushes: dict[int, Push] = {}
         self._is_far: dict[int, bool] = {}
+        self._T_first: SE3 | None = None
+        """Pose of the base in odom, as long as that is the identity."""
         self.peak_force = dict.fromkeys(arms, 0.0)
         self.peak_torque = dict.fromkeys(arms, 0.0)
         self.scrapes: dict[tuple[str, str], float] = {}
@@ -105,11 +116,23 @@ class Stage:
             name = before._rubble.names[i]
             if name in names:
                 self._is_far[names.index(name)] = is_far
+        # What now is where a hand is lies against it, and does not strike it.
+        for hand in self._hands.values():
+            hand.touch.settled(range(len(names)))
+
+    def is_at_a_body(self, arm: str) -> bool:
+        """Whether a hand holds a body, or is near enough to one to meet it."""
+        hand = self._hands[arm]
+        return hand.hold is not None or hand.is_at(
+            set(range(len(self._rubble.shapes))), self._rubble
+        )
 
     def advance(self, T_odom_base: SE3) -> None:
         """Let a period pass for fingers and bodies."""
         touched: dict[int, FloatArray] = {}
         stiffness: dict[int, float] = {}
+        if self._T_first is None and np.array_equal(T_odom_base.matrix, np.eye(4)):
+            self._T_first = T_odom_base
         self.sticky_ticks = max(self.sticky_ticks - 1, 0)
         for name, hand in self._hands.items():
             self._advance_hand(name, hand, T_odom_base)
@@ -153,27 +176,29 @@ class Stage:
             return
         if hand.seen is None or hand.seen[2] != key[2]:
             hand.touch.forget()
-        hand.seen, is_same_base = key, hand.seen is not None and hand.seen[1] is key[1]
-        is_free = hand.hold is None and is_same_base and not fingers_moved
+        hand.seen = key
+        # Before the base has moved, its frame is that of the odometry.
+        is_free = hold is None and not fingers_moved and T_odom_base is self._T_first
         if is_free and hand.touch.is_clear(*pose):
             return
-        R = T_odom_base.R @ np.reshape(pose[0], (3, 3))
-        p = T_odom_base.R @ np.asarray(pose[1]) + T_odom_base.p
-        hand.place = SE3.from_parts(R, p)
+        T = T_odom_base.matrix
+        R = T[:3, :3] @ np.reshape(pose[0], (3, 3))
+        p = T[:3, :3] @ np.array(pose[1]) + T[:3, 3]
+        hand.R, hand.p = R, p
         if hand.hold is not None:
             self._carry(hand.hold, R, p)
         left_out = self._left_out(hand)
         hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
-        self._feel(hand, R)
+        self._feel(hand, R, p)
         if hand.hold is None:
             self._try_hold(hand, R, p)
-        on_body, load = self._load(hand, R, p)
-        hand.sensor.load_ee = tuple(load.tolist())
-        force, torque = float(np.linalg.norm(load[:3])), float(np.linalg.norm(load[3:]))
-        self.peak_force[name] = max(self.peak_force[name], force)
-        self.peak_torque[name] = max(self.peak_torque[name], torque)
+        axes = tuple(R.ravel().tolist())
+        on_body, load = self._load(hand, axes, tuple(p.tolist()))
+        hand.sensor.load_ee = load
+        self.peak_force[name] = max(self.peak_force[name], hypot(*load[:3]))
+        self.peak_torque[name] = max(self.peak_torque[name], hypot(*load[3:]))
         if hand.hold is not None:
-            self._check_hold(hand, hand.hold, R.T @ on_body)
+            self._check_hold(hand, hand.hold, turned_back(axes, on_body))
 
     def _left_out(self, hand: HandState) -> set[int]:
         """Bodies that a hand passes through: in the other hand, or on what it holds."""
@@ -183,15 +208,16 @@ class Stage:
                 left_out |= {other.hold.index, *other.hold.riders}
         return left_out
 
-    def _feel(self, hand: HandState, R: FloatArray) -> None:
+    def _feel(self, hand: HandState, R: FloatArray, p: FloatArray) -> None:
         """Tell each finger what it feels."""
-        forces = [0.0] * len(hand.gripper.forces)
-        pushes = [(s.owner, float(R[:, 0] @ s.force)) for s in hand.springs]
-        pushes += [(s.owner, float(s.force[0])) for s in hand.touch.grip]
-        for owner, push in pushes:
+        if hand.grip.contacts is not hand.touch.grip:
+            body = GROUND if hand.hold is None else hand.hold.index
+            hand.grip = Grip.of(hand.touch.grip, body, hand.touch)
+        forces = list(hand.grip.felt)
+        for owner, _, point, force, _ in hand.springs:
             if owner > PALM:
-                side = hand.gripper.model.fingers[owner - 1].side
-                forces[owner - 1] += side * push
+                felt = hand.touch.felt(owner, (point - p) @ R, force @ R)
+                forces[owner - 1] += felt
         hand.gripper.forces = forces
 
     def _try_hold(self, hand: HandState, R: FloatArray, p: FloatArray) -> None:
@@ -226,21 +252,22 @@ class Stage:
     def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> None:
         """Move what is held, and what lies on it, with the hand."""
         shape = self._rubble.shapes[hold.index]
-        before = shape.com.copy()
+        before, R_before, p_before = shape.com, shape.R, shape.p
         R_new, p_new = R @ hold.R, R @ hold.p + p
-        turn = R_new @ shape.R.T
-        way = p_new - turn @ shape.p
         self._rubble.place(hold.index, R_new, p_new)
-        for rider in hold.riders:
-            other = self._rubble.shapes[rider]
-            self._rubble.place(rider, turn @ other.R, turn @ other.p + way)
-        gone = float(np.linalg.norm(shape.com - hold.start))
+        if hold.riders:
+            turn = R_new @ R_before.T
+            way = p_new - turn @ p_before
+            for rider in hold.riders:
+                other = self._rubble.shapes[rider]
+                self._rubble.place(rider, turn @ other.R, turn @ other.p + way)
+        gone = _distance(shape.com, hold.start)
         if hold.seat is not None and gone > _OFF_SEAT and not hold.seat.on_ground:
             hold.seat = None
         n = hold.n_settled
         is_due = n < len(_SETTLE_WAYS) and gone > _SETTLE_WAYS[n]
-        since = float(np.linalg.norm(shape.com - hold.settled_at))
-        if is_due or (hold.riders and since > _RIDE):
+        since = _distance(shape.com, hold.settled_at) if hold.riders else 0.0
+        if is_due or since > _RIDE:
             loose = set(hold.riders)
             if is_due:
                 hold.n_settled += 1
@@ -249,84 +276,83 @@ class Stage:
             hold.riders = self._rubble.riders(hold.index)
             self._settling.settle(loose, self._held_bodies())
             hold.riders = self._rubble.riders(hold.index)
-        moved = float(np.linalg.norm(shape.com - before))
-        masses = {i: self._rubble.shapes[i].mass for i in hold.riders}
-        hold.load(
-            {i: share * GRAVITY * masses[i] for i, share in hold.riders.items()},
-            self._config.stiffness * moved,
-            min(self._config.period / _FALLS_WITHIN, 1.0),
-        )
+        if hold.riders or hold.borne:
+            masses = {i: self._rubble.shapes[i].mass for i in hold.riders}
+            hold.load(
+                {i: share * GRAVITY * masses[i] for i, share in hold.riders.items()},
+                self._config.stiffness * _distance(shape.com, before),
+                min(self._config.period / _FALLS_WITHIN, 1.0),
+            )
+        else:
+            hold.is_loading = False
 
-    def _load(
-        self, hand: HandState, R: FloatArray, p: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _load(self, hand: HandState, R: Rotation, p: Vector) -> tuple[Vector, Wrench]:
         """Force on what is held but for the fingers, and the load on the hand.
 
-        The first is in the axes of odom (3,), the second in those of the hand (6,).
+        The first is in the axes of odom, the second in those of the hand; plain
+        numbers, as the pose of the hand in odom is.
         """
-        force, moment, on_body = np.zeros(3), np.zeros(3), np.zeros(3)
+        force: Vector = (0.0, 0.0, 0.0)
+        moment = on_body = force
         hold = hand.hold
         for spring in hand.springs:
-            force += spring.force
-            moment += np.cross(spring.point - p, spring.force)
+            push, point = spring.force.tolist(), spring.point.tolist()
+            force = added(force, push)
+            moment = added(moment, cross(added(point, p, -1.0), push))
             if spring.owner == HELD:
-                on_body += spring.force
+                on_body = added(on_body, push)
         if hold is not None:
             shapes = self._rubble.shapes
             body = shapes[hold.index]
             weight = GRAVITY * body.mass
-            carried = np.array([0.0, 0.0, -weight])
+            carried: Vector = (0.0, 0.0, -weight)
             if hold.seat is not None:
-                carried += hold.seat.force(body, weight)
+                carried = added(carried, hold.seat.force(body, weight).tolist())
                 if carried[2] <= -weight:
                     hold.seat = None
-            loads = [(body.com, carried)]
+            loads: list[tuple[FloatArray, Vector]] = [(body.com, carried)]
             loads += [
-                (shapes[i].com, np.array([0.0, 0.0, -borne]))
-                for i, borne in hold.borne.items()
+                (shapes[i].com, (0.0, 0.0, -borne)) for i, borne in hold.borne.items()
             ]
-            for point, push in loads:
-                force += push
-                on_body += push
-                moment += np.cross(point - p, push)
-        return on_body, np.concatenate([R.T @ force, R.T @ moment])
+            for com, push in loads:
+                force, on_body = added(force, push), added(on_body, push)
+                lever = added(com.tolist(), p, -1.0)
+                moment = added(moment, cross(lever, push))
+        return on_body, (*turned_back(R, force), *turned_back(R, moment))
 
     def _check_hold(
         self,
         hand: HandState,
         hold: Hold,
-        on_body: FloatArray,
+        on_body: Vector,
     ) -> None:
         """Let a body slip that the fingers can't keep, and go that they don't enclose.
 
         ``on_body`` is the force on it in the axes of the hand.
         """
-        sides = sides_of(hand.touch.grip, hold.index, hand.gripper.model)
-        squeeze = min(
-            squeeze_of(side, sign) for side, sign in zip(sides, (-1, 1), strict=True)
-        )
+        if hand.grip.contacts is not hand.touch.grip:
+            hand.grip = Grip.of(hand.touch.grip, hold.index, hand.touch)
+        grip = hand.grip
         if self.sticky_ticks:
             return
-        if squeeze < _LOOSE:
+        if grip.squeeze < _LOOSE:
             self._let_go(hand, hold, has_slipped=hold.is_slipping)
             return
-        kept = 2.0 * self.friction * squeeze
-        along = on_body.copy()
-        along[0] = 0.0
-        if along[2] > 0.0:
-            hooked = hook_of((*sides[0], *sides[1]))
-            along[2] = max(along[2] - hooked * hand.gripper.model.max_force, 0.0)
-        size = float(np.linalg.norm(along))
+        kept = 2.0 * self.friction * grip.squeeze
+        _, aside, out = on_body
+        if out > 0.0:
+            out = max(out - grip.hook * hand.gripper.model.max_force, 0.0)
+        size = hypot(aside, out)
         hold.is_slipping = size > kept
         if not hold.is_slipping:
             return
         step = _SLIP_SPEED * self._config.period
-        hold.p = hold.p + (step / size) * along
+        hold.p = hold.p + (step / size) * np.array([0.0, aside, out])
         hold.slipped += step
         hand.touch.hold(hold.index, self._rubble.shapes[hold.index], hold.R, hold.p)
         if hold.slipped > _SLIP_CHECK:
             hold.slipped = 0.0
-            if not is_enclosed(*sides, self.friction):
+            if not is_enclosed(*grip.sides, self.friction):
                 self._let_go(hand, hold, has_slipped=True)
 
     def _let_go(
@@ -375,3 +401,9 @@ class Stage:
                 hand.touch.shifted(float(np.linalg.norm(way)))
                 if hand.seen is not None:
                     hand.seen = (None, *hand.seen[1:])
+
+
+def _distance(a: FloatArray, b: FloatArray) -> float:
+    """Between two points (3,) [m]."""
+    gap = a - b
+    return sqrt(float(gap @ gap))

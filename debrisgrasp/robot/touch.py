@@ -34,6 +34,10 @@ _UP = np.array([[0.0, 0.0, 1.0]])
 _CLOSING = np.array([1.0, 0.0, 0.0])
 _EDGE = 3e-4
 """So near to an edge both of its sides push: nothing jumps on the way around it [m]."""
+_DEEPENS = 5e-4
+"""So much at most does a contact deepen from one look to the next [m]."""
+_BEHIND = -0.3
+"""Cosine to the last push beyond which a side lies behind what is pushed."""
 
 Rotation = tuple[float, ...]
 """Nine numbers: a matrix row by row."""
@@ -99,6 +103,9 @@ class Touch:
         """How deep they were pressed in from there, at the last look [m]."""
         self._settled: set[int] = set()
         self._is_new = False
+        self._pushed: dict[tuple[int, int], tuple[FloatArray, float]] = {}
+        """Direction (3,) in which each contact pushed at the last look, odom, and how
+        deep it was [m]."""
         self.grip: list[Spring] = []
         """Contacts of the hand with what it holds, in the frame of the hand."""
         counts = [rows.stop - rows.start for rows in self.shape.owned]
@@ -107,7 +114,7 @@ class Touch:
         self._held_planes: tuple[FloatArray, FloatArray] = (np.zeros((0, 3)),) * 2
         self._watches: list[_Watch] = []
         self._guards: list[_Guard] = []
-        self._since: tuple[FloatArray, FloatArray, tuple[float, ...]] | None = None
+        self._since: tuple[FloatArray, FloatArray, list[float]] | None = None
         self._clear: tuple[Rotation, Vector, float, float] | None = None
         self._room = self._reach = 0.0
         self._key: tuple[str, tuple[float, ...]] | None = None
@@ -123,6 +130,7 @@ class Touch:
         if body is not None:
             normals, offsets, self._held_points = body.seen(R, p)
             self._held_planes = normals, offsets
+        self._pushed = {}
         self._look_at_held()
         self.forget()
 
@@ -191,7 +199,23 @@ class Touch:
                 normals = guard.normals @ R.T
                 key = guard.owner, guard.body
                 self._add(found, key, where, beyond, normals, R[:, 0], -1.0)
+        self._pushed = {
+            key: (spring.force / float(np.linalg.norm(spring.force)), spring.depth)
+            for key, spring in found.items()
+        }
         return self._eased(found)
+
+    def felt(self, owner: int, point: FloatArray, force: FloatArray) -> float:
+        """How much a force on a finger is against its closing [N].
+
+        Point [m] and force [N], shape (3,), in the frame of the hand. It is felt along
+        the axis in which pads close, and along the way on which the link that is hit
+        sweeps; the one that feels more decides when the finger stands.
+        """
+        gripper = self.gripper
+        way = self.shape.way_of(gripper.shape, gripper.openings, owner - 1, point)
+        across = gripper.model.fingers[owner - 1].side * float(force[0])
+        return max(across, float(way @ force), key=abs)
 
     def _eased(self, found: dict[tuple[int, int], Spring]) -> list[Spring]:
         """Take from the contacts what was there when the bodies lay at rest."""
@@ -245,13 +269,13 @@ class Touch:
     ) -> None:
         """Keep the deepest contact of each owner with each body."""
         gaps = beyond.max(axis=1)
-        deepest = int(gaps.argmin())
-        depth = -float(gaps[deepest])
+        row = self._same_side(key, beyond[int(gaps.argmin())], sign * normals)
+        depth = -float(row.max())
         if key in found and found[key].depth >= depth:
             return
         weights = np.maximum(-gaps, 0.0)
         point = weights @ where / weights.sum()
-        normal = _blended(normals, beyond[deepest])
+        normal = _blended(normals, row)
         owner, body = key
         stiffness = self.stiffness
         if owner > PALM:
@@ -260,6 +284,21 @@ class Touch:
             stiffness += along * along * (self.finger_stiffness - stiffness)
         force = (sign * stiffness * depth) * normal
         found[key] = Spring(owner, body, point, force, depth)
+
+    def _same_side(
+        self, key: tuple[int, int], beyond: FloatArray, pushes: FloatArray
+    ) -> FloatArray:
+        """Leave out sides (s,) of a body opposite to the one that pushed a tick ago.
+
+        A finger that is pressed into a thin wall does not come out at its back.
+        """
+        before = self._pushed.get(key)
+        if before is None:
+            return beyond
+        direction, depth = before
+        kept = np.where(pushes @ direction < _BEHIND, -np.inf, beyond)
+        # Else it is another place that is touched now.
+        return kept if abs(-float(kept.max()) - depth) < _DEEPENS else beyond
 
     def _refresh(self) -> None:
         """Take over where the fingers are now."""
@@ -299,11 +338,12 @@ class Touch:
         R0, p0, openings0 = self._since
         gap, turn = p - p0, (R - R0).ravel()
         openings = self.gripper.openings
-        moved = float(gap @ gap) ** 0.5 + self._reach * float(turn @ turn) ** 0.5
-        moved += self.shape.gain * max(
-            [abs(a - b) for a, b in zip(openings, openings0, strict=True)]
-        )
-        return bool(moved > self._room)
+        moved = sqrt(float(gap @ gap)) + self._reach * sqrt(float(turn @ turn))
+        if openings != openings0:
+            moved += self.shape.gain * max(
+                [abs(a - b) for a, b in zip(openings, openings0, strict=True)]
+            )
+        return moved > self._room
 
     def _look(
         self,
@@ -333,7 +373,7 @@ class Touch:
                 nearest = self._watch(i, part, depths[:, k], own, owner_of)
                 clear = min(clear, nearest)
             self._guard(i, (body.points - p) @ R)
-        self._since = R.copy(), p.copy(), tuple(self.gripper.openings)
+        self._since = R.copy(), p.copy(), list(self.gripper.openings)
         self._room = max(clear, _MARGIN) - 1e-3
         self._clear = None
         if not self._watches and not self._guards:

@@ -1,4 +1,4 @@
-"""What speaks for one object bearing on another, and for one carrying anything."""
+"""What speaks for one object bearing on another."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from .surface import LabelledSurface, Shapes
 
 __all__ = [
     "BEARING",
-    "BURDEN",
+    "CONTACT",
     "Seen",
     "bearing_evidence",
-    "bearing_features",
-    "burden_evidence",
-    "burden_features",
+    "contact_evidence",
+    "contact_features",
+    "in_context",
+    "judged_relations",
 ]
 
-BEARING = (
+CONTACT = (
     # The contact, as the upper one sees it.
     "slope_above",
     "slope_below",
@@ -69,41 +70,22 @@ BEARING = (
         )
         for of in ("above", "below")
     ),
-    # What a first guess from the contacts alone says of all.
-    "guess",
-    "guess_back",
-    "guess_other_support",
-    "guess_supports",
-    "guess_others_on_below",
-    "guess_on_above",
 )  # fmt: skip
-"""Names of the columns of `bearing_features`; lengths in [m]."""
+"""Names of the columns of `contact_features`; lengths in [m]."""
 
-BURDEN = (
-    "carries",
-    "carries_most",
-    "n_on_it",
-    "rests",
-    "occluded",
-    "certainty",
-    "log_cells",
-    "lowest",
-    "highest",
-    "below_top",
-    *(f"log_extent_{k}" for k in (0, 1, 2)),
-    "n_contacts",
-    "covered",
-    "covered_most",
-    "lies_over",
-    "higher_neighbours",
-    "steepest_front",
-    "n_objects",
+BEARING = (
+    *CONTACT,
+    # What the contacts alone say of this one, and of the others of both ends.
+    "alone",
+    "back",
+    "other_support",
+    "other_supports",
+    "others_on_below",
+    "others_on_above",
+    "lead",
 )
-"""Names of the columns of `burden_features`; lengths in [m]."""
+"""Names of the columns of `in_context`; probabilities."""
 
-_GUESS = np.array([1.64, -1.42, 0.41, 1.42, -1.03, 0.24, 0.87])
-_GUESS_PRIOR = -0.89
-"""Weights of the first seven features in a first guess, and its odds without any."""
 _LENGTH_FLOOR = 0.01
 """Added to the length of contacts before its logarithm is taken [m]."""
 _SMALL = 0.02
@@ -178,30 +160,42 @@ class Seen:
 
 
 @cache
-def bearing_evidence() -> Evidence:
-    """Evidence that one object bears on another, fitted to simulated piles at rest."""
-    return Evidence.shipped(__package__, "bearing.json", BEARING)
+def contact_evidence() -> Evidence:
+    """Evidence of a contact by itself, fitted to simulated piles at rest."""
+    return Evidence.shipped(__package__, "contact.json", CONTACT)
 
 
 @cache
-def burden_evidence() -> Evidence:
-    """Evidence that anything bears on an object, fitted to simulated piles at rest."""
-    return Evidence.shipped(__package__, "burden.json", BURDEN)
+def bearing_evidence() -> Evidence:
+    """Evidence of a contact among others, fitted to simulated piles at rest."""
+    return Evidence.shipped(__package__, "bearing.json", BEARING)
 
 
-def bearing_features(seen: Seen) -> tuple[IntArray, FloatArray]:
+def judged_relations(seen: Seen) -> tuple[IntArray, FloatArray]:
+    """Both directions of each contact, (2 c, 2), and how likely each bears, (2 c,).
+
+    Each contact is judged by itself first, then knowing what that says of the others:
+    what stands firmly on something else hardly leans on this.
+    """
+    relations, features = contact_features(seen)
+    alone = contact_evidence().probability(features)
+    among = in_context(relations, features, alone)
+    return relations, bearing_evidence().probability(among)
+
+
+def contact_features(seen: Seen) -> tuple[IntArray, FloatArray]:
     """Both directions of each contact, and what speaks for the first bearing.
 
     Returns
     -------
     relations, features
         (above, below) labels, shape (2 c, 2): all contacts, then all turned round; and
-        the columns of `BEARING`, shape (2 c, f).
+        the columns of `CONTACT`, shape (2 c, f).
     """
     labels = seen.contacts.labels
     relations = np.concatenate([labels, labels[:, ::-1]])
     if not len(relations):
-        return relations, np.zeros((0, len(BEARING)))
+        return relations, np.zeros((0, len(CONTACT)))
     over, alone, level = seen.overlaps(), seen.of_objects(), seen.ground_level()
     one_way = [
         np.column_stack(
@@ -213,9 +207,7 @@ def bearing_features(seen: Seen) -> tuple[IntArray, FloatArray]:
         )
         for above in (0, 1)
     ]
-    features = np.concatenate(one_way)
-    guess = _sigmoid(features[:, : len(_GUESS)] @ _GUESS + _GUESS_PRIOR)
-    return relations, np.column_stack([features, *_in_context(relations, guess)])
+    return relations, np.concatenate(one_way)
 
 
 def _at_contact(
@@ -296,75 +288,34 @@ def _ends(
     return [column for pair in columns for column in pair.T]
 
 
-def _in_context(relations: IntArray, guess: FloatArray) -> list[FloatArray]:
-    """Ask the first guess about the other relations of both ends."""
-    a, b = relations.T
-    n = int(relations.max()) + 1
-    bears = np.zeros((n, n))
-    bears[a, b] = guess
-    row = np.arange(len(relations))
-    supports, burdens = bears[a], bears[:, b].T
-    on_above = bears[:, a].T
-    supports[row, b] = burdens[row, a] = on_above[row, b] = 0.0
-    return [
-        guess,
-        bears[b, a],
-        supports.max(axis=1),
-        supports.sum(axis=1),
-        burdens.max(axis=1),
-        on_above.max(axis=1),
-    ]
-
-
-def burden_features(
-    relations: IntArray, confidence: FloatArray, seen: Seen
+def in_context(
+    relations: IntArray, features: FloatArray, alone: FloatArray
 ) -> FloatArray:
-    """Gather what speaks for anything bearing on each object: `BURDEN`, shape (s, f).
+    """Add to `CONTACT` what the relations say of each other: `BEARING`, (r, f).
 
     Parameters
     ----------
-    relations, confidence
-        (above, below) labels of what was seen, shape (r, 2), and probability, (r,).
+    relations, alone
+        (above, below) labels, shape (r, 2), and how likely each is by itself, (r,).
     """
-    contacts, shapes = seen.contacts, seen.shapes
-    n = len(seen.occluded)
-    bears = np.zeros((n + 1, n + 1))
-    bears[relations[:, 0], relations[:, 1]] = confidence
-    over = np.zeros((n + 1, n + 1))
-    front = np.full(n + 1, -1.0)
-    higher = np.zeros(n + 1)
-    for k, share in enumerate(seen.overlaps()):
-        a, b = contacts.labels[k]
-        over[a, b], over[b, a] = share
-        front[b] = max(front[b], contacts.front[k])
-        front[a] = max(front[a], -contacts.front[k])
-        higher[b if shapes.highest[a] > shapes.highest[b] else a] += 1
-    alone = seen.of_objects()
-    features = np.column_stack(
+    if not len(relations):
+        return np.zeros((0, len(BEARING)))
+    a, b = relations.T
+    n = int(relations.max()) + 1
+    bears = np.zeros((n, n))
+    bears[a, b] = alone
+    row = np.arange(len(relations))
+    supports, burdens, on_above = bears[a], bears[:, b].T, bears[:, a].T
+    supports[row, b] = burdens[row, a] = on_above[row, b] = 0.0
+    return np.column_stack(
         [
-            1.0 - np.prod(1.0 - bears, axis=0),
-            bears.max(axis=0),
-            bears.sum(axis=0),
-            bears[:, 1:].sum(axis=1),
-            alone[:, 5],
-            alone[:, 4],
-            alone[:, 3],
-            shapes.lowest,
-            shapes.highest,
-            shapes.highest.max() - shapes.highest,
-            alone[:, :3],
-            alone[:, 6],
-            over.sum(axis=0),
-            over.max(axis=0),
-            over.max(axis=1),
-            higher,
-            front,
-            np.full(n + 1, n),
+            features,
+            alone,
+            bears[b, a],
+            supports.max(axis=1),
+            supports.sum(axis=1),
+            burdens.max(axis=1),
+            on_above.max(axis=1),
+            alone - supports.max(axis=1),
         ]
     )
-    return features[1:]
-
-
-def _sigmoid(x: FloatArray) -> FloatArray:
-    result: FloatArray = 1.0 / (1.0 + np.exp(-np.clip(x, -60.0, 60.0)))
-    return result

@@ -167,9 +167,7 @@ def _measured(surface: LabelledSurface, pairs: IntArray) -> dict[str, object]:
     points, normals = surface.points, surface.normals
     ends, facing = points[pairs], normals[pairs]
     middles = ends.mean(axis=1)
-    _, first = np.unique(
-        np.floor(middles / _STEP).astype(np.int64), axis=0, return_index=True
-    )
+    _, first = np.unique(_step_keys(middles), return_index=True)
     thinned = np.linspace(0, len(first) - 1, min(len(first), _MOST_PLACES)).astype(int)
     places = middles[np.sort(first)[thinned]]
     between = ends[:, 0] - ends[:, 1]
@@ -213,13 +211,25 @@ def _touching_length(
     near = []
     for label in labels:
         points = surface.points_of(int(label))
-        near.append(points[((points > low) & (points < high)).all(axis=1)])
+        inside = np.ones(len(points), dtype=bool)
+        for axis, least, most in zip(points.T, low, high, strict=True):
+            inside &= (axis > least) & (axis < most)
+        near.append(points[inside])
     n_steps = 0
     for own, other in (near, near[::-1]):
         gap, _ = cKDTree(other).query(own, distance_upper_bound=tolerance)
-        steps = np.floor(own[np.isfinite(gap)] / _STEP).astype(np.int64)
-        n_steps += len(np.unique(steps, axis=0))
+        n_steps += len(np.unique(_step_keys(own[np.isfinite(gap)])))
     return _STEP_LENGTH * n_steps / 2
+
+
+def _step_keys(points: FloatArray) -> IntArray:
+    """Numbers of the cells of a grid that points (n, 3) lie in, ordered as these."""
+    key = np.zeros(len(points), dtype=np.int64)
+    for axis in points.T:
+        step = np.floor(axis / _STEP).astype(np.int64)
+        step -= step.min(initial=np.iinfo(np.int64).max)
+        key = key * (step.max(initial=0) + 1) + step
+    return key
 
 
 Zone = tuple[IntArray, FloatArray, float]

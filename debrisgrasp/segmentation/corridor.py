@@ -54,18 +54,21 @@ def _blocked(
     own = surface.cells_of(label)
     across = np.linalg.svd(pull[None])[2][1:]
     # Cells a little larger than those of the surface leave no holes in the outline.
-    plan = np.floor(surface.points @ across.T / (1.5 * surface.size)).astype(np.int64)
-    plan -= plan[own].min(axis=0)
-    shape = plan[own].max(axis=0) + 1
-    along = surface.points @ pull
-    front = np.full(shape, np.inf)
-    is_own = np.zeros(shape, dtype=np.bool_)
-    is_own[tuple(plan[own].T)] = True
+    plan = np.floor(across @ surface.points.T / (1.5 * surface.size)).astype(np.int64)
+    plan -= plan[:, own].min(axis=1)[:, None]
+    height, width = plan[:, own].max(axis=1) + 1
+    along = pull @ surface.points.T
+    cell = plan[0] * width + plan[1]
+    front = np.full(height * width, np.inf)
+    is_own = np.zeros(height * width, dtype=np.bool_)
+    is_own[cell[own]] = True
     front[is_own] = -np.inf
-    np.maximum.at(front, tuple(plan[own].T), along[own])
-    met = (surface.labels != label) & ((plan >= 0) & (plan < shape)).all(axis=1)
-    index = np.flatnonzero(met)
-    ahead = along[index] - front[tuple(plan[index].T)]
+    np.maximum.at(front, cell[own], along[own])
+    met = (plan[0] >= 0) & (plan[0] < height) & (plan[1] >= 0) & (plan[1] < width)
+    index = np.flatnonzero(met & (surface.labels != label))
+    ahead = along[index] - front[cell[index]]
     index = index[(ahead > _CLEARANCE) & (ahead < _LENGTH)]
-    n_blocked = len(np.unique(plan[index], axis=0))
-    return n_blocked / max(int(is_own.sum()), 1), np.unique(surface.labels[index])
+    is_filled = np.zeros(height * width, dtype=np.bool_)
+    is_filled[cell[index]] = True
+    share = float(is_filled.sum()) / max(float(is_own.sum()), 1.0)
+    return share, np.unique(surface.labels[index])

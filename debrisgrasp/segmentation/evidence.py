@@ -9,6 +9,7 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from debrisgrasp._arrays import Float32Array, FloatArray, IntArray
 
@@ -47,8 +48,8 @@ class Evidence:
 
     def probability(self, features: FloatArray) -> FloatArray:
         """Probability of cases with the features (n, f), shape (n,)."""
-        odds: FloatArray = 1.0 / (1.0 + np.exp(-self.log_odds_of(features)))
-        return odds
+        probability: FloatArray = expit(self.log_odds_of(features))
+        return probability
 
     @classmethod
     def from_terms(

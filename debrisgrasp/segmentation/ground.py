@@ -29,6 +29,10 @@ _FIT_POINTS = 18_000
 """About how many points the surface is fitted to."""
 _LOW = 0.06
 """Height over the ground up to which things are looked for by averages [m]."""
+_EXACT = 0.25
+"""Share of the limits of tilt and height within which a plane is where it should be."""
+_EXACT_SHARE = 0.4
+"""Share of the points that a plane needs there, of that which it needs elsewhere."""
 _MIN_STANDING = 6
 """Points above the ground that make a block of cells part of the region of interest;
 fewer are noise."""
@@ -43,7 +47,8 @@ class GroundConfig:
     max_height: float = 0.04
     """Largest distance of the fitted plane from z = 0 at its middle [m]."""
     min_inlier_share: float = 0.25
-    """Smallest share of all points that must lie on the ground."""
+    """Smallest share of all points that must lie on the ground; 0.4 times that where
+    it is within a quarter of both limits above of where it is expected."""
     max_removed_share: float = 0.6
     """Largest share of the points in the region of interest that removal may take.
 
@@ -191,10 +196,13 @@ def _objection(report: GroundReport, n_left: int, config: GroundConfig) -> str:
             f"the fitted plane lies {1e3 * report.height:.0f} mm from the expected "
             f"height, more than {1e3 * config.max_height:.0f}"
         )
-    if report.inlier_share < config.min_inlier_share:
+    is_exact = report.tilt < _EXACT * config.max_tilt
+    is_exact &= abs(report.height) < _EXACT * config.max_height
+    least = config.min_inlier_share * (_EXACT_SHARE if is_exact else 1.0)
+    if report.inlier_share < least:
         return (
             f"only {report.inlier_share:.0%} of the points lie on the ground, less "
-            f"than {config.min_inlier_share:.0%}"
+            f"than {least:.0%}"
         )
     if n_left < config.min_left:
         return f"only {n_left} points would be left, fewer than {config.min_left}"

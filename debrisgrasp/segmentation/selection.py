@@ -187,9 +187,12 @@ def nearest_distances(
 ) -> FloatArray:
     """Distance of a point (3,) to the nearest point of each segment [m], shape (s,)."""
     _require_labels(segmentation, cloud)
-    square = np.square(cloud.points - point).sum(axis=1)
+    index = np.flatnonzero(segmentation.labels)
+    # Column by column: reductions along rows of three are ten times slower.
+    columns = zip(cloud.points.T, point, strict=True)
+    square = sum(np.square(axis[index] - place) for axis, place in columns)
     nearest = np.full(len(segmentation.segments) + 1, np.inf)
-    np.minimum.at(nearest, segmentation.labels, square)
+    np.minimum.at(nearest, segmentation.labels[index], square)
     distances: FloatArray = np.sqrt(nearest[1:])
     return distances
 

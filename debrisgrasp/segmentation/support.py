@@ -10,18 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import PointCloud
 
-from .bearing import (
-    Seen,
-    bearing_evidence,
-    bearing_features,
-    burden_evidence,
-    burden_features,
-)
+from .bearing import Seen, judged_relations
+from .burden import burden_evidence, burden_features
 from .contacts import Contacts
 from .loads import carried_loads, removal_sequence, support_shares
 from .segmentation import Segmentation
@@ -32,10 +28,12 @@ __all__ = ["GROUND", "SupportConfig", "SupportGraph", "support_graph"]
 GROUND = 0
 """Label of the ground in relations."""
 
-_GROUND_EVIDENCE = np.array([-10.3, -2.75])
-_GROUND_PRIOR = 2.71
+_GROUND_EVIDENCE = np.array([-21.0, -2.33, 7.68])
+_GROUND_PRIOR = 2.92
 """What speaks for resting on the ground, a logistic model: height of the lowest part
-that was seen [m], and probability of another support."""
+that was seen [m], probability of another support, and their product."""
+_OFF_GROUND = 0.15
+"""Height from which on more makes no difference to that [m]."""
 _LEAST_CONFIDENCE = 0.05
 """Relations less likely than this are left out."""
 _LEANING = 0.5
@@ -173,8 +171,7 @@ def graph_of_surface(
     """Judge who bears on whom, given the thinned cloud; see `support_graph`."""
     seen = Seen.of(segmentation, cloud, surface, config.reach)
     shapes = seen.shapes
-    relations, features = bearing_features(seen)
-    confidence = bearing_evidence().probability(features)
+    relations, confidence = judged_relations(seen)
     encumbrance = burden_evidence().probability(
         burden_features(relations, confidence, seen)
     )
@@ -212,15 +209,28 @@ def _with_ground(
     n = len(shapes.lowest) - 1
     free = np.ones(n + 1)
     np.multiply.at(free, relations[:, 0], 1.0 - confidence)
-    lowest = np.maximum(shapes.lowest, 0.0)
-    evidence = np.column_stack([lowest, 1.0 - free])[1:] @ _GROUND_EVIDENCE
-    ground = 1.0 / (1.0 + np.exp(-(evidence + _GROUND_PRIOR)))
+    evidence = ground_features(shapes.lowest, 1.0 - free)[1:] @ _GROUND_EVIDENCE
+    ground = expit(evidence + _GROUND_PRIOR)
     to_ground = np.column_stack([np.arange(1, n + 1), np.full(n, GROUND)])
     return (
         np.concatenate([relations, to_ground]),
         np.concatenate([confidence, ground]),
         free[1:] * (1.0 - ground),
     )
+
+
+def ground_features(lowest: FloatArray, supported: FloatArray) -> FloatArray:
+    """Gather what speaks for and against resting on the ground, shape (n, 3).
+
+    Parameters
+    ----------
+    lowest
+        Heights of the lowest parts that were seen [m], shape (n,).
+    supported
+        Probability of another support, shape (n,).
+    """
+    low = np.clip(lowest, 0.0, _OFF_GROUND)
+    return np.column_stack([low, supported, low * supported])
 
 
 def labelled_surface(

@@ -10,6 +10,8 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from debrisgrasp._arrays import FloatArray, IntArray
 from debrisgrasp.geometry import PointCloud
 
+from .ground import spread_sample
+
 __all__ = ["LabelledSurface", "Shapes"]
 
 _OUTLIERS = 0.02
@@ -18,6 +20,8 @@ _OVERLAP_MARGIN = 0.01
 """How far outside the outline of an object still counts as over it [m]."""
 _GROUND_CELL = 0.05
 """Edge of the cells in which uneven ground is level [m]."""
+_GROUND_POINTS = 20_000
+"""About how many points of a cloud the ground is told from."""
 _GROUND_BAND = 0.1
 """Unlabelled points farther than this from the ground's plane are not ground [m]."""
 
@@ -72,11 +76,16 @@ class LabelledSurface:
             s in sigma = s z^2, the error of the sensor at distance z [1/m].
         """
         keep = np.flatnonzero(labels > 0)
-        keep = keep[np.argsort(labels[keep], kind="stable")]
-        own, measured = labels[keep].astype(np.int64), cloud.points[keep]
+        # Small integers are sorted by their digits, in a fraction of the time.
+        own = labels[keep].astype(np.int64)
+        digits = own.astype(np.int16) if own.max(initial=0) < 2**15 else own
+        order = np.argsort(digits, kind="stable")
+        keep, own = keep[order], own[order]
+        measured = np.take(cloud.points, keep, axis=0)
         first, cell, count = _cells(measured, size, own)
         points = _means(measured, cell, count)
-        normals = _means(np.nan_to_num(cloud.normals[keep]), cell, count)
+        facing = np.nan_to_num(np.take(cloud.normals, keep, axis=0))
+        normals = _means(facing, cell, count)
         norm = np.linalg.norm(normals, axis=1, keepdims=True)
         # Normals that cancel belong to no single face.
         normals = np.where(norm > 0.5, normals / np.maximum(norm, 1e-9), 0.0)
@@ -85,7 +94,7 @@ class LabelledSurface:
             points=points,
             normals=normals,
             labels=own[first],
-            height=_height(points, cloud.points[labels == 0], ground_plane),
+            height=_height(points, _spread_unlabelled(cloud, labels), ground_plane),
             noise=noise * distance**2,
             spacing=size / np.sqrt(count),
             measured=measured,
@@ -108,14 +117,20 @@ def _cells(
     points: FloatArray, size: float, group: IntArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """First point of each cell, cell of each point, and points in each cell."""
-    grid = np.floor(points / size).astype(np.int64)
-    grid -= grid.min(axis=0, initial=np.iinfo(np.int64).max)
-    extent = grid.max(axis=0, initial=0) + 1
     key = group
-    for axis in range(points.shape[1]):
-        key = key * extent[axis] + grid[:, axis]
+    for axis in points.T:
+        grid = np.floor(axis / size).astype(np.int64)
+        grid -= grid.min(initial=np.iinfo(np.int64).max)
+        key = key * (grid.max(initial=0) + 1) + grid
     _, first, cell = np.unique(key, return_index=True, return_inverse=True)
     return first, cell, np.bincount(cell).astype(np.float64)
+
+
+def _spread_unlabelled(cloud: PointCloud, labels: IntArray) -> FloatArray:
+    """Pick points without a label from all over the cloud [m], shape (k, 3)."""
+    chosen = spread_sample(cloud, _GROUND_POINTS)
+    points: FloatArray = cloud.points[chosen[labels[chosen] == 0]]
+    return points
 
 
 def _means(values: FloatArray, cell: IntArray, count: FloatArray) -> FloatArray:

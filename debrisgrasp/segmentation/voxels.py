@@ -277,11 +277,13 @@ def _neighbour_pairs(cells: IntArray) -> tuple[IntArray, IntArray]:
     steps = [(i * shape[1] + j) * shape[2] + k for i, j, k in _NEIGHBOURHOOD]
     table = np.empty((len(steps), len(flat)), dtype=np.int32)
     if np.prod(shape, dtype=np.float64) <= _DENSE_CELLS:
-        number = np.full(int(np.prod(shape)), -1, dtype=np.int32)
-        number[flat] = np.arange(len(flat), dtype=np.int32)
+        # Zeros cost memory only where they are touched: numbers count from 1.
+        number = np.zeros(int(np.prod(shape)), dtype=np.int32)
+        number[flat] = np.arange(1, len(flat) + 1, dtype=np.int32)
         for row, step in zip(table, steps, strict=True):
             # Within the rim nothing is out of range; to clip is faster than to check.
             np.take(number, flat + step, out=row, mode="clip")
+        table -= 1
     else:
         for row, step in zip(table, steps, strict=True):
             shifted = flat + step

@@ -104,7 +104,7 @@ class SimRobot(FakeRobot):
         """
         raise _only_kinematic(f"sticking for {seconds:g} s")
 
-    def misplace(self, margin: float, arm: str | None = None) -> None:
+    def misplace(self, margin: float, arm: str | None = None) -> bool:
         """Put a joint where its own stops keep it from.
 
         Raises

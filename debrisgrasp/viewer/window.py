@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import socket
-from contextlib import redirect_stdout
+from collections.abc import Iterator
+from contextlib import contextmanager
 from html import escape
 from importlib import import_module
-from io import StringIO
 from typing import Any
 
 from debrisgrasp.errors import ConfigError, InputError, MissingExtraError
@@ -53,7 +53,7 @@ class Viewer:
 
     def close(self) -> None:
         """Stop serving the page."""
-        with redirect_stdout(StringIO()):  # it says good-bye
+        with _silence():  # it says good-bye
             self.server.stop()
 
     def wait(self) -> None:
@@ -186,13 +186,24 @@ def _view(stage: Stage, content: ViewContent, robot: RobotModel | None) -> View:
     return RunView(stage, content)
 
 
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep what the server says off the terminal, and out of notebooks."""
+    console = import_module("rich").get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
+
+
 def _started(host: str, port: int) -> Any:
     """Start a server with our looks."""
     try:
         viser = import_module("viser")
     except ImportError as error:
         raise MissingExtraError("the viewer", "viz") from error
-    with redirect_stdout(StringIO()):  # it prints its address even if not verbose
+    with _silence():  # it prints its address even if not verbose
         server = viser.ViserServer(host, _free_port(host, port), verbose=False)
     server.gui.configure_theme(
         control_width="large",

@@ -51,7 +51,7 @@ _TABLE = Slot(794, 732, 976, 440)
 _COLUMNS = (
     ("", 14, "left"),
     ("Prototype", 44, "left"),
-    ("Hand, preshape", 316, "left"),
+    ("Arm, hand, preshape", 316, "left"),
     ("S", 548, "right"),
     ("C", 600, "right"),
     ("R", 652, "right"),

@@ -105,12 +105,15 @@ def percent(part: int, whole: int) -> str:
 
 
 def grasp_row(rank: int, grasp: Grasp) -> tuple[str, ...]:
-    """Cells of one grasp: rank, prototype, hand, S, C, R, Q, score, opening, width."""
+    """Cells of one grasp: rank, prototype, hand, S, C, R, Q, score, opening.
+
+    The hand is named with the arm that carries it and with its preshape.
+    """
     values = (grasp.S, grasp.C, grasp.R, grasp.Q, grasp.score)
     return (
         str(rank),
         grasp.prototype,
-        f"{grasp.gripper} {grasp.preshape}",
+        " ".join(filter(None, (grasp.arm, grasp.gripper, grasp.preshape))),
         *(f"{value:.2f}" for value in values),
         f"{1000 * grasp.opening:.0f} → {1000 * grasp.width:.0f} mm",
     )

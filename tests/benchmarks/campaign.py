@@ -50,7 +50,10 @@ TARGETS = {
     "false_cleared": "0",
     "stops_not_latched": "0",
     "unclassified": "0",
+    "one_class_share": "1",
+    "stops_latched_share": "1",
     "scaling_1_to_2": "1.7 or more",
+    "scaling_by_cpu": "1.7 or more",
     "paper_piles_all_in_interval": "1",
     "paper_piles_grasps_in_interval": "1",
     "paper_handle_all_in_interval": "1",
@@ -111,6 +114,11 @@ def attack(bench: Bench, n: int) -> dict[str, float]:
             print(f"run {record.name} ({', '.join(faults)}): {broken} {' '.join(last)}")
     figures = {name: float(count) for name, count in tables.checks}
     figures["unclassified"] = float(sum(r.outcome == UNCLASSIFIED for r in records))
+    figures["one_class_share"] = 1.0 - figures["unclassified"] / n
+    stopped = [r for r in records if r.end in ("stopped", "interrupted")]
+    latched = sum(not r.checks.get("stops_not_latched") for r in stopped)
+    figures["stops_latched_share"] = latched / max(len(stopped), 1)
+    figures["stops"] = float(len(stopped))
     figures["attack_runs"] = float(n)
     figures["attack_struck"] = float(sum(bool(r.injected) for r in records))
     figures["cpu_seconds_per_run"] = sum(r.seconds for r in records) / n
@@ -168,16 +176,35 @@ def reenacted(bench: Bench, name: str, n: int) -> dict[str, float]:
 
 
 def scaling(bench: Bench, n: int) -> dict[str, float]:
-    """Runs in a second with one and with two workers; wall time, start included."""
-    rates = []
+    """Runs in a second with one and with two workers; wall time, start included.
+
+    Where other programs take turns on the cores, the share of its time that a worker
+    really computes says so, and what a run costs in CPU time tells what two workers
+    take from each other.
+    """
+    rates, costs, shares = [], [], []
     with tempfile.TemporaryDirectory() as folder:
         for workers in (1, 2):
             fresh = Bench(Path(folder) / str(workers), workers, bench.tier)
             start = time.perf_counter()
-            fresh.run("scaling", n)
-            rates.append(n / (time.perf_counter() - start))
-    print(f"runs a second: {rates[0]:.3f} with 1 worker, {rates[1]:.3f} with 2\n")
-    return {"scaling_1_to_2": rates[1] / rates[0], "runs_per_second_2": rates[1]}
+            records = fresh.run("scaling", n)
+            spent, wall = sum(r.seconds for r in records), time.perf_counter() - start
+            rates.append(n / wall)
+            costs.append(spent / n)
+            shares.append(spent / (workers * wall))
+    rows = [
+        [str(k), f"{rate:.3f}", f"{cost:.2f}", f"{100 * share:.0f}"]
+        for k, rate, cost, share in zip((1, 2), rates, costs, shares, strict=True)
+    ]
+    header = ["workers", "runs a second", "CPU s a run", "% of time computing"]
+    print(columns(header, rows), end="\n\n")
+    return {
+        "scaling_1_to_2": rates[1] / rates[0],
+        "scaling_by_cpu": 2.0 * costs[0] / costs[1],
+        "computing_share_1": shares[0],
+        "computing_share_2": shares[1],
+        "runs_per_second_2": rates[1],
+    }
 
 
 def main() -> None:

@@ -30,6 +30,7 @@ from debrisgrasp.segmentation.singulation.cells import CellImage, cell_image
 from debrisgrasp.segmentation.singulation.features import FEATURES
 from debrisgrasp.segmentation.singulation.graph import RegionGraph
 from debrisgrasp.segmentation.singulation.merging import merged_regions
+from debrisgrasp.segmentation.singulation.notches import flush_bars_apart
 from debrisgrasp.segmentation.singulation.patches import planar_patches
 
 from .boosting import Boosting, Cases, write_evidence
@@ -94,6 +95,7 @@ class Divided:
             sweeps=method.sweeps,
             min_cells=method.min_patch,
         )
+        patches = flush_bars_apart(cells, patches)
         labels = truth[:: cells.edge, :: cells.edge].astype(np.int64)
         scored = (patches.labels >= 0) & (labels >= 0)
         counts = np.zeros((len(patches), int(truth.max(initial=0)) + 1))

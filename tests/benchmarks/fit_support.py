@@ -5,34 +5,38 @@ Run: python -m tests.benchmarks.fit_support --out FOLDER [--piles N]
 The same piles, seed and singulation give the same files. Every pile is seen clean and
 noisy, and divided by the truth and by singulation. What is learnt is whether the first
 end of a contact puts more than 5 % of its weight on the second, as the physics engine
-knows, and whether anything does so to an object. The second builds on the first, as
-told by a fit to the other half of the piles.
+knows: from the contact by itself, then among the others; and whether anything does so
+to an object. What builds on another fit learns from what that says of piles that it
+did not see. The weights of support by the ground are printed.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import minimize
 
 from debrisgrasp.segmentation import Segmentation, SupportConfig, segment_cloud
 from debrisgrasp.segmentation.bearing import (
     BEARING,
-    BURDEN,
+    CONTACT,
     Seen,
-    bearing_features,
-    burden_features,
+    contact_features,
+    in_context,
 )
-from debrisgrasp.segmentation.support import labelled_surface
+from debrisgrasp.segmentation.burden import BURDEN, burden_features
+from debrisgrasp.segmentation.support import ground_features, labelled_surface
 
 from .boosting import Boosting, Cases, write_evidence
 from .fit_singulation import FIRST_SEED
 from .piles import FreshPile, fresh_piles
 from .support import Truth, bodies_of, captures, seen_labels, true_segmentation
 
+CONTACT_FIT = Boosting(n_terms=200, depth=5, rate=0.08)
 BEARING_FIT = Boosting(n_terms=200, depth=5, rate=0.08)
 BURDEN_FIT = Boosting(n_terms=150, depth=4, rate=0.06)
 
@@ -48,13 +52,13 @@ class Scene:
     bodies: np.ndarray
     truth: Truth
 
-    def bearing_cases(self) -> Cases:
+    def contact_cases(self, features: np.ndarray) -> Cases:
         """Contacts of two bodies, in both directions."""
         ends = self.bodies[self.relations].reshape(-1, 2)
         chosen = (ends > 0).all(axis=1) & (ends[:, 0] != ends[:, 1])
         is_so = [(int(a), int(b)) in self.truth.bearing for a, b in ends[chosen]]
         n = len(is_so)
-        return Cases(self.features[chosen], np.array(is_so, dtype=bool), np.ones(n))
+        return Cases(features[chosen], np.array(is_so, dtype=bool), np.ones(n))
 
     def burden_cases(self, confidence: np.ndarray) -> Cases:
         """Objects, given how sure every relation is."""
@@ -62,6 +66,15 @@ class Scene:
         features = burden_features(self.relations, confidence, self.seen)
         own = self.bodies[1:]
         is_so = np.isin(own, list(carriers))
+        return Cases(features[own > 0], is_so[own > 0], np.ones(int((own > 0).sum())))
+
+    def ground_cases(self, confidence: np.ndarray) -> Cases:
+        """Objects, and whether they rest on the ground."""
+        own = self.bodies[1:]
+        free = np.ones(len(self.bodies))
+        np.multiply.at(free, self.relations[:, 0], 1.0 - confidence)
+        features = ground_features(self.seen.shapes.lowest, 1.0 - free)[1:]
+        is_so = np.array([(int(body), 0) in self.truth.bearing for body in own])
         return Cases(features[own > 0], is_so[own > 0], np.ones(int((own > 0).sum())))
 
 
@@ -81,46 +94,83 @@ def scenes_of(pile: FreshPile) -> Iterator[Scene]:
             surface = labelled_surface(segmentation, cloud, config)
             seen = Seen.of(segmentation, cloud, surface, config.reach)
             if len(bodies) > 1:
-                relations, features = bearing_features(seen)
+                relations, features = contact_features(seen)
                 half = pile.seed % 2
                 yield Scene(half, seen, relations, features, bodies, truth)
 
 
-def fitted(scenes: Iterable[Scene], out: Path, rng: np.random.Generator) -> None:
-    """Fit both kinds of evidence and write them."""
-    scenes = list(scenes)
-    bearing = Cases.joined(scene.bearing_cases() for scene in scenes)
-    burden = []
+def told_by_others(
+    scenes: list[Scene],
+    features: list[np.ndarray],
+    boosting: Boosting,
+    names: tuple[str, ...],
+    rng: np.random.Generator,
+) -> list[np.ndarray]:
+    """What a fit to the other half of the piles says of the relations of each scene."""
+    evidence = []
     for half in (0, 1):
-        others = Cases.joined(s.bearing_cases() for s in scenes if s.half != half)
-        evidence = BEARING_FIT.evidence(others, BEARING, rng)
-        burden += [
-            scene.burden_cases(evidence.probability(scene.features))
-            for scene in scenes
-            if scene.half == half
-        ]
+        others = Cases.joined(
+            scene.contact_cases(columns)
+            for scene, columns in zip(scenes, features, strict=True)
+            if scene.half != half
+        )
+        evidence.append(boosting.evidence(others, names, rng))
+    return [
+        evidence[scene.half].probability(columns)
+        for scene, columns in zip(scenes, features, strict=True)
+    ]
+
+
+def fitted(scenes: list[Scene], out: Path, rng: np.random.Generator) -> None:
+    """Fit all kinds of evidence, write them, and print the weights of the ground's."""
+    contacts = [scene.features for scene in scenes]
+    alone = told_by_others(scenes, contacts, CONTACT_FIT, CONTACT, rng)
+    among = [
+        in_context(scene.relations, scene.features, own)
+        for scene, own in zip(scenes, alone, strict=True)
+    ]
+    confidence = told_by_others(scenes, among, BEARING_FIT, BEARING, rng)
+    told = list(zip(scenes, contacts, among, confidence, strict=True))
     fits = (
-        ("bearing", BEARING_FIT, bearing, BEARING, "contacts, both ways,"),
-        ("burden", BURDEN_FIT, Cases.joined(burden), BURDEN, "objects"),
-    )
-    for name, boosting, cases, features, what in fits:
+        ("contact", CONTACT_FIT, CONTACT, "contacts, both ways,",
+         [scene.contact_cases(own) for scene, own, _, _ in told]),
+        ("bearing", BEARING_FIT, BEARING, "contacts, both ways,",
+         [scene.contact_cases(own) for scene, _, own, _ in told]),
+        ("burden", BURDEN_FIT, BURDEN, "objects",
+         [scene.burden_cases(own) for scene, _, _, own in told]),
+    )  # fmt: skip
+    for name, boosting, names, what, parts in fits:
+        cases = Cases.joined(parts)
         about = (
             "Symmetric trees of Evidence, fitted by tests.benchmarks.fit_support to "
             f"{len(cases)} {what} in {len(scenes)} divisions of captures of piles"
         )
-        terms = boosting.fitted(cases, features, rng)
+        terms = boosting.fitted(cases, names, rng)
         write_evidence(out / f"{name}.json", about, *terms)
+    ground = Cases.joined(scene.ground_cases(own) for scene, _, _, own in told)
+    print("ground:", logistic_weights(ground).round(3).tolist())
+
+
+def logistic_weights(cases: Cases) -> np.ndarray:
+    """Weight of each feature and the log-odds without any, shape (f + 1,)."""
+    columns = np.column_stack([cases.features, np.ones(len(cases))])
+    sign = np.where(cases.is_so, -1.0, 1.0)
+
+    def loss(weights: np.ndarray) -> float:
+        return float(np.logaddexp(0.0, sign * (columns @ weights)).mean())
+
+    return np.asarray(minimize(loss, np.zeros(columns.shape[1])).x)
 
 
 def main() -> None:
     """Fit and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--piles", type=int, default=100)
+    parser.add_argument("--piles", type=int, default=400)
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     seeds = range(FIRST_SEED, FIRST_SEED + options.piles)
-    scenes = (scene for pile in fresh_piles(seeds) for scene in scenes_of(pile))
+    scenes = [scene for pile in fresh_piles(seeds) for scene in scenes_of(pile)]
     fitted(scenes, options.out, np.random.default_rng(options.seed))
 
 

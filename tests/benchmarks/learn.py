@@ -74,7 +74,10 @@ def main() -> None:
     if arguments.records:
         save_records(records, arguments.records)
     config = LearnConfig(radius=arguments.radius)
-    learned = learn(records, by_hand.grippers, config)
+    try:
+        learned = learn(records, by_hand.grippers, config)
+    except InputError as error:
+        parser.exit(1, f"{error} Take a larger --n.\n")
     with TemporaryDirectory() as folder:
         learned.library.save(folder)
         ours = held(arguments.tier, rest, Pipeline(prototypes=folder))

@@ -25,7 +25,7 @@ from scipy.special import expit
 
 from debrisgrasp._files import write_atomic
 from debrisgrasp.cli.tables import columns
-from debrisgrasp.planning import SUCCESS_TERMS
+from debrisgrasp.planning import SUCCESS_TERMS, SuccessModel
 from debrisgrasp.planning.success import SCHEMA
 
 from .physics import wilson
@@ -33,12 +33,9 @@ from .report import publish
 
 EDGES = (0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
 FOLDS = 8
-LOAD = 2.0
-"""Weight of the load, which is not fitted: the mass is known so badly that a fit finds
-half of it (errors in a regressor flatten it), and then light hands are sent to heavy
-things."""
-RIDGE = 0.002
-"""Of the weights of terms in standard deviations, per flight: keeps them finite."""
+DRAW = 0.1
+"""How strongly weights, of terms in standard deviations, are drawn to those that flew,
+per flight: a term that hardly varies in the flights keeps what earlier ones taught."""
 
 
 def read(paths: list[Path]) -> list[dict[str, object]]:
@@ -47,37 +44,43 @@ def read(paths: list[Path]) -> list[dict[str, object]]:
     return [row for row in rows if row["terms"]]
 
 
-def fitted(terms: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, float]:
+def fitted(
+    terms: np.ndarray, held: np.ndarray, known: np.ndarray
+) -> tuple[np.ndarray, float]:
     """Weights, none of them below zero, and intercept of the likeliest model.
+
+    The weights are drawn to those known before.
 
     Every term is such that more of it can't hurt; what a small sample says to the
     contrary is chance.
     """
     scale = terms.std(axis=0) + 1e-9
+    start = known * scale
     sign = np.where(held, 1.0, -1.0)
 
     def loss(x: np.ndarray) -> tuple[float, np.ndarray]:
         odds = sign * (terms / scale @ x[:-1] + x[-1])
         slope = -sign * expit(-odds) / len(sign)
-        value = np.logaddexp(0.0, -odds).mean() + RIDGE * (x[:-1] @ x[:-1])
+        off = x[:-1] - start
+        value = np.logaddexp(0.0, -odds).mean() + DRAW * (off @ off)
         return value, np.append(
-            terms.T / scale[:, None] @ slope, slope.sum()
-        ) + np.append(2 * RIDGE * x[:-1], 0.0)
+            terms.T / scale[:, None] @ slope + 2 * DRAW * off, slope.sum()
+        )
 
     n = terms.shape[1]
     bounds: list[tuple[float | None, float | None]] = [(0.0, None)] * n + [(None, None)]
-    load = SUCCESS_TERMS.index("load")
-    bounds[load] = (LOAD * scale[load], LOAD * scale[load])
-    found = minimize(loss, np.zeros(n + 1), jac=True, bounds=bounds).x
+    found = minimize(loss, np.append(start, 0.0), jac=True, bounds=bounds).x
     return found[:-1] / scale, float(found[-1])
 
 
-def left_out(terms: np.ndarray, held: np.ndarray, scene: np.ndarray) -> np.ndarray:
+def left_out(
+    terms: np.ndarray, held: np.ndarray, scene: np.ndarray, known: np.ndarray
+) -> np.ndarray:
     """Forecast of each flight by a fit to the other scenes."""
     found = np.empty(len(held))
     fold = np.random.default_rng(0).permutation(scene.max() + 1)[scene] % FOLDS
     for k in range(FOLDS):
-        weights, intercept = fitted(terms[fold != k], held[fold != k])
+        weights, intercept = fitted(terms[fold != k], held[fold != k], known)
         found[fold == k] = expit(terms[fold == k] @ weights + intercept)
     return found
 
@@ -113,6 +116,19 @@ def merits(forecast: np.ndarray, held: np.ndarray) -> dict[str, float]:
     }
 
 
+def worth(
+    terms: np.ndarray, held: np.ndarray, scene: np.ndarray, known: np.ndarray
+) -> str:
+    """What a new fit is worth on scenes left out of it without each of the terms."""
+    rows = []
+    for name in ("-", *SUCCESS_TERMS):
+        kept = np.array([other != name for other in SUCCESS_TERMS])
+        found = merits(left_out(terms * kept, held, scene, known * kept), held)
+        keys = ("brier", "log_loss", "area_under_curve")
+        rows.append([name, *(f"{found[key]:.3f}" for key in keys)])
+    return columns(["without", "Brier", "log loss", "area"], rows)
+
+
 def main() -> None:
     """Print how well the forecasts hold; fit and write new coefficients if asked."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -130,17 +146,20 @@ def main() -> None:
     print("by the coefficients that flew\n" + reliability(flown, held) + "\n")
     figures = {f"flown_{k}": v for k, v in merits(flown, held).items()}
     if chosen.write is not None:
-        refit = left_out(terms, held, scene)
+        before = SuccessModel.load()
+        refit = left_out(terms, held, scene, before.weights)
         print("by a new fit, on scenes left out of it\n" + reliability(refit, held))
+        print("\n" + worth(terms, held, scene, before.weights) + "\n")
         figures |= {f"refit_{k}": v for k, v in merits(refit, held).items()}
-        weights, intercept = fitted(terms, held)
+        weights, intercept = fitted(terms, held, before.weights)
         seeds = [int(str(row["seed"])) for row in rows]
         tiers = ", ".join(sorted({str(row["tier"]) for row in rows}))
         content = {
             "schema": SCHEMA,
             "date": date.today().isoformat(),
             "campaign": f"{len(rows)} flights in {scene.max() + 1} scenes of {tiers}, "
-            f"seeds {min(seeds)} to {max(seeds)}",
+            f"seeds {min(seeds)} to {max(seeds)}, weights drawn to those of "
+            f"{before.date}",
             "held": int(held.sum()),
             "intercept": round(intercept, 4),
             "terms": {

@@ -1,11 +1,13 @@
 """Clearing random piles without injected faults, against the truth of the world.
 
-Run: python -m tests.benchmarks.task [--n 100] [--drive-over M] [--json FILE]
+Run: python -m tests.benchmarks.task [--piles 100] [--first-seed 0] [--json FILE]
 """
 
 from __future__ import annotations
 
 import argparse
+import re
+import sys
 import time
 from collections import Counter
 from pathlib import Path
@@ -13,9 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp.cli.tables import columns
-from debrisgrasp.executive import RunEnd, SimulatedTask
+from debrisgrasp.executive import RunEnd, SimulatedTask, TaskSettings
 from debrisgrasp.executive.simulated import Simulated
 from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.worlds import Body
 from tests.benchmarks.report import publish
 
 _TARGETS = {
@@ -30,14 +33,17 @@ _TARGETS = {
 
 
 class _Cycles:
-    """Times the computing from capture to release."""
+    """Times the computing from capture to release, and shows what goes on."""
 
     def __init__(self) -> None:
         self.seconds: list[float] = []
+        self.name = ""
         self._begun = 0.0
 
     def write(self, kind: str, facts: dict[str, object]) -> None:
         now = time.thread_time()
+        if kind == "state" and sys.stderr.isatty():
+            print(f"\r{self.name}: {facts['state']:<16}", end="", file=sys.stderr)
         if kind == "state" and facts["state"] == "capture":
             self._begun = now
         if kind == "done" and facts["state"] == "release":
@@ -47,55 +53,85 @@ class _Cycles:
         """Nothing is stored."""
 
 
-def _remaining(done: Simulated, drive_over: float) -> list[str]:
-    """Bodies in the way that could be carried: up to 8 kg, and not driven over."""
-    kept = []
-    for body in done.truth.world.bodies:
-        if body.name in done.truth.removed or body.mass > 8.0:
+def _is_in_way(body: Body, settings: TaskSettings) -> bool:
+    """Whether the middle of a body lies in the workspace, as it was at the start."""
+    (x0, y0, _), (x1, y1, _) = settings.workspace
+    x, y, _ = body.T_base_body.p
+    return bool(x0 < x < x1 and y0 < y < y1)
+
+
+def _account(done: Simulated, task: SimulatedTask) -> tuple[list[str], list[str]]:
+    """Bodies that were in the way and could be carried: those gone, those that remain.
+
+    What is put down within the workspace is not removed, however far it was carried.
+    """
+    settings = TaskSettings()
+    gone, kept = [], []
+    for begun, ended in zip(task.world().bodies, done.truth.world.bodies, strict=True):
+        if begun.mass > settings.max_mass or not _is_in_way(begun, settings):
             continue
-        top = max(float(solid.bounds.upper[2]) for solid in body.solids)
-        x, y, _ = body.T_base_body.p
-        if top > drive_over and abs(y) < 0.62 and 0.45 < x < 1.9:
-            kept.append(body.name)
-    return kept
+        top = max(float(solid.bounds.upper[2]) for solid in ended.solids)
+        if not _is_in_way(ended, settings):
+            gone.append(ended.name)
+        elif top > task.drive_over:
+            kept.append(ended.name)
+    return gone, kept
+
+
+def _cause(reason: str) -> str:
+    """A reason without its numbers, short enough for a table."""
+    words = re.sub(r"object \d+: |of \d+ [a-z ]*poses: ", "", reason)
+    words = re.sub(r"\([^)]*in vain[^)]*\)", "", words)
+    return re.sub(r"-?\d+(\.\d+)?", "#", words)[:90].strip()
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--n", type=int, default=100, help="piles")
-    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--piles", type=int, default=100)
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--drive-over", type=float, default=0.10)
     parser.add_argument("--json", type=Path, metavar="FILE")
     arguments = parser.parse_args()
     pipeline, cycles = Pipeline(), _Cycles()
     ends: Counter[str] = Counter()
-    causes: Counter[str] = Counter()
+    left: Counter[str] = Counter()
+    faults: Counter[str] = Counter()
     counts: Counter[str] = Counter()
-    for seed in range(arguments.first, arguments.first + arguments.n):
+    first = arguments.first_seed
+    for seed in range(first, first + arguments.piles):
+        cycles.name = f"pile {seed - first + 1} of {arguments.piles}, seed {seed}"
         task = SimulatedTask(seed=seed, drive_over=arguments.drive_over)
         done = task.run(cycles, pipeline=pipeline)
         result, truth = done.result, done.truth
-        remaining = _remaining(done, arguments.drive_over)
-        failure = result.fault_class
+        gone, kept = _account(done, task)
         ends[result.end.value] += 1
-        causes["success" if failure is None else result.faults[-1].fault] += 1
-        counts["uncaught"] += sum(
-            bool(e.values.get("unexpected")) for e in result.faults
+        faults.update(f"{e.state.value}: {e.fault}" for e in result.faults)
+        left.update(
+            _cause(reason)
+            for reason in result.left.values()
+            if not reason.startswith("drive over")
         )
+        if result.end not in (RunEnd.LEFT, RunEnd.CLEARED) and result.faults:
+            left[
+                f"the run {result.end.value}: {_cause(result.faults[-1].message)}"
+            ] += 1
+        counts["uncaught"] += sum(e.fault == "software_error" for e in result.faults)
         counts["limit_violations"] += len(truth.violations)
         counts["overloads"] += len(truth.overloads)
-        counts["removed"] += len(truth.removed)
-        counts["remaining"] += len(remaining)
-        counts["false_cleared"] += int(result.end is RunEnd.CLEARED and bool(remaining))
+        counts["removed"] += len(gone)
+        counts["remaining"] += len(kept)
+        counts["false_cleared"] += int(result.end is RunEnd.CLEARED and bool(kept))
         print(
-            f"pile {seed}: {result.end.value}, {len(truth.removed)} removed, "
-            f"{len(remaining)} remain, {causes.most_common(1)[0][0]}; "
-            + ", ".join(f"{e.state.value}:{e.fault}" for e in result.faults),
+            f"\r{cycles.name}: {result.end.value}, {len(gone)} removed, "
+            f"remain: {', '.join(kept) or 'none'}; {counts['removed']} of "
+            f"{counts['removed'] + counts['remaining']} so far",
             flush=True,
         )
     total = counts["removed"] + counts["remaining"]
     figures = {
-        "runs": arguments.n,
+        "runs": arguments.piles,
+        "removable": total,
+        "removed": counts["removed"],
         "uncaught": counts["uncaught"],
         "limit_violations": counts["limit_violations"],
         "overloads": counts["overloads"],
@@ -104,8 +140,8 @@ def main() -> None:
         "removed_share": counts["removed"] / max(total, 1),
         "cycle_seconds": float(np.median(cycles.seconds)) if cycles.seconds else 0.0,
     }
-    print(columns(["end", "runs"], [[k, str(v)] for k, v in ends.most_common()]))
-    print(columns(["ended by", "runs"], [[k, str(v)] for k, v in causes.most_common()]))
+    for name, table in (("end", ends), ("fault met", faults), ("why it is left", left)):
+        print(columns([name, ""], [[k, str(v)] for k, v in table.most_common()]), "\n")
     print(columns(["target", ""], [[k, v] for k, v in _TARGETS.items()]))
     publish(figures, arguments.json)
 

@@ -145,7 +145,7 @@ def test_a_capture_that_is_not_there_is_refused(refused, tmp_path):
 
 BAD_CHOICES = {
     "unknown object": (["--object", "99"], ["got 99", "one of 1."]),
-    "object of the ground": (["--object", "0"], ["0", "one of"]),
+    "object of the ground": (["--object", "0"], ["0", "1 or more"]),
     "region without points": (
         ["--region", "5", "5", "5", "6", "6", "6"],
         ["region", "no measured point", "Move or widen"],
@@ -356,3 +356,24 @@ def test_an_empty_path_is_not_the_working_folder(command, capsys):
         build_parser().parse_args([command, ""])
     assert ended.value.code == 2
     assert "it is empty" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["plan", "segment", "motion"])
+def test_places_that_cannot_be_written_are_found_before_anything_is_read(
+    refused, tmp_path, command
+):
+    (tmp_path / "file").write_text("mine")
+    for out in (tmp_path, tmp_path / "file" / "x.json", tmp_path / "none" / "x.json"):
+        message = refused(command, tmp_path / "none.npz", "--out", out)
+        assert "can't write" in message
+        assert str(out) in message
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_what_was_typed_wrong_is_found_before_anything_is_read(refused, tmp_path):
+    plan = ("plan", tmp_path / "none.npz")
+    assert "--mass" in refused(*plan, "--mass", "-1")
+    assert "--object" in refused(*plan, "--object", "-1")
+    assert "region" in refused(*plan, "--region", *"110001")
+    assert "one with an arm" in refused("ik", *"100000", "--robot", "none")
+    assert "path of a .yaml file" in refused("reach", "--robot", ".")

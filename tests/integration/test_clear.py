@@ -13,11 +13,13 @@ from debrisgrasp.executive import (
     Action,
     Executive,
     RunEnd,
+    RunRecord,
     SimulatedTask,
     TaskSettings,
     load_run,
 )
 from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import FakeConfig, fake_robot
 from debrisgrasp.worlds import World, let_down, make_body
@@ -109,6 +111,14 @@ def test_an_empty_image_never_means_that_the_way_is_clear(pipeline):
         ["clear", "--scene", "nowhere"],
         ["clear", "--faults", "nothing_known"],
         ["clear", "--arm", "third"],
+        ["clear", "--robot", "none"],
+        ["clear", "--gripper", "claw"],
+        ["clear", "--report", "/nonexistent/run.html"],
+        ["clear", "--report", "run.pdf"],
+        ["clear", "--record", "/proc/run"],
+        ["clear", "--site", "nothing.yaml"],
+        ["clear", "--mask", "nothing.npz"],
+        ["clear", "--region", "1", "1", "1", "0", "0", "0"],
         ["replay", "/nonexistent/run"],
     ],
 )
@@ -117,3 +127,51 @@ def test_bad_input_is_one_block_on_stderr(wrong, capsys):
     error = capsys.readouterr().err
     assert error.startswith("debrisgrasp: error:")
     assert "Traceback" not in error
+
+
+SITE = """
+schema: debrisgrasp/site/1
+arm: left
+drop_off: {left: [0.3, 0.8]}
+limits: {force: 120, joint_speed: 0.5, hand_speed: 0.01}
+"""
+
+
+def test_the_settings_of_a_site_hold_for_the_task(tmp_path):
+    site = tmp_path / "site.yaml"
+    site.write_text(SITE)
+    task = SimulatedTask(site=str(site))
+    pipeline = task.pipeline()
+    settings = task.settings(pipeline)
+    assert settings.arms == ("left",)
+    assert settings.drop_off["left"] == (0.3, 0.8)
+    assert settings.approach_speed == settings.lift_speed == 0.01
+    usual = RobotModel.load("roman").limits("left").planner.velocity
+    limits = pipeline.robot.limits("left").planner
+    assert np.allclose(limits.velocity, 0.5 * usual)
+    assert limits.force == 120.0
+    both = SimulatedTask(site=str(site), arms=("right",))
+    assert both.settings(both.pipeline()).arms == ("right",)
+
+
+def test_a_force_too_low_to_feel_a_touch_by_is_refused(tmp_path, capsys):
+    site = tmp_path / "site.yaml"
+    site.write_text("schema: debrisgrasp/site/1\nlimits: {force: 50}\n")
+    record = tmp_path / "run"
+    words = ["clear", "--site", str(site), "--record", str(record)]
+    assert debrisgrasp(words) == 2
+    assert "limit of the force at the hand" in capsys.readouterr().err
+    # What was refused leaves nothing that is in the way of the next try.
+    assert RunRecord(record, {}).fault == ""
+
+
+def test_a_record_that_lacks_something_is_replayed_and_says_what(tmp_path, capsys):
+    folder = tmp_path / "run"
+    words = ["clear", "--objects", "1", "--seed", "3", "--record", str(folder)]
+    assert debrisgrasp([*words, "--faults", "wrench_sign"]) == 1
+    capsys.readouterr()
+    assert debrisgrasp(["replay", str(folder)]) == 0
+    lines = (folder / "events.jsonl").read_text().splitlines()
+    (folder / "events.jsonl").write_text("\n".join(lines[:-3]) + '\n{"event": "att')
+    assert debrisgrasp(["replay", str(folder)]) == 0
+    assert "lacks the end of events.jsonl" in capsys.readouterr().out

@@ -318,7 +318,7 @@ def test_a_result_never_replaces_its_own_capture(run, command, tmp_path):
     before = path.read_bytes()
     ended = run(command, path, "--out", path)
     assert ended.status == 2
-    assert "it is the capture" in ended.err
+    assert "it is what is read" in ended.err
     assert path.read_bytes() == before
 
 

@@ -6,7 +6,9 @@ import ast
 import re
 import shlex
 from dataclasses import fields, is_dataclass
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
 import numpy as np
 import pytest
@@ -219,6 +221,41 @@ def test_fields_of_a_site_are_listed():
     assert set(listed) == {
         inside.get(name, "") + name.removeprefix("camera_") for name in names
     }
+
+
+def test_the_paper_map_names_what_exists():
+    """Every equation has its row, and each function of a row is in the package."""
+    text = (ROOT / "docs/paper_map.md").read_text()
+    rows = re.findall(r"^\| (.+?) \| (.+?) \| .+ \|$", text, re.MULTILINE)
+    equations = " ".join(left for left, _ in rows)
+    for number in range(1, 15):
+        spans = re.findall(r"Eq\. (\d+)-(\d+)", equations)
+        is_inside = any(int(a) <= number <= int(b) for a, b in spans)
+        assert is_inside or re.search(rf"Eq\. {number}\b|\({number}[ab]?\)", equations)
+    known = public_names()
+    cells = " ".join(right for _, right in rows)
+    named = re.findall(r"`((?:\w+\.)*[A-Za-z]\w{2,})`", cells)
+    written = [n for n in named if not n.startswith("T_") and not n.endswith(".yaml")]
+    missing = [name for name in written if name not in known]
+    assert len(written) > 40
+    assert not missing
+
+
+def public_names() -> set[str]:
+    """Names of modules, what is public in them, and attributes of public classes."""
+    known = {"R_BE"}
+    for item in walk_packages(debrisgrasp.__path__, "debrisgrasp."):
+        if item.name.split(".")[1] in ("__main__", "cli", "sim_robot"):
+            continue
+        module = import_module(item.name)
+        path = item.name.removeprefix("debrisgrasp.")
+        known.add(path)
+        for name in getattr(module, "__all__", ()):
+            value = getattr(module, name)
+            known |= {name, f"{path}.{name}"}
+            for inner in dir(value) if isinstance(value, type) else ():
+                known |= {inner, f"{name}.{inner}", f"{path}.{name}.{inner}"}
+    return known
 
 
 def test_every_page_is_in_the_navigation():

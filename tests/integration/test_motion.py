@@ -10,8 +10,9 @@ import pytest
 import debrisgrasp
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.io import Capture, data_path
+from debrisgrasp.io.motion_json import load_motion
 from debrisgrasp.kinematics import RobotModel
-from debrisgrasp.pipeline import MotionsConfig
+from debrisgrasp.pipeline import GraspMotions, MotionsConfig, recall_plan
 
 
 @pytest.fixture(scope="module")
@@ -71,12 +72,52 @@ def test_the_command_writes_motions_and_a_picture(run, tmp_path):
     assert "approach" in ended.out
     assert report.read_bytes()[:4] == b"\x89PNG"
     content = json.loads(out.read_text())
-    assert content["schema"] == "debrisgrasp/motion/1"
+    assert content["schema"] == "debrisgrasp/motion/2"
     assert [m["name"] for m in content["motions"]] == ["reach", "approach", "lift"]
     limits = RobotModel.load("roman").limits("right").planner
     for motion in content["motions"]:
         assert motion["limits"] == limits.hash
         assert len(motion["times"]) == len(motion["q"]) == len(motion["dq"])
+
+
+def test_a_saved_plan_is_carried_out_as_the_plan_itself(run, result, tmp_path):
+    grasps, out = tmp_path / "grasps.json", tmp_path / "motion.json"
+    result.save(grasps)
+    capture = data_path("captures", "pile.npz")
+    ended = run("motion", capture, "--grasps", grasps, "--out", out)
+    assert ended.status == 0, ended.err
+    stored, chosen = load_motion(out), debrisgrasp.plan_motion(result).chosen
+    assert (stored.rank, stored.arm) == (chosen.index + 1, chosen.arm)
+    for name, motion in chosen.trajectories.items():
+        np.testing.assert_allclose(stored.trajectories[name].q[-1], motion.q[-1], 1e-4)
+
+
+def test_a_saved_plan_is_refused_where_it_does_not_belong(refused, result, tmp_path):
+    grasps, capture = tmp_path / "grasps.json", data_path("captures", "pile.npz")
+    result.save(grasps)
+    assert "nothing is searched" in refused(
+        "motion", capture, "--grasps", grasps, "--mass", "3"
+    )
+    with pytest.raises(ConfigError, match="for which"):
+        recall_plan(grasps, result.capture, None)
+    content = json.loads(grasps.read_text())
+    grasps.write_text(json.dumps(content | {"object": 99}))
+    assert "object 99" in refused("motion", capture, "--grasps", grasps)
+
+
+def test_what_was_not_tried_is_told_apart():
+    late = "not tried: the deadline had passed"
+    found = GraspMotions(
+        chosen=None, passed_over=((0, "reach: too far"), (1, late), (2, late))
+    )
+    assert found.tried == ((0, "reach: too far"),)
+    assert "none of 1 grasps tried" in found.why_none
+    assert "2 more were not tried" in found.why_none
+
+
+def test_the_command_needs_an_arm(refused):
+    capture = data_path("captures", "pile.npz")
+    assert "an arm to move" in refused("motion", capture, "--robot", "none")
 
 
 def test_the_command_refuses_an_unknown_policy(run):

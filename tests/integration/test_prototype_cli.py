@@ -129,8 +129,21 @@ def test_a_taught_pose_of_a_capture_becomes_a_prototype_that_loads(capsys):
     record = ["prototype", "record", "pile.npz", "--object", "6", "--out", "p"]
     good = "--pose=1.02,0.29,0.19,3.14,0.26,-1.71"
     assert run([*record, "--name", "taught", good]) == 0
-    # Across the long way, which no finger spans: written, with what is wrong with it.
+    # Across the long way, which no finger spans.
     bad = "--pose=1.0,0.32,0.19,3.1416,0,0"
     assert run([*record, "--name", "too_wide", bad]) == 1
     assert "into the shape" in capsys.readouterr().out
+    assert PrototypeLibrary.load("p").names == ("taught",)
+    assert run([*record, "--name", "too_wide", bad, "--force"]) == 1
     assert PrototypeLibrary.load("p").names == ("taught", "too_wide")
+
+
+def test_what_no_hand_spans_is_told_and_not_written(capsys, folder):
+    new = (
+        "prototype new --shape cylinder --diameter 0.3 --length 0.2 --name vat --out p"
+    )
+    assert run([*new.split(), "--preshape", "basic"]) == 1
+    said = capsys.readouterr().out
+    assert "too thick for the hand" in said
+    assert "wrote nothing" in said
+    assert not (folder / "p").exists()

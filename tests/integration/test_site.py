@@ -30,7 +30,7 @@ def site(tmp_path, dictionary) -> Path:
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Leave out the self-test, which another test runs."""
-    monkeypatch.setattr(doctor_checks, "self_test", lambda: [])
+    monkeypatch.setattr(doctor_checks, "self_test", lambda _: [])
 
 
 def test_plan_takes_robot_hand_dictionary_and_seed_from_the_site(
@@ -127,7 +127,7 @@ def test_the_doctor_plans_on_the_shipped_capture(run):
 
 def test_a_failing_self_test_is_a_fault(run, monkeypatch):
     faulty = [Finding("plan", "fault", "no grasp")]
-    monkeypatch.setattr(doctor_checks, "self_test", lambda: faulty)
+    monkeypatch.setattr(doctor_checks, "self_test", lambda _: faulty)
     ended = run("doctor")
     assert ended.status == 1
     assert ended.out.endswith("to mend: plan: no grasp\n")

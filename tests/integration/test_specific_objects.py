@@ -67,7 +67,6 @@ def test_a_marked_object_is_gripped_by_its_own_prototype(few, kind, prototypes):
     own = [g for g in result.plan.grasps if g.prototype in prototypes]
     assert own, [g.prototype for g in result.plan.grasps]
     best = own[0]
-    assert best.success_probability > 0.5  # sooner holds than not
     assert max(grasp.S for grasp in own) > 0.5
     assert depth_in_body(result, best, body) < 0.008
 

@@ -15,6 +15,7 @@ PACKAGE = Path(__file__).parents[2] / "debrisgrasp"
 LAYERS = {
     "errors": 0,
     "_arrays": 1,
+    "_checked": 1,
     "_files": 1,
     "_fields": 2,
     "_stopwatch": 1,

@@ -68,9 +68,10 @@ def patch_graph(
     sums[:, BorderSum.TOUCHING] = touches
     sums[:, BorderSum.A_NEARER] = ~touches & (near > far)
     sums[:, BorderSum.B_NEARER] = ~touches & (near < far)
+    sums[:, BorderSum.CUT] = touches & (np.diff(patches.face[ends], axis=1)[:, 0] == 0)
     sums[:, BorderSum.JUMP] = np.where(touches, 0.0, np.abs(1.0 / near - 1.0 / far))
     at = np.flatnonzero(touches)
-    sums[at, BorderSum.STEP :] = _contacts(
+    sums[at, BorderSum.STEP : BorderSum.CUT] = _contacts(
         cells,
         patches.planes,
         scale,
@@ -79,7 +80,27 @@ def patch_graph(
         (first[at], second[at]),
         0.5 * (near + far)[at],
     )
-    return RegionGraph.of_pairs(regions, ends, sums, labels)
+    cut = _cut_pairs(patches.face)
+    apart = np.zeros((len(cut), BorderSum.COUNT))
+    apart[:, BorderSum.CUT] = 1.0
+    return RegionGraph.of_pairs(
+        regions, np.concatenate([ends, cut]), np.concatenate([sums, apart]), labels
+    )
+
+
+def _cut_pairs(face: IntArray) -> IntArray:
+    """Pairs of patches that were cut from one face, touching or not, (k, 2)."""
+    order = np.argsort(face, kind="stable")
+    pairs = [
+        np.stack(np.triu_indices(count, 1), axis=1) + start
+        for start, count in zip(
+            *np.unique(face[order], return_index=True, return_counts=True)[1:],
+            strict=True,
+        )
+        if count > 1
+    ]
+    cut: IntArray = order[np.concatenate([np.empty((0, 2), dtype=np.int64), *pairs])]
+    return cut
 
 
 def _bridged(values: Float32Array, labels: IntArray) -> tuple[Float32Array, IntArray]:

@@ -69,7 +69,9 @@ class BorderSum:
     """Position in the camera frame [m]."""
     SPREAD = slice(15, 21)
     """Products xx, xy, xz, yy, yz, zz of positions [m^2]."""
-    COUNT = 21
+    CUT = 21
+    """1 where a face was cut between bars that lie flush."""
+    COUNT = 22
 
 
 _SWAPPED = np.arange(BorderSum.COUNT)

@@ -11,7 +11,7 @@ from debrisgrasp._arrays import FloatArray, IntArray
 
 from .cells import CellImage
 from .features import distant_pairs, pair_features
-from .graph import RegionGraph, RegionSum
+from .graph import BorderSum, RegionGraph, RegionSum
 from .patches import merged_into
 from .shapes import Shapes
 
@@ -21,6 +21,8 @@ _LEVELS = (0.9, 0.75, 0.6)
 """Scores above which regions merge first, so that sure joins shape the doubtful."""
 _CLEAR_COLOR = 0.15
 """Difference in the shares of red and green that tells two paints apart."""
+_CUT_SCORE = 0.4
+"""Most that speaks for bars being one object whose common face was cut."""
 _NOTABLE = 0.05
 """Share of an object from which a part of it is worth a doubt."""
 
@@ -89,8 +91,11 @@ def merged_regions(
 def _marked(
     graph: RegionGraph, which: IntArray, score: FloatArray, color_weight: float
 ) -> FloatArray:
-    """Scores after hearing what colours and somebody who marked an object say."""
+    """Scores after hearing what cuts, colours, and a mark on an object say."""
     a, b = graph.edges[which].T
+    border = graph.borders[which]
+    is_cut = border[:, BorderSum.CUT] > 0.5 * border[:, BorderSum.TOUCHING]
+    score = np.where(is_cut, np.minimum(score, _CUT_SCORE), score)
     if color_weight:
         color = graph.regions[:, RegionSum.COLOR]
         # Shares of red and green stay nearly the same in the shade.

@@ -19,6 +19,7 @@ from .cells import CellImage, cell_image
 from .evidence import fitted_evidence
 from .graph import BorderSum, RegionGraph
 from .merging import Merged, merged_regions
+from .notches import flush_bars_apart
 from .patches import planar_patches
 from .refine import pixel_patches
 
@@ -107,6 +108,7 @@ def singulate(
         min_cells=config.min_patch,
         of_interest=is_marked,
     )
+    patches = flush_bars_apart(cells, patches)
     graph = patch_graph(
         cells,
         patches,

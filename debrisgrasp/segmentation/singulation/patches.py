@@ -21,6 +21,7 @@ from .cells import CellImage
 __all__ = [
     "PlanarPatches",
     "fitted_planes",
+    "measured_patches",
     "merged_into",
     "neighbours",
     "planar_patches",
@@ -44,6 +45,8 @@ class PlanarPatches:
     moments: FloatArray
     """Sums over the cells of each patch of 1, x, y, d, xx, xy, yy, xd, yd, dd with
     d = 1/z, shape (10, p)."""
+    face: IntArray
+    """Patches with the same number were cut out of one plane, shape (p,)."""
 
     def __len__(self) -> int:
         return int(self.planes.shape[1])
@@ -73,7 +76,7 @@ def planar_patches(
     min_cells
         Smaller patches go, cell by cell, to the neighbours that fit best.
     """
-    ridge = cells.noise**2 * max(1.0, _CORRELATED / cells.edge**2)
+    ridge = _ridge(cells)
     labels = _blocks(cells.values, cells.standing, max_gap)
     row, column = np.nonzero(cells.standing)
     terms = _terms(cells, row, column)
@@ -97,7 +100,24 @@ def planar_patches(
     labels[row, column] = own
     kept = own >= 0
     moments = summed([t if t is None else t[kept] for t in terms], own[kept])
-    return PlanarPatches(labels, fitted_planes(moments, ridge)[0], moments)
+    return _measured(labels, moments, ridge)
+
+
+def measured_patches(cells: CellImage, labels: IntArray) -> PlanarPatches:
+    """Measure patches given by the label of each cell, shape (h, w)."""
+    row, column = np.nonzero(labels >= 0)
+    moments = summed(_terms(cells, row, column), labels[row, column])
+    return _measured(labels, moments, _ridge(cells))
+
+
+def _measured(labels: IntArray, moments: FloatArray, ridge: float) -> PlanarPatches:
+    planes = fitted_planes(moments, ridge)[0]
+    return PlanarPatches(labels, planes, moments, np.arange(planes.shape[1]))
+
+
+def _ridge(cells: CellImage) -> float:
+    """Variance of 1/z that counts as one [1/m^2]."""
+    return cells.noise**2 * max(1.0, _CORRELATED / cells.edge**2)
 
 
 def _terms(cells: CellImage, row: IntArray, column: IntArray) -> list[Any]:

@@ -35,7 +35,7 @@ function fillPage() {
     const row = body.insertRow();
     row.tabIndex = 0;
     row.append(make("td", grasp.rank, "number"), make("td", grasp.prototype),
-      make("td", `${grasp.gripper} ${grasp.preshape}`));
+      make("td", `${grasp.arm ?? ""} ${grasp.gripper} ${grasp.preshape}`));
     for (const key of ["S", "C", "R", "Q", "score"]) row.append(make("td", grasp[key].toFixed(2), "number"));
     row.addEventListener("click", () => choose(grasp.rank));
     row.addEventListener("keydown", (event) => { if (event.key === "Enter") choose(grasp.rank); });
@@ -75,7 +75,7 @@ function fillDetails(grasp) {
   const place = [0, 1, 2].map((i) => pose[i][3].toFixed(3)).join(", ");
   const down = Math.acos(Math.max(-1, Math.min(1, -pose[2][2]))) * 180 / Math.PI;
   const rows = [
-    ["Score", grasp.score.toFixed(3)], ["Q = S C R", grasp.Q.toFixed(3)],
+    ["Score", grasp.score.toFixed(3)], ["Q = S C R", `${grasp.Q.toFixed(3)} = ${["S", "C", "R"].map((k) => grasp[k].toFixed(2)).join(" · ")}`],
     ["Opening", mm(grasp.opening)], ["Closed", mm(grasp.width)],
     ["Approach", `${mm(grasp.approach)}, ${down.toFixed(0)}° from down`], ["Arm", grasp.arm ?? "floating hand"],
     ["Palm", `${place} m`], ...grasp.load,

@@ -160,6 +160,29 @@ def test_after_an_interruption_the_finished_runs_are_whole(tmp_path, marks, way)
         json.loads(path.read_text())
 
 
+@pytest.mark.parametrize("wait", [0.0, 0.3, 0.8])
+def test_ctrl_c_while_workers_start_says_nothing_of_them(tmp_path, marks, wait):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    out = tmp_path / "out"
+    process = subprocess.Popen(
+        [sys.executable, script, out, marks],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60
+    # The header is written just before workers are started.
+    while not (out / "campaign.json").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(wait)
+    os.killpg(process.pid, signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert told == ""
+
+
 def test_what_other_processes_can_not_be_sent_is_refused(tmp_path, marks):
     with pytest.raises(InputError, match="top of a module"):
         Campaign(specs=told(1, marks), run_one=lambda s: s, folder=tmp_path)

@@ -219,3 +219,13 @@ def test_payload_needs_two_orientations_for_its_whole_centre():
     one, is_complete = identify_payload(loads, raw[:1], R[:1])
     assert not is_complete
     assert one.mass == pytest.approx(8.0, abs=1e-9)
+    # Along gravity it is where it should be, across it where the torque says.
+    seen, _ = identify_payload(
+        loads, raw[:1], R[:1], expected_com=payload.com + 0.05 * R[0].T[:, 2]
+    )
+    np.testing.assert_allclose(seen.com, payload.com + 0.05 * R[0].T[:, 2], atol=1e-9)
+    across = R[0].T[:, 0]
+    seen, _ = identify_payload(
+        loads, raw[:1], R[:1], expected_com=payload.com + 0.05 * across
+    )
+    np.testing.assert_allclose(seen.com, payload.com, atol=1e-9)

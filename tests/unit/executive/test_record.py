@@ -27,11 +27,15 @@ def test_what_was_written_is_read_again(tmp_path):
     assert run.events[1]["values"] == [1.0, None]
 
 
-def test_captures_are_kept_beside_the_events(tmp_path):
+def picture(**more) -> Capture:
     camera = Intrinsics(fx=10.0, fy=10.0, cx=3.5, cy=2.5, width=8, height=6)
-    capture = Capture(
-        depth=np.ones((6, 8)), intrinsics=camera, T_base_camera=SE3.identity()
+    return Capture(
+        depth=np.ones((6, 8)), intrinsics=camera, T_base_camera=SE3.identity(), **more
     )
+
+
+def test_captures_are_kept_beside_the_events(tmp_path):
+    capture = picture()
     record = RunRecord(tmp_path, {})
     record.keep(capture, "capture_001")
     stored = load_run(tmp_path).capture("capture_001")
@@ -40,7 +44,9 @@ def test_captures_are_kept_beside_the_events(tmp_path):
 
 
 def test_a_folder_with_another_run_is_not_overwritten(tmp_path):
+    # A run that was refused before it began has left nothing to lose.
     RunRecord(tmp_path, {})
+    RunRecord(tmp_path, {}).write("state", {"state": "self_test"})
     with pytest.raises(OutputError, match="another run"):
         RunRecord(tmp_path, {})
 
@@ -53,6 +59,21 @@ def test_a_record_cut_off_in_a_line_is_read_up_to_it(tmp_path):
     run = load_run(tmp_path)
     assert len(run.events) == 1
     assert not run.is_whole
+
+
+def test_a_record_says_what_it_lacks(tmp_path):
+    record = RunRecord(tmp_path, {})
+    for number in (1, 2):
+        record.write("done", {"state": "capture"})
+        record.write("attempt", {"number": number})
+    assert load_run(tmp_path).missing == (
+        "the end of events.jsonl",
+        "captures/capture_001.npz",
+        "captures/capture_002.npz",
+    )
+    record.keep(picture(), "capture_001")
+    record.write("end", {"end": "cleared"})
+    assert load_run(tmp_path).missing == ("captures/capture_002.npz",)
 
 
 def test_a_damaged_line_in_the_middle_is_named(tmp_path):
@@ -72,10 +93,13 @@ def test_a_full_disk_leaves_the_last_line_whole_and_the_run_going(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (size + 20, before[1]))
         record.write("done", {"state": "capture", "words": "x" * 200})
         record.write("done", {"state": "segment"})
+        record.fault = ""
+        record.keep(picture(), "capture_001")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
         signal.signal(signal.SIGXFSZ, handler)
     assert record.fault
+    assert not list((tmp_path / "captures").iterdir())
     lines = (tmp_path / "events.jsonl").read_text().splitlines()
     assert [json.loads(line)["state"] for line in lines] == ["capture"]
 
@@ -107,7 +131,12 @@ def test_a_run_that_ends_early_differs_in_length():
 
 
 def test_a_task_survives_the_way_through_its_record():
-    task = SimulatedTask(seed=4, objects=2, faults=("slip@lift", "wrench_nan"))
+    task = SimulatedTask(
+        seed=4,
+        objects=2,
+        region=(0.8, -0.3, 0.2, 1.3, 0.3, 0.5),
+        faults=("slip@lift", "wrench_nan"),
+    )
     again = SimulatedTask.from_json(json.loads(json.dumps(task.to_json())))
     assert again == task
 
@@ -126,6 +155,11 @@ def test_faults_are_written_as_name_and_state():
         {"seed": -1},
         {"faults": ("slip@lft",)},
         {"faults": ("sleep",)},
+        {"faults": ("software_error",)},
+        {"region": (0.0, 0.0, 0.0, 1.0, 1.0)},
+        {"region": (1.0, 0.0, 0.0, 0.5, 1.0, 1.0)},
+        {"region": ("a", "b", "c", "d", "e", "f")},
+        {"region": (0.0,) * 3 + (1.0,) * 3, "mask": "capture.npz"},
     ],
 )
 def test_a_task_that_makes_no_sense_is_refused(wrong):

@@ -84,7 +84,7 @@ def failing(fault, times=99):
 
 
 def raising(error):
-    def step(_context):
+    def step(*_):
         raise error
 
     return step
@@ -112,19 +112,24 @@ def test_the_way_is_clear_when_select_says_so(run):
         *((state, InputError("x", got=1, expected="2")) for state in STAGES[1::2]),
     ],
 )
-def test_an_error_that_nobody_foresaw_ends_the_run_as_one_class(run, state, error):
-    result, _ = run({state: raising(error)})
-    assert result.end in (RunEnd.ABORTED, RunEnd.STOPPED)
-    assert isinstance(result.fault_class, FaultClass)
-    assert type(error).__name__ in result.faults[0].message
+def test_an_error_that_nobody_foresaw_is_the_softwares_and_stops_for_good(
+    run, fake, state, error
+):
+    result, record = run({state: raising(error)})
+    assert result.end is RunEnd.STOPPED
+    assert result.fault_class is FaultClass.SOFTWARE
+    assert [event.fault for event in result.faults] == ["software_error"]
+    assert f"{type(error).__name__} in test_run.py, line" in result.faults[0].message
+    assert all(arm.is_stopped for arm in fake.arms.values())
+    assert record.events[-1]["class"] == "software"
 
 
-@pytest.mark.parametrize("state", STAGES[::3])
-def test_an_error_while_moving_latches_a_stop(run, fake, state):
-    result, _ = run({state: raising(RuntimeError("bug"))})
-    is_moving = STAGES.index(state) >= STAGES.index(State.PREGRASP)
-    assert (result.end is RunEnd.STOPPED) == is_moving
-    assert all(arm.is_stopped for arm in fake.arms.values()) == is_moving
+def test_an_error_while_a_fault_is_answered_is_the_softwares(run, fake, monkeypatch):
+    monkeypatch.setattr(module, "recover", raising(RuntimeError("bug")))
+    result, _ = run({State.CAPTURE: failing("empty_cloud")})
+    assert result.end is RunEnd.STOPPED
+    assert result.fault_class is FaultClass.SOFTWARE
+    assert all(arm.is_stopped for arm in fake.arms.values())
 
 
 @pytest.mark.parametrize("state", STAGES)
@@ -190,11 +195,24 @@ def test_the_first_fault_in_stage_order_is_told_apart_from_the_last(run):
     assert result.fault_class is FaultClass.DRIVER
 
 
+def test_objects_that_no_try_could_take_end_the_run_in_order_with_their_reasons(run):
+    def nothing_more(context):
+        context.left = {"object 1": "no arm gets there"}
+        return FaultFound("no_grasp", "no candidate is left to try")
+
+    result, record = run({State.SELECT: nothing_more})
+    assert result.end is RunEnd.LEFT
+    assert result.left == {"object 1": "no arm gets there"}
+    assert result.fault_class is FaultClass.PLANNING
+    assert record.events[-1]["end"] == "left"
+
+
 def test_a_run_without_progress_ends(run):
     result, _ = run(
         {State.PLAN_GRASP: failing("no_grasp")}, TaskSettings(max_attempts=5)
     )
-    assert result.end is RunEnd.ABORTED
+    assert result.end is RunEnd.LEFT
+    assert result.fault_class is FaultClass.PLANNING
     assert len(result.attempts) == 5
 
 

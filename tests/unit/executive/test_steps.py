@@ -5,13 +5,28 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp.control import GripConfig, GripController
+from debrisgrasp.control import (
+    FingerReading,
+    GripConfig,
+    GripController,
+    GripPhase,
+    LegOutcome,
+)
 from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.calibrated import calib_check
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drag import drag, drive_back
 from debrisgrasp.executive.drive import Drive, LegEnd
+from debrisgrasp.executive.dropoff import (
+    _at_rest,
+    _is_met,
+    drop_postures,
+    object_in_hand,
+)
 from debrisgrasp.executive.moves import lying, reversed_motion
+from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.releasing import verify_release
+from debrisgrasp.executive.reposition import repositioned
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3
@@ -49,6 +64,10 @@ def test_a_camera_where_it_should_be_passes(pipeline):
     assert isinstance(found, Done)
     assert found.facts["hand_seen"]
     assert np.linalg.norm(found.facts["shift_mm"]) < 10.0
+    assert found.facts["camera"] == "steady"
+    # The next check judges its looks together with these.
+    assert isinstance(calib_check(task.context), Done)
+    assert len(task.context.camera_watch.looks) == 4
     assert fake.truth().violations == ()
 
 
@@ -59,6 +78,8 @@ def test_a_camera_that_is_off_by_five_centimetres_is_found_out(pipeline):
     assert isinstance(found, FaultFound)
     assert found.fault == "calibration_off"
     assert 0.04 < found.values["shift"] < 0.06
+    assert "the mount of the camera" in found.message
+    assert len(task.context.camera_watch.looks) == 2
 
 
 def test_a_base_that_drags_comes_back_to_where_it_was(pipeline):
@@ -82,6 +103,138 @@ def test_a_base_that_drags_comes_back_to_where_it_was(pipeline):
     assert drive_back(context) is None
     assert np.linalg.norm(fake.base.T_odom_base.p) < 0.1
     assert fake.truth().violations == ()
+
+
+@pytest.mark.parametrize(
+    ("openings", "forces", "state", "fault"),
+    [
+        ((0.05, 0.05, 0.05), (40.0, 20.0, 20.0), State.LIFT, None),
+        ((0.05, 0.05, 0.05), (40.0, 20.0, 20.0), State.TRANSPORT, "plan_collision"),
+        ((0.03, 0.03, 0.03), (40.0, 20.0, 20.0), State.TRANSPORT, "slip"),
+        ((0.05, 0.05, 0.05), (0.0, 0.0, 0.0), State.LIFT, "slip"),
+    ],
+)
+def test_weight_that_goes_while_fingers_stay_is_borne_by_something(
+    pipeline, monkeypatch, openings, forces, state, fault
+):
+    _, task = executive(pipeline)
+    context, drive = task.context, Drive(task.context, "right")
+    sides = tuple(finger.side for finger in drive.limb.hand.fingers)
+    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=sides, period=0.04))
+    before = FingerReading((0.05,) * 3, (40.0, 20.0, 20.0))
+    held = grip.preshape(before)._replace(
+        phase=GripPhase.HOLDING, held_openings=before.openings, most_carried=30.0
+    )
+    context.held = Held(arm="right", grip=grip, watch=grip, state=held, is_lifted=True)
+    context.state = state
+    monkeypatch.setattr(drive, "fingers", lambda: FingerReading(openings, forces))
+    monkeypatch.setattr(drive, "carried", lambda _load: 10.0)
+    found = [drive._watched_fingers((0.0,) * 6) for _ in range(3)]
+    names = [f.fault for f in found if f is not None]
+    assert names[:1] == ([] if fault is None else [fault])
+
+
+def test_a_base_drives_to_where_the_arms_reach_and_takes_along_what_it_knows(pipeline):
+    fake, task = executive(pipeline)
+    context = task.context
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    place, beside = np.array([1.3, 0.0, 0.05]), np.array([0.25, 0.75, 0.1])
+    failed = FaultFound("unreachable", "no arm gets there")
+    context.marks.add(place, failed, n_changes=0, is_search=True)
+    context.dropped.append(beside[None])
+    border = np.array([1.89, 0.0, 0.0])
+    assert context.is_in_way(border)
+    moved = repositioned(context, [place])
+    assert moved == pytest.approx(0.35, abs=0.03)
+    assert fake.base.T_odom_base.p[0] == pytest.approx(moved, abs=1e-6)
+    shift = np.array([moved, 0.0, 0.0])
+    assert context.marks.failures(place - shift) == 1
+    assert not context.marks.why_left(place - shift, context.n_changes, tries=1)
+    np.testing.assert_allclose(context.dropped[0][0], beside - shift, atol=1e-6)
+    assert not context.is_in_way(border)
+    assert context.is_in_way(border - shift)
+    assert fake.truth().violations == ()
+
+
+def test_a_base_stays_where_something_stands_before_it_or_nothing_is_gained(pipeline):
+    fake, task = executive(pipeline)
+    context = task.context
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    assert repositioned(context, [np.array([0.98, 0.0, 0.1])]) == 0.0
+    n = len(context.cycle.seen.cloud.points)
+    context.fallen.append(np.tile([[0.5, 0.1, 0.2]], (n // 20, 1)))
+    assert repositioned(context, [np.array([1.3, 0.0, 0.1])]) == 0.0
+    assert np.linalg.norm(fake.base.T_odom_base.p) == 0.0
+
+
+def test_the_unseen_underside_is_as_far_down_as_the_object_is_wide(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    segments = context.cycle.seen.segmentation.segments
+    context.cycle.label = min(
+        segments, key=lambda s: np.linalg.norm(s.centroid - [1.3, 0.0, 0.05])
+    ).label
+    hand = SE3.from_parts(p=[1.3, 0.0, 0.3])
+    points = hand.apply(object_in_hand(context, hand, 0.05))
+    # A brick 6 cm high: its top was seen, and some of its front.
+    assert points[:, 2].max() == pytest.approx(0.06, abs=0.02)
+    assert -0.07 < points[:, 2].min() < 0.03
+
+
+def test_a_hand_that_is_caught_as_it_rises_is_not_free(pipeline, monkeypatch):
+    _, task = executive(pipeline)
+    context = task.context
+    grip = GripController(GripConfig(opening=0.1, width=0.05))
+    state = grip.preshape(Drive(context, "right").fingers())
+    context.released = Held(arm="right", grip=grip, watch=grip, state=state)
+    monkeypatch.setattr(
+        Drive, "leg", lambda *_args, **_options: LegEnd(LegOutcome.CONTACT, 0.2, 0.04)
+    )
+    found = verify_release(context)
+    assert isinstance(found, FaultFound)
+    assert found.fault == "not_released"
+    assert context.held is context.released
+    assert context.n_removed == 0
+
+
+def test_nothing_is_put_down_where_the_arm_rests(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    balls = _at_rest(context, context.limbs["right"])
+    points = np.zeros((1, 3))
+    poses = SE3(
+        np.stack([SE3.from_parts(p=p).matrix for p in (balls[3, :3], [3.0, 0.0, 0.0])])
+    )
+    assert _is_met(balls, points, poses).tolist() == [True, False]
+
+
+def test_postures_over_a_drop_off_hold_the_object_over_the_ground_and_are_free(
+    pipeline,
+):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    q, asked = context.posture(limb), []
+
+    def is_free(rows):
+        asked.append(rows)
+        return np.full(len(rows), len(asked) > 3)
+
+    points = np.array(np.meshgrid([-0.1, 0.1], [-0.05, 0.05], [0.1, 0.2])).T
+    found = drop_postures(context, limb, points.reshape(-1, 3), q, is_free, 2)
+    assert len(found) == 2
+    assert len(asked) == 5
+    for row in found:
+        where = limb.pose(row).apply(points.reshape(-1, 3))
+        assert where[:, 2].min() == pytest.approx(
+            context.settings.drop_height, abs=2e-3
+        )
+        middle = 0.5 * (where.min(axis=0) + where.max(axis=0))[:2]
+        assert np.linalg.norm(middle - context.settings.drop_off["right"]) < 0.5
 
 
 def test_a_motion_run_backwards_ends_where_it_began():

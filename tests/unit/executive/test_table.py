@@ -58,8 +58,24 @@ def test_nothing_left_to_try_ends_the_run_instead_of_asking_forever():
 
 def test_faults_of_the_wrench_stop_in_every_state():
     for state in STAGES:
-        for fault in ("wrench_nan", "wrench_frozen", "bias_jump", "oscillation"):
+        for fault in ("wrench_nan", "wrench_frozen"):
             assert answer_to(state, fault).action is Action.STOP
+
+
+@pytest.mark.parametrize("fault", ["bias_jump", "oscillation"])
+def test_a_wrench_that_jumps_or_swings_stops_for_good_where_nothing_is_gripped(fault):
+    for state in (State.PREGRASP, State.SWITCH, State.APPROACH, State.RETREAT):
+        assert answer_to(state, fault).action is Action.STOP
+
+
+@pytest.mark.parametrize("fault", ["bias_jump", "oscillation"])
+@pytest.mark.parametrize("state", [State.CLOSE, *HOLDING])
+def test_with_rubble_in_the_hand_the_zero_is_taken_anew_a_few_times(state, fault):
+    answer = answer_to(state, fault)
+    assert answer.action is Action.RETRY
+    assert answer.is_cleared_up
+    assert answer.resume is State.SELF_TEST
+    assert answer_to(state, fault, used=answer.budget).action is Action.STOP
 
 
 def test_an_unknown_fault_is_refused_with_the_known_ones():

@@ -8,6 +8,7 @@ import pytest
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive import TaskSettings
 from debrisgrasp.executive.marks import Marks
+from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.triage import Way, judge
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.prototypes import GripperModel
@@ -64,25 +65,49 @@ def test_structures_are_left_and_every_verdict_has_its_reason():
     assert "2.8 m" in verdict.reason
 
 
-def test_a_plan_that_failed_is_tried_again_only_after_another_removal():
-    marks = Marks()
-    marks.add([1.0, 0.0, 0.1], "no_grasp", "none found", n_removed=2)
-    assert marks.why_left([1.01, 0.0, 0.1], 2, tries=2)
+def test_a_search_in_vain_is_repeated_and_then_waits_for_another_removal():
+    marks, found = Marks(), FaultFound("no_grasp", "none found")
+    for _ in range(2):
+        assert not marks.why_left([1.01, 0.0, 0.1], 2, tries=2)
+        marks.add([1.0, 0.0, 0.1], found, n_changes=2, is_search=True)
+    assert "2 searches" in marks.why_left([1.01, 0.0, 0.1], 2, tries=2)
     assert not marks.why_left([1.01, 0.0, 0.1], 3, tries=2)
 
 
 def test_a_grip_that_failed_is_tried_as_often_as_allowed():
-    marks = Marks()
+    marks, found = Marks(), FaultFound("empty_grip", "nothing there")
     place = [1.0, 0.0, 0.1]
-    marks.add(place, "empty_grip", "nothing there", n_removed=0)
-    assert not marks.why_left(place, 0, tries=2)
-    marks.add(place, "empty_grip", "nothing there", n_removed=0)
-    assert "2 tries" in marks.why_left(place, 5, tries=2)
+    for _ in range(2):
+        assert not marks.why_left(place, 0, tries=2)
+        marks.add(place, found, n_changes=0)
+    assert "2 tries" in marks.why_left(place, 0, tries=2)
+    # One more for each object that was on or beside it.
+    assert not marks.why_left(place, 1, tries=2)
+    marks.add(place, found, n_changes=1)
+    assert marks.why_left(place, 1, tries=2)
+
+
+def test_two_faults_in_one_try_are_one_try():
+    marks, found = Marks(), FaultFound("slip", "the object slips")
+    place = [1.0, 0.0, 0.1]
+    marks.add(place, found, n_changes=0)
+    mark = marks.add(place, found, n_changes=0, is_same_try=True)
+    assert mark.tries == 1
+
+
+def test_what_is_caught_once_is_not_heavy_but_what_was_weighed_is():
+    marks, stuck = Marks(), FaultFound("too_heavy", "130 N")
+    place = [1.0, 0.0, 0.1]
+    assert not marks.add(place, stuck, n_changes=0).is_heavy
+    assert marks.add(place, stuck, n_changes=0).is_heavy
+    weighed = FaultFound("too_heavy", "12 kg", None, {"mass": 12.0})
+    assert Marks().add(place, weighed, n_changes=0).is_heavy
 
 
 def test_marks_of_other_places_do_not_count():
     marks = Marks()
-    marks.add([1.0, 0.0, 0.1], "too_heavy", "12 kg", n_removed=0)
+    weighed = FaultFound("too_heavy", "12 kg", None, {"mass": 12.0})
+    marks.add([1.0, 0.0, 0.1], weighed, n_changes=0)
     assert marks.of([1.0, 0.2, 0.1]) is None
     assert marks.why_left([1.0, 0.0, 0.1], 9, tries=9)
 

@@ -69,7 +69,7 @@ def pose_with(place, value):
         ({"mask": np.zeros((64, 48), bool)}, "mask"),
         ({"labels": np.zeros((48, 64))}, "labels"),
         ({"points": np.ones((9, 3)), "viewpoint": np.zeros(3)}, "both"),
-        ({"labels": np.array([[None] * 64] * 48)}, "objects are not loaded"),
+        ({"labels": np.array([[None] * 64] * 48)}, "objects rather than numbers"),
     ],
     ids=str,
 )

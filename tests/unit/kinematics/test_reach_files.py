@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import shutil
 import warnings
 from dataclasses import fields, replace
@@ -98,15 +99,43 @@ def test_a_damaged_or_foreign_file_is_replaced_with_a_warning(
         _assert_equal(cached_reach_map(arm, SMALL), built)
 
 
-def test_a_map_of_another_version_is_built_again_and_the_message_says_so(
-    arm: KinematicChain, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_map_of_another_version_is_refused(
+    arm: KinematicChain,
+    small: ReachMap,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(reach_files, "_maker", lambda: "0123")
-        cached_reach_map(arm, SMALL)
-    with pytest.warns(UserWarning, match=r"version of the code.*out of date.*again"):
-        cached_reach_map(arm, SMALL)
-    assert len(list(own_cache.iterdir())) == 1
+        save_reach_map(small, tmp_path / "map.npz")
+    with pytest.raises(ConfigError, match=r"version of the code.*out of date"):
+        load_reach_map(tmp_path / "map.npz", arm)
+
+
+def test_a_few_versions_of_the_code_share_the_cache_and_the_oldest_go(
+    arm: KinematicChain,
+    small: ReachMap,
+    own_cache: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    n_built = 0
+
+    def build(*_: object) -> ReachMap:
+        nonlocal n_built
+        n_built += 1
+        return small
+
+    monkeypatch.setattr(ReachMap, "build", build)
+    versions = ["a", "b", "a", "b", "c", "d", "b", "c"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for second, version in enumerate(versions):
+            monkeypatch.setattr(reach_files, "_maker", lambda version=version: version)
+            cached_reach_map(arm, SMALL)
+            for path in own_cache.glob(f"*-{version}.npz"):
+                os.utime(path, (second, second))
+    assert n_built == 4
+    assert len(list(own_cache.iterdir())) == 3
 
 
 @pytest.mark.parametrize("obstacle", ["file", "folder"])

@@ -43,11 +43,11 @@ def contacts(tilts: dict[int, float], T: SE3 | None = None, n: int = 5) -> PadCo
 
 
 def at(found: PadContacts, T: SE3 | None = None) -> float:
-    return float(found((T or SE3.identity()).matrix[None], FIRST)[0])
+    return float(found.look((T or SE3.identity()).matrix[None], FIRST).probability[0])
 
 
 def test_angles_are_those_of_the_faces_thumb_side_first():
-    angles = contacts({-1: 0.2, 1: 0.9}).angles(np.eye(4)[None], FIRST)
+    angles = contacts({-1: 0.2, 1: 0.9}).look(np.eye(4)[None], FIRST).angles
     assert_allclose(angles, [[0.2, 0.9]], atol=1e-3)
 
 
@@ -105,19 +105,35 @@ def half_seen(shape: str, half: float, middle: float) -> PadContacts:
 @pytest.mark.parametrize(("half", "middle"), [(0.03, 0.0), (0.045, 0.005)])
 def test_the_seen_part_tells_where_the_hidden_side_is(shape, half, middle):
     found = half_seen(shape, half, middle)
-    thumb, pair = found.room(np.eye(4)[None], FIRST)[0]
+    thumb, pair = found.look(np.eye(4)[None], FIRST).room[0]
     assert thumb == pytest.approx(PROTOTYPE.opening / 2 - (half - middle), abs=0.008)
     assert np.isinf(pair)
     assert at(found) > 0.9
-    assert not found.is_too_wide(np.eye(4)[None], FIRST)
+    assert not found.look(np.eye(4)[None], FIRST).is_too_wide[0]
 
 
 def test_a_finger_that_would_land_on_the_hidden_side_rules_the_pose_out():
     half = 0.06
     found = half_seen("pipe", half, half - PROTOTYPE.opening / 2 - 0.02)
-    assert found.room(np.eye(4)[None], FIRST)[0, 0] < 0.0
-    assert found.is_too_wide(np.eye(4)[None], FIRST)
+    assert found.look(np.eye(4)[None], FIRST).room[0, 0] < 0.0
+    assert found.look(np.eye(4)[None], FIRST).is_too_wide[0]
     assert at(found) < CONFIG.least
+
+
+def test_what_goes_on_to_where_a_finger_comes_down_has_no_side_before_it():
+    across = np.linspace(-0.03, PROTOTYPE.opening / 2 - 1e-3, 40)
+    points = np.stack(
+        [across, np.full(40, PADS[:, 1].mean()), np.full(40, 0.06)], axis=1
+    )
+    beside = 0.004 * np.array([[[0.0, k, 0.0]] for k in range(3)])
+    points = (points + beside).reshape(-1, 3)
+    cloud = PointCloud(points, np.tile([0.0, 0.0, -1.0], (120, 1)), np.zeros(3))
+    scene = SimpleNamespace(cloud=cloud, is_target=np.ones(120, dtype=bool))
+    found = PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
+    look = found.look(np.eye(4)[None], FIRST)
+    assert look.room[0, 0] > 0.01 >= 0.0 >= look.room[0, 1]
+    assert not look.is_seen[0]
+    assert look.probability[0] < 0.5
 
 
 def test_one_flat_face_tells_nothing_of_the_side_behind_it():

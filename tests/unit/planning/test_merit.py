@@ -64,7 +64,18 @@ def test_what_is_climbed_is_close_to_what_ranks(merit, Ts):
     assert 5 < ok.sum() < 55
     climbed = np.exp(merit(Ts, WHICH, NOTHING))
     # Eight looks instead of sixteen.
-    assert climbed[ok] == pytest.approx(modes.score[ok], abs=0.05)
+    assert climbed[ok] == pytest.approx(modes.score[ok], abs=0.07)
+
+
+def test_sight_is_the_evidence_where_a_side_was_not_seen(merit, Ts):
+    every, none = np.ones(60, dtype=bool), np.zeros(60, dtype=bool)
+    seen, _ = merit.sight(Ts, WHICH, every)
+    unseen, is_guess = merit.sight(Ts, WHICH, none)
+    evidence = merit.fine.evidence_of_thickness(Ts, WHICH)
+    assert unseen == pytest.approx(np.minimum(evidence / 0.5, 1.0))
+    is_blind = merit.clearance.is_blind(Ts, WHICH)
+    assert (seen[~is_blind] == 1.0).all()
+    assert (is_guess == (is_blind & (unseen < 1.0))).all()
 
 
 def test_what_is_ruled_out_is_worth_less(merit, Ts):

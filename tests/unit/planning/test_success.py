@@ -17,10 +17,11 @@ from debrisgrasp.planning.success import success_terms
 MODEL = SuccessModel.load()
 GOOD = {
     "expected": 0.5, "contact": 1.0, "demand": 0.2, "lever": 0.3, "margin": 0.02,
-    "slack": 0.015,
+    "slack": 0.015, "sight": 0.8,
 }  # fmt: skip
 BETTER = {
     "expected": 1, "contact": 1, "demand": -1, "lever": -1, "margin": 1, "slack": 1,
+    "sight": 1,
 }  # fmt: skip
 """Sign of what is good."""
 
@@ -55,6 +56,8 @@ def test_what_no_flight_covered_is_said_to_be_extrapolated():
     usual = MODEL.forecast(np.clip(terms_of(), MODEL.lower, MODEL.upper))
     assert usual.outside == ()
     assert "extrapolated" not in usual.in_words
+    assert "guess" not in usual.in_words
+    assert "guess" in MODEL.forecast(terms_of(sight=0.1)).in_words
     heavy = MODEL.forecast(terms_of(demand=1e4))
     assert "load" in heavy.outside
     assert "extrapolated in load" in heavy.in_words

@@ -138,8 +138,10 @@ class StubWorld:
     def stick(self, seconds: float) -> None:
         self.log.append(("stick", seconds))
 
-    def misplace(self, margin: float, arm: str | None) -> None:
-        self.log.append(("misplace", margin, arm))
+    def misplace(self, margin: float, arm: str | None) -> bool:
+        if not self.is_held:
+            self.log.append(("misplace", margin, arm))
+        return not self.is_held
 
 
 def stub_robot(model: RobotModel) -> Robot:

@@ -13,7 +13,7 @@ from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.robot.shapes import BodyShape, HandShape, planes_of
-from debrisgrasp.robot.touch import GROUND, Touch
+from debrisgrasp.robot.touch import GROUND, PALM, Touch
 from debrisgrasp.worlds import Body, Ground
 from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam, downwards, turned
 
@@ -108,6 +108,19 @@ def test_a_post_under_the_palm_pushes_and_turns_it(x, y, depth, yaw):
     lever = np.array([x, y, 0.0])
     # The pressed area is that of the post: its centre is met to some millimetres.
     assert np.allclose(moment, np.cross(lever, force), atol=0.008 * K * depth)
+
+
+def test_a_hand_pressed_into_a_thin_wall_does_not_come_out_at_its_back():
+    half, top = 0.005, 0.3
+    wall = Body(
+        "wall", "wall", (Box(np.array([0.3, 0.3, half])),), 50.0,
+        SE3.from_parts(p=[0.8, 0.1, top - half]),
+    )  # fmt: skip
+    touch, shapes = _touch(FakeConfig()), _shapes(wall)
+    for depth in np.linspace(1e-3, 1.8 * half, 40):
+        T = downwards(0.8, 0.1, top - depth, 0.0)
+        palm = [s for s in touch.springs(T.R, T.p, shapes, ()) if s.owner == PALM]
+        assert palm[0].force[2] == pytest.approx(K * depth, rel=0.01)
 
 
 def test_moving_everything_together_changes_nothing(rng):

@@ -8,10 +8,12 @@ import pytest
 from debrisgrasp.control import GripCommand
 from debrisgrasp.geometry import SE3
 from debrisgrasp.robot import FakeConfig
+from debrisgrasp.robot.drives import Timeline
+from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.robot.holding import is_enclosed
-from debrisgrasp.robot.touch import Spring
-from debrisgrasp.worlds import make_body
-from tests.unit.robot.rigs import FAR, Rig, beam
+from debrisgrasp.robot.touch import Spring, Touch
+from debrisgrasp.worlds import Ground, World, make_body
+from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam
 
 BAR = (0.8, -0.3, 0.0445)
 G = 9.81
@@ -256,3 +258,41 @@ def test_fingers_that_open_push_no_harder_than_they_were_told():
     assert before < 30.0
     assert min(rig.hand.read().openings) < 0.15 - 5e-3
     assert rig.fake.truth().peak_force["right"] < 80.0
+
+
+def test_a_body_that_appears_in_a_hand_lies_against_it_and_does_not_strike():
+    rig = Rig([FAR])
+    bar = beam("bar", 3.0, (0.8, -0.3, 0.0445))
+    rig.fake.change_world(lambda world: World((*world.bodies, bar)))
+    rig.wait(0.1)
+    overlapping = beam("other", 3.0, (0.8, -0.3, 0.1))
+    rig.fake.change_world(lambda world: World((*world.bodies, overlapping)))
+    rig.wait(0.1)
+    assert rig.fake.truth().peak_force["right"] < 1.0
+
+
+def test_a_joint_jumps_out_of_its_limits_only_away_from_bodies():
+    near, away = Rig([beam("bar", 3.0, (0.8, -0.3, 0.0445))]), Rig([FAR])
+    before = tuple(near.arm.read().q)
+    assert not near.fake.misplace(0.01, "right")
+    assert tuple(near.arm.read().q) == before
+    assert away.fake.misplace(0.01, "right")
+    assert tuple(away.arm.read().q) != before
+
+
+@pytest.mark.parametrize("name", ["robotiq_3f", "camhand"])
+def test_fingers_feel_what_their_links_sweep_against(name):
+    config = FakeConfig()
+    hand = FakeGripper(GRIPPERS[name], Timeline(0.004), config, [])
+    touch = Touch(hand, Ground.level(), config)
+    preshape, opening = hand.shape, 0.6 * hand.openings[0]
+    hand.openings = [opening] * len(hand.openings)
+    here = touch.shape.points(preshape, hand.openings)
+    wider = touch.shape.points(preshape, [x + 1e-3 for x in hand.openings])
+    for finger in range(len(hand.openings)):
+        rows = touch.shape.owned[finger + 1]
+        moves = (wider - here)[rows]
+        fastest = int(np.linalg.norm(moves, axis=1).argmax())
+        way = moves[fastest] / np.linalg.norm(moves[fastest])
+        felt = touch.felt(finger + 1, here[rows][fastest], 10.0 * way)
+        assert felt == pytest.approx(10.0, abs=0.5)

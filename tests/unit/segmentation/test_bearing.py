@@ -6,13 +6,15 @@ import pytest
 from debrisgrasp.segmentation import SupportConfig
 from debrisgrasp.segmentation.bearing import (
     BEARING,
-    BURDEN,
+    CONTACT,
     Seen,
     bearing_evidence,
-    bearing_features,
-    burden_evidence,
-    burden_features,
+    contact_evidence,
+    contact_features,
+    in_context,
+    judged_relations,
 )
+from debrisgrasp.segmentation.burden import BURDEN, burden_evidence, burden_features
 from debrisgrasp.segmentation.support import labelled_surface
 
 from .clouds import box_at, labelled, scene_cloud, truth_of
@@ -35,9 +37,9 @@ def seen() -> Seen:
 
 
 def test_each_contact_is_looked_at_from_both_ends(seen):
-    relations, features = bearing_features(seen)
+    relations, features = contact_features(seen)
     assert relations.tolist() == [[1, 2], [2, 1]]
-    low, high = (dict(zip(BEARING, row, strict=True)) for row in features)
+    low, high = (dict(zip(CONTACT, row, strict=True)) for row in features)
     assert high["slope_above"] == low["slope_below"] > 0 > high["slope_below"]
     for turned in ("front", "normal_up", "rise", "apart", "middle_rise"):
         assert high[turned] == pytest.approx(-low[turned])
@@ -47,12 +49,27 @@ def test_each_contact_is_looked_at_from_both_ends(seen):
     assert high["overlap_back"] < 0.6
     assert high["normal_up"] > 0.8
     assert high["rise"] > 0.3
-    assert high["guess_back"] == low["guess"] < 0.5 < high["guess"]
+    low, high = contact_evidence().probability(features)
+    assert low < 0.5 < high
+
+
+def test_relations_are_judged_among_the_others():
+    relations = np.array([[1, 2], [1, 3], [2, 1], [3, 1]])
+    features = np.zeros((4, len(CONTACT)))
+    alone = np.array([0.6, 0.9, 0.1, 0.2])
+    among = in_context(relations, features, alone)
+    first, second = (dict(zip(BEARING, row, strict=True)) for row in among[:2])
+    assert first["alone"] == 0.6
+    assert first["back"] == 0.1
+    assert first["other_support"] == first["other_supports"] == 0.9
+    assert first["others_on_above"] == second["others_on_above"] + 0.1 == 0.2
+    assert first["lead"] == pytest.approx(-0.3)
+    assert first["others_on_below"] == 0.0
 
 
 def test_heights_are_those_over_the_ground(seen):
-    relations, features = bearing_features(seen)
-    high = dict(zip(BEARING, features[1], strict=True))
+    relations, features = contact_features(seen)
+    high = dict(zip(CONTACT, features[1], strict=True))
     assert relations[1].tolist() == [2, 1]
     assert high["contact_height"] == pytest.approx(0.2, abs=0.02)
     assert high["lowest_above"] == pytest.approx(0.2, abs=0.02)
@@ -62,8 +79,7 @@ def test_heights_are_those_over_the_ground(seen):
 
 
 def test_a_burden_is_told_from_what_was_seen_to_lie_on_it(seen):
-    relations, features = bearing_features(seen)
-    confidence = bearing_evidence().probability(features)
+    relations, confidence = judged_relations(seen)
     burden = burden_features(relations, confidence, seen)
     assert burden.shape == (3, len(BURDEN))
     carries = burden[:, BURDEN.index("carries")]
@@ -80,14 +96,19 @@ def test_objects_without_contacts_have_no_relations():
     segmentation = labelled(cloud, truth_of(cloud, SOLIDS[2:]))
     surface = labelled_surface(segmentation, cloud, config)
     seen = Seen.of(segmentation, cloud, surface, config.reach)
-    relations, features = bearing_features(seen)
+    relations, confidence = judged_relations(seen)
     assert relations.shape == (0, 2)
-    assert features.shape == (0, len(BEARING))
+    assert confidence.shape == (0,)
     assert burden_features(relations, np.zeros(0), seen).shape == (1, len(BURDEN))
 
 
 @pytest.mark.parametrize(
-    ("evidence", "names"), [(bearing_evidence, BEARING), (burden_evidence, BURDEN)]
+    ("evidence", "names"),
+    [
+        (contact_evidence, CONTACT),
+        (bearing_evidence, BEARING),
+        (burden_evidence, BURDEN),
+    ],
 )
 def test_shipped_evidence_stays_doubtful_when_nothing_is_known(evidence, names):
     assert evidence().features.max() < len(names)

@@ -96,6 +96,19 @@ def test_a_little_ground_is_not_enough_evidence():
     assert "points lie on the ground" in report.reason
 
 
+def test_a_little_ground_exactly_where_it_should_be_goes():
+    # A field of blocks that leaves little of the floor to see.
+    strip = FLOOR[FLOOR[:, 1] < -0.35]
+    blocks = plate((0.4, 1.6), (-0.34, 0.6), z=0.3, spacing=0.007)
+    cloud = cloud_of(np.concatenate([strip, blocks]), UP)
+    is_ground, report = find_ground(cloud, GroundConfig())
+    assert 0.1 < report.inlier_share < 0.25
+    assert report.status == "removed"
+    np.testing.assert_array_equal(np.flatnonzero(is_ground), np.arange(len(strip)))
+    lifted = cloud_of(cloud.points + np.array([0.0, 0.0, 0.03]), UP)
+    assert find_ground(lifted, GroundConfig())[1].status == "skipped"
+
+
 def test_nothing_but_ground_stays():
     _, report = find_ground(cloud_of(FLOOR, UP), GroundConfig())
     assert report.status == "skipped"

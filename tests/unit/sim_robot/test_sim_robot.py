@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("mujoco")
 
 from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.executive import TaskSettings
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.robot import Injection, inject
@@ -119,7 +120,8 @@ def test_what_is_put_down_elsewhere_counts_as_removed():
 
 def test_pressing_on_the_ground_pushes_the_hand_up():
     rig = SimRig([FAR], place=(0.8, -0.3, 0.16))
-    rig.move(0.0, 0.0, -0.06, speed=0.03, until=lambda: np.abs(rig.load).max() > 30.0)
+    speed = TaskSettings().approach_speed
+    rig.move(0.0, 0.0, -0.06, speed=speed, until=lambda: np.abs(rig.load).max() > 30.0)
     push = rig.chain.fk(rig.arm.read().q).R @ rig.load[:3]
     assert push[2] > 20.0
     assert rig.fake.truth().peak_force["right"] < 150.0

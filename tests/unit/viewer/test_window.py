@@ -162,7 +162,7 @@ def test_saved_plans_are_shown_with_their_capture_and_motions(
     assert opened.robot.name == "roman"
     with pytest.raises(ConfigError, match="--capture"):
         content_of(tmp_path / "grasps.json")
-    (tmp_path / "motion.json").write_text('{"schema": "debrisgrasp/motion/1"}')
+    (tmp_path / "motion.json").write_text('{"schema": "debrisgrasp/motion/2"}')
     with pytest.raises(ConfigError, match="no field 'motions'"):
         content_of(
             tmp_path / "grasps.json", capture=capture, motion=tmp_path / "motion.json"

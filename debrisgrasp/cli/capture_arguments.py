@@ -1,0 +1,187 @@
+"""Arguments of the commands that look at a capture or plan on it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import debrisgrasp
+from debrisgrasp._arrays import require_range
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import Bounds
+from debrisgrasp.io import Capture
+from debrisgrasp.settings import Settings
+
+from .policy_arguments import add_policy, policy_of
+from .site_arguments import add_site, site_of
+
+__all__ = [
+    "add_capture",
+    "add_planning",
+    "load_capture",
+    "planned",
+    "progress",
+    "refuse_planning",
+    "seed",
+]
+
+_HEAVIEST = 1e4
+"""More than this [kg] can only be grams."""
+
+
+def add_capture(
+    parser: argparse.ArgumentParser,
+    what: str = "a .npz, .ply or .pcd file, a 16-bit depth .png, or a folder",
+) -> None:
+    """Add the capture, the pose and lens of its camera, the site, and ``--json``."""
+    parser.add_argument(
+        "capture",
+        type=_some_path,
+        help=what,
+    )
+    camera = parser.add_argument_group("where the camera is, and what it is")
+    camera.add_argument(
+        "--camera-pose",
+        metavar="POSE",
+        help="pose of the camera in the base frame, if the capture has none: a file "
+        "with a 4x4 matrix, x,y,z,roll,pitch,yaw, or 'level' for a stored level frame; "
+        "write --camera-pose=-0.1,... where it starts with a minus",
+    )
+    camera.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="result of `debrisgrasp calibrate`, taken for the pose of the camera",
+    )
+    camera.add_argument(
+        "--camera-file", metavar="FILE", help="JSON or YAML camera of a depth PNG"
+    )
+    camera.add_argument(
+        "--viewpoint",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "Z"),
+        help="position of the sensor in the frame of a cloud, metres",
+    )
+    add_site(parser)
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON for machines instead of text"
+    )
+
+
+def load_capture(
+    arguments: argparse.Namespace, settings: Settings | None = None
+) -> Capture:
+    """Read the capture as the arguments and the site say."""
+    settings = settings or site_of(arguments)
+    return settings.capture(arguments.capture, viewpoint=arguments.viewpoint)
+
+
+def _some_path(text: str) -> Path:
+    """Parse a path; an empty one would mean the working folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty, expected a file or folder")
+    return Path(text)
+
+
+def add_planning(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say with what, on what and for how long to plan."""
+    search = parser.add_argument_group("with what, on what and for how long")
+    search.add_argument(
+        "--robot",
+        help="a shipped robot, a YAML file, or 'none' for a floating hand "
+        "(default: roman)",
+    )
+    add_policy(search)
+    search.add_argument("--arm", help="use only this arm")
+    search.add_argument("--gripper", help="use only this hand")
+    search.add_argument("--prototypes", metavar="DIR", help="folder of prototype files")
+    search.add_argument(
+        "--grippers", metavar="DIR", help="folder of files of further hands"
+    )
+    search.add_argument(
+        "--region",
+        nargs=6,
+        type=float,
+        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
+        help="seek grasps only in this box, base frame, metres",
+    )
+    search.add_argument(
+        "--object", type=int, metavar="N", help="seek grasps only on this object"
+    )
+    search.add_argument("--seed", type=seed, help="default: 0")
+    search.add_argument(
+        "--deadline", type=float, metavar="S", help="settle after so many seconds"
+    )
+    search.add_argument(
+        "--mass",
+        type=float,
+        metavar="KG",
+        help="what the first object that is tried weighs, if known",
+    )
+
+
+def refuse_planning(arguments: argparse.Namespace, reason: str) -> None:
+    """Refuse arguments of a search where there is none."""
+    search = ("arm", "gripper", "prototypes", "policy", "priority_point", "pick")
+    for name in (*search, "region", "object", "mass"):
+        if getattr(arguments, name) is not None:
+            option = "--" + name.replace("_", "-")
+            raise ConfigError(
+                option, got=reason, expected=f"no {option}, because nothing is searched"
+            )
+
+
+def planned(
+    arguments: argparse.Namespace, settings: Settings, *, advise: bool = False
+) -> debrisgrasp.PlanningResult:
+    """Plan as the arguments say; what can be wrong with them is found first."""
+    if arguments.object is not None:
+        require_range("--object", arguments.object, 1)
+        if arguments.pick is not None:
+            raise ConfigError(
+                "object", got="both --object and --pick", expected="one of them"
+            )
+    if arguments.mass is not None:
+        require_range("--mass [kg]", arguments.mass, 1e-3, _HEAVIEST)
+    box = arguments.region
+    region = None if box is None else Bounds(np.array(box[:3]), np.array(box[3:]))
+    capture = load_capture(arguments, settings)
+    pipeline = debrisgrasp.Pipeline.from_settings(settings)
+    pipeline.policy = policy_of(arguments, pipeline.policy)
+    return pipeline.plan(
+        capture,
+        region=region,
+        object_label=arguments.object,
+        seed=settings.seed,
+        deadline=settings.deadline,
+        mass=arguments.mass,
+        advise=advise,
+        progress=progress(arguments),
+    )
+
+
+def seed(text: str) -> int:
+    """Parse a seed; numpy takes no negative ones."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = -1
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an integer of 0 or more")
+    return number
+
+
+def progress(arguments: argparse.Namespace) -> debrisgrasp.Progress | None:
+    """Show the stage on one line of the terminal, if there is one."""
+    if getattr(arguments, "json", False) or not sys.stderr.isatty():
+        return None
+
+    def show(stage: str, share: float) -> None:
+        end = "\r" + " " * 40 + "\r" if share >= 1.0 else ""
+        print(f"\r{stage:<16} {100 * share:4.0f} % {end}", end="", file=sys.stderr)
+
+    return show

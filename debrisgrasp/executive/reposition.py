@@ -1,0 +1,83 @@
+"""Drive to where the arms reach better, when nothing more can be got from here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+
+from .context import Context
+
+__all__ = ["repositioned"]
+
+_BEST = 0.95
+"""Ahead of the base an arm reaches most: there an object is brought to [m]."""
+_LEAST, _MOST = 0.08, 0.35
+"""Ways worth driving, and as far as is driven without another look [m]."""
+_FARTHEST = 0.7
+"""From where the task began, ahead or back [m]."""
+_FRONT, _HALF_WIDTH = 0.43, 0.33
+"""Of the base: its front end, and half its width with room beside it [m]."""
+_ROOM = 0.08
+"""In front of it, that stays free [m]."""
+_LOW = 0.05
+"""What is higher than this stands in the way of the base [m]."""
+_SPEED = 0.08
+"""[m/s]."""
+_BRAKING = 1.0
+"""Within which the base stands after a stop [s]."""
+
+
+def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
+    """Drive ahead or back so that the first place that this helps is reached better.
+
+    Everything that is remembered by its place is taken along. Arms are at rest.
+
+    Parameters
+    ----------
+    places
+        Middles of objects, base frame [m], each (3,).
+
+    Returns
+    -------
+    float
+        How far the base went ahead [m]; 0 if that helps none, or may not be.
+    """
+    base = context.robot.base
+    if base is None or context.n_moves >= context.settings.repositions:
+        return 0.0
+    ways = [_way(context, float(place[0]) - _BEST) for place in places]
+    way = next((way for way in ways if abs(way) >= _LEAST), 0.0)
+    if way == 0.0:
+        return 0.0
+    begun = base.read()
+    base.drive(float(np.copysign(_SPEED, way)), 0.0)
+    context.wait(abs(way) / _SPEED)
+    base.stop()
+    context.wait(_BRAKING)
+    T_now_before = (begun.inverse() @ base.read()).inverse()
+    context.n_moves += 1
+    context.T_base_way = T_now_before @ context.T_base_way
+    for bodies in (context.dropped, context.fallen):
+        bodies[:] = [T_now_before.apply(body) for body in bodies]
+    context.marks.moved(T_now_before)
+    # What was seen was seen from elsewhere.
+    context.cycle.seen = context.last_seen = None
+    return float(-T_now_before.p[0])
+
+
+def _way(context: Context, wanted: float) -> float:
+    """Tell how much of a way ahead may be driven [m]: as far as nothing is met."""
+    seen = context.cycle.seen
+    assert seen is not None
+    gone = float(-context.T_base_way.p[0])
+    way = float(np.clip(wanted, max(-_MOST, -_FARTHEST - gone), _MOST))
+    way = min(way, _FARTHEST - gone)
+    clouds = [seen.cloud.points, *context.dropped, *context.fallen]
+    points = np.concatenate(clouds)
+    is_ahead = (np.abs(points[:, 1]) < _HALF_WIDTH) & (points[:, 0] > _FRONT)
+    ahead = points[is_ahead & (points[:, 2] > _LOW), 0]
+    room = float(np.quantile(ahead, 0.01)) - _FRONT - _ROOM if len(ahead) else _MOST
+    return min(way, max(room, 0.0))

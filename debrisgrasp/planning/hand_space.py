@@ -1,0 +1,283 @@
+"""The space around one preshaped hand as a grid: what every place means to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray
+from debrisgrasp.geometry import Bounds, Solid
+from debrisgrasp.prototypes import GripperModel
+
+__all__ = [
+    "MARGIN_SHIFT",
+    "MARGIN_STEPS",
+    "HandSpace",
+    "PackedSpaces",
+    "SpaceOfHand",
+]
+
+GRIP_MARGIN = 0.016
+"""An object may be so much wider than its prototype [m]."""
+_SWEEP_STEP = 0.012
+"""How far the pads close between two positions that are looked at [m]."""
+
+
+class HandSpace(IntFlag):
+    """What a place in the palm frame means to a hand."""
+
+    PALM = 1
+    """Inside the palm at the final pose."""
+    FINGER = 2
+    """Inside an open finger at the final pose."""
+    APPROACH = 4
+    """Swept by palm or fingers on the way to the final pose."""
+    CLOSING = 8
+    """Between the open fingers."""
+    SWEPT = 16
+    """Swept by the fingers while they close, until shortly before they grip."""
+
+
+MARGIN_STEPS = 7
+"""The flags of a place also say how near palm or open fingers come to it, on the way in
+too: their upper three bits are 7 inside, 6 one cell outside, and 0 from 7 cells on."""
+MARGIN_SHIFT = 5
+"""Position of these bits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpaceOfHand:
+    """The palm frame around one preshaped hand as a grid of `HandSpace` flags."""
+
+    flags: np.ndarray
+    """`HandSpace` and `MARGIN_STEPS`, shape (nx, ny, nz), uint8; the outermost layer of
+    cells is empty."""
+    origin: FloatArray
+    """Centre of the first cell [m], palm frame, shape (3,)."""
+    spacing: float
+    """Edge of a cell [m]."""
+
+    @classmethod
+    def of(
+        cls,
+        gripper: GripperModel,
+        preshape: str,
+        opening: float,
+        width: float,
+        *,
+        approach: float,
+        tolerance: float,
+        spacing: float = 0.004,
+    ) -> SpaceOfHand:
+        """Fill the grid from the hand's solids, exact at the centre of each cell.
+
+        Parameters
+        ----------
+        width
+            Opening at which the hand grips [m]; objects `GRIP_MARGIN` wider still do.
+        approach
+            Length of the straight approach along +z [m].
+        tolerance
+            A place counts as inside a solid from this depth on [m].
+        """
+        fingers = gripper.finger_solids(preshape, opening)
+        closing = gripper.closing_region(preshape, opening)
+        bounds = _union([s.bounds for s in (*gripper.palm, *fingers, closing)])
+        lower = bounds.lower - np.array([0.0, 0.0, approach]) - spacing
+        # Above, where the hand comes from, the approach is longer than any margin.
+        widest = MARGIN_STEPS * spacing
+        lower[:2] -= widest
+        upper = bounds.upper + widest
+        shape = tuple(int(n) for n in np.ceil((upper - lower) / spacing) + 2)
+        flags = np.zeros(shape, dtype=np.uint8)
+        hand = cls(flags, lower, spacing)
+        for solids, flag in (
+            (gripper.palm, HandSpace.PALM),
+            (fingers, HandSpace.FINGER),
+            ((closing,), HandSpace.CLOSING),
+            (_sweep(gripper, preshape, opening, width), HandSpace.SWEPT),
+        ):
+            for solid in solids:
+                depth = 0.0 if flag is HandSpace.CLOSING else tolerance
+                hand._mark(solid, flag, depth)
+        is_solid = (flags & (HandSpace.PALM | HandSpace.FINGER)) > 0
+        back = max(0, int((approach - widest) / spacing))
+        near = np.zeros(shape, dtype=np.uint8)
+        near[:, :, back:] = _nearness(is_solid[:, :, back:])
+        # Seen from the retreated hand, a point lies farther ahead than at the end.
+        n_steps = round(approach / spacing)
+        if n_steps:
+            swept = _greatest_ahead(is_solid.view(np.uint8), n_steps)[:, :, 1:]
+            flags[:, :, :-1] |= swept * np.uint8(HandSpace.APPROACH)
+        flags |= _greatest_ahead(near, n_steps + 1) << MARGIN_SHIFT
+        return hand
+
+    def _mark(self, solid: Solid, flag: HandSpace, depth: float) -> None:
+        """Set a flag where a solid is deeper than ``depth`` [m]."""
+        bounds, last = solid.bounds, np.array(self.flags.shape) - 2
+        # The outermost layer stays empty.
+        low = np.floor((bounds.lower - self.origin) / self.spacing).clip(1)
+        high = np.ceil((bounds.upper - self.origin) / self.spacing).clip(None, last)
+        axes = [np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
+        points = np.empty((*map(len, axes), 3))
+        for axis, cells in enumerate(np.ix_(*axes)):
+            points[..., axis] = self.origin[axis] + cells * self.spacing
+        inside = solid.signed_distance(points) < -depth
+        box = tuple(
+            slice(int(a), int(a) + len(n)) for a, n in zip(low, axes, strict=True)
+        )
+        self.flags[box] |= inside * np.uint8(flag)
+
+
+def _nearness(is_solid: BoolArray) -> np.ndarray:
+    """`MARGIN_STEPS` less the rounded distance to the nearest solid cell, uint8.
+
+    A separable distance transform that looks no farther than matters.
+    """
+    squared = np.where(is_solid, np.uint8(0), np.uint8(_BEYOND))
+    for axis in range(3):
+        line = np.moveaxis(squared, axis, 0)
+        least = line.copy()
+        for step in range(1, MARGIN_STEPS):
+            for to, by in (
+                (slice(step, None), slice(None, -step)),
+                (slice(None, -step), slice(step, None)),
+            ):
+                farther = line[by] + np.uint8(step * step)
+                np.minimum(least[to], farther, out=least[to])
+        squared = np.moveaxis(least, 0, axis)
+    steps = np.rint(np.sqrt(np.arange(256))).clip(None, MARGIN_STEPS)
+    return (MARGIN_STEPS - steps).astype(np.uint8)[squared]
+
+
+_BEYOND = MARGIN_STEPS**2
+
+
+def _greatest_ahead(values: np.ndarray, n: int) -> np.ndarray:
+    """Greatest of the n values along z that begin at each cell, its own the first."""
+    greatest, reach = values.copy(), 1
+    while reach < n:
+        step = min(reach, n - reach)
+        here = greatest[:, :, :-step]
+        np.maximum(here, greatest[:, :, step:], out=here)
+        reach += step
+    return greatest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PackedSpaces:
+    """Several `SpaceOfHand` in one array, so that any mix of them is looked up."""
+
+    flags: np.ndarray
+    """All grids behind each other, flat, uint8."""
+    first: IntArray
+    """Where each grid begins, shape (h,)."""
+    shape: IntArray
+    """Cells of each along x, y, z, shape (h, 3)."""
+    origin: Float32Array
+    """Centre of each first cell [m], shape (h, 3)."""
+    spacing: float
+    """Edge of a cell [m]."""
+
+    @classmethod
+    def pack(cls, spaces: Iterable[SpaceOfHand]) -> PackedSpaces:
+        """Collect grids of one spacing."""
+        spaces = tuple(spaces)
+        sizes = [space.flags.size for space in spaces]
+        return cls(
+            flags=np.concatenate([space.flags.ravel() for space in spaces]),
+            first=np.concatenate([[0], np.cumsum(sizes)[:-1]]),
+            shape=np.array([space.flags.shape for space in spaces]),
+            origin=np.array([space.origin for space in spaces], dtype=np.float32),
+            spacing=spaces[0].spacing,
+        )
+
+    @property
+    def middle(self) -> Float32Array:
+        """Middle of each grid [m], shape (h, 3)."""
+        half = (self.shape - 1) * np.float32(self.spacing / 2)
+        found: Float32Array = self.origin + half.astype(np.float32)
+        return found
+
+    @property
+    def half(self) -> Float32Array:
+        """Half the size of each grid along x, y, z [m], shape (h, 3)."""
+        return np.asarray(self.shape * np.float32(self.spacing / 2), dtype=np.float32)
+
+    def marked(
+        self, points: Float32Array, Ts_hand: Float32Array, which: IntArray
+    ) -> tuple[IntArray, IntArray, IntArray]:
+        """Find the cells that points lie in, seen from several hands.
+
+        Parameters
+        ----------
+        points
+            Coordinates [m] and a one, shape (4, n).
+        Ts_hand
+            Poses of the hands in the frame of the points, shape (k, 4, 4).
+        which
+            Grid of each, shape (k,).
+
+        Returns
+        -------
+        flags, pose, point
+            Flags of every cell found, and the indices of hand and point that meet in
+            it; points outside a grid are left out.
+        """
+        to_hand = Ts_hand[:, :3, :3].transpose(0, 2, 1) / np.float32(self.spacing)
+        offset = (to_hand @ Ts_hand[:, :3, 3:])[..., 0]
+        offset += self.origin[which] / np.float32(self.spacing) - np.float32(0.5)
+        shape = self.shape[which]
+        is_in = np.ones((len(which), points.shape[1]), dtype=bool)
+        axes = []
+        for axis in range(3):
+            row = np.concatenate([to_hand[:, axis], -offset[:, axis, None]], axis=1)
+            cell = row @ points
+            # The outermost layer is empty.
+            is_in &= cell >= 1
+            is_in &= cell < shape[:, axis, None].astype(np.float32)
+            axes.append(cell)
+        found = np.flatnonzero(is_in)
+        pose, point = np.divmod(found, points.shape[1])
+        flat = np.zeros(len(found), dtype=np.int64)
+        for axis, cell in enumerate(axes):
+            flat *= shape[:, axis][pose]
+            flat += cell.ravel()[found].astype(np.int64)
+        return self.flags.take(flat + self.first[which][pose]), pose, point
+
+    def at(self, points_hand: Float32Array, which: IntArray) -> np.ndarray:
+        """Look up the flags at points (k, 3, n) in the palm frames of hands (k,)."""
+        flat = np.zeros((len(which), points_hand.shape[2]), dtype=np.int32)
+        for axis in range(3):
+            # The outermost layer is empty and takes whatever lies farther out.
+            n = self.shape[which, axis, None].astype(np.float32)
+            cell = points_hand[:, axis] - self.origin[which, axis, None]
+            cell *= np.float32(1.0 / self.spacing)
+            cell += np.float32(0.5)
+            np.clip(cell, 0, n - 1, out=cell)
+            flat *= n.astype(np.int32)
+            flat += cell.astype(np.int32)
+        flat += self.first[which, None].astype(np.int32)
+        found: np.ndarray = self.flags.take(flat)
+        return found
+
+
+def _sweep(
+    gripper: GripperModel, preshape: str, opening: float, width: float
+) -> tuple[Solid, ...]:
+    """Fingers at openings from the first move to shortly before the grip."""
+    last = min(width + GRIP_MARGIN, opening)
+    n_steps = math.ceil((opening - last) / _SWEEP_STEP)
+    steps = np.linspace(opening, last, n_steps + 1)[1:]
+    return tuple(
+        solid for step in steps for solid in gripper.finger_solids(preshape, step)
+    )
+
+
+def _union(boxes: Iterable[Bounds]) -> Bounds:
+    lower, upper = zip(*((b.lower, b.upper) for b in boxes), strict=True)
+    return Bounds(np.min(lower, axis=0), np.max(upper, axis=0))

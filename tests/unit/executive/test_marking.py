@@ -1,0 +1,128 @@
+"""An object that was marked once stays marked where it lies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import CaptureError
+from debrisgrasp.executive import Executive, State, TaskSettings
+from debrisgrasp.executive.choose import select
+from debrisgrasp.executive.marking import StaysMarked
+from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.geometry import SE3, Bounds, Intrinsics, so3
+from debrisgrasp.io import Capture
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import FakeConfig, fake_robot
+from debrisgrasp.worlds import (
+    World,
+    let_down,
+    look_at,
+    make_body,
+    named_scene,
+    render,
+)
+
+CAMERA = Intrinsics(fx=120.0, fy=120.0, cx=63.5, cy=47.5, width=128, height=96)
+VIEW = look_at([0.1, 0.0, 1.2], [0.95, 0.0, 0.2])
+ASIDE = look_at([0.1, 0.1, 1.2], [0.95, -0.1, 0.2])
+
+
+def bodies(*places):
+    sizes = {"length": 0.3, "width": 0.1, "height": 0.1}
+    return World(
+        tuple(
+            make_body("brick", sizes, 2.0, name=f"b{i}").at(
+                SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, 0.3])), place)
+            )
+            for i, place in enumerate(places)
+        )
+    )
+
+
+def seen(world, view=VIEW, mask=None):
+    picture = render(world, CAMERA, view)
+    taken = Capture(
+        depth=picture.depth, intrinsics=CAMERA, T_base_camera=view, mask=mask
+    )
+    return taken, picture.labels
+
+
+BOTH = bodies([0.9, -0.2, 0.05], [1.0, 0.2, 0.05])
+
+
+def marked():
+    _, labels = seen(BOTH)
+    return StaysMarked.of(seen(BOTH, mask=labels == 2)[0])
+
+
+def test_the_object_is_marked_again_also_from_elsewhere():
+    again, labels = seen(BOTH, ASIDE)
+    mask, own = marked()(again), labels == 2
+    assert mask.shape == own.shape
+    assert (mask & own).sum() > 0.8 * own.sum()
+    assert not (mask & (labels == 1)).any()
+
+
+def test_once_it_is_gone_nothing_is_marked():
+    # A strip of the ground where it stood may be within the tolerance.
+    mask = marked()(seen(bodies([0.9, -0.2, 0.05]))[0])
+    assert mask.sum() < 0.1 * (seen(BOTH)[1] == 2).sum()
+
+
+@pytest.mark.parametrize("mask", [None, np.zeros((96, 128), dtype=bool)])
+def test_a_capture_that_marks_nothing_is_refused(mask):
+    with pytest.raises(CaptureError, match="mask of"):
+        StaysMarked.of(seen(BOTH, mask=mask)[0])
+
+
+@pytest.fixture(scope="module")
+def handle():
+    """Return the crate with a handle, and a way to look at it with some settings."""
+    pipeline = Pipeline()
+    world = let_down(named_scene("crate_with_handle")).world
+
+    def looked(**settings):
+        fake = fake_robot(
+            pipeline.robot,
+            world,
+            rng=np.random.default_rng(0),
+            config=FakeConfig(is_initialised=True),
+        )
+        settings = TaskSettings(**settings)
+        rng = np.random.default_rng(0)
+        context = Executive(fake.robot, settings, pipeline=pipeline, rng=rng).context
+        assert isinstance(capture(context), Done)
+        assert isinstance(segment(context), Done)
+        return context, select(context)
+
+    return looked
+
+
+HANDLE = Bounds(np.array([0.85, -0.3, 0.21]), np.array([1.35, 0.3, 0.5]))
+
+
+def test_only_the_object_in_the_region_is_taken(handle):
+    context, found = handle(region=HANDLE)
+    assert found.facts["why_it"] == "it is the marked object"
+    seen = context.cycle.seen
+    assert HANDLE.contains(seen.cloud.points[seen.is_marked]).all()
+
+
+def test_a_mask_marks_the_same_object_as_the_region_it_was_drawn_in(handle):
+    context, by_region = handle(region=HANDLE)
+    again, by_mask = handle(mark=StaysMarked.of(context.cycle.capture))
+    assert by_mask.facts["object"] == by_region.facts["object"]
+    assert again.cycle.capture.mask.sum() == pytest.approx(
+        context.cycle.capture.mask.sum(), rel=0.2
+    )
+
+
+def test_an_object_that_is_marked_and_never_seen_is_no_cleared_way(handle):
+    nowhere = Bounds(np.array([0.9, -0.6, 0.6]), np.array([1.0, -0.5, 0.7]))
+    context, found = handle(region=nowhere)
+    assert isinstance(found, FaultFound)
+    assert found.fault == "empty_cloud"
+    context.n_removed = 1
+    assert select(context).next is State.CLEARED

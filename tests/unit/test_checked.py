@@ -1,0 +1,119 @@
+"""Arguments of the wrong type are named before any work."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pytest
+
+import debrisgrasp
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked, checked_fields
+from debrisgrasp.errors import InputError
+from debrisgrasp.io import Capture, data_path
+from debrisgrasp.settings import Settings
+
+
+class Orders(Protocol):
+    """Something that orders."""
+
+    def order(self) -> None: ...
+
+
+class Waiter:
+    def order(self) -> None: ...
+
+
+@checked
+def serve(
+    count: int,
+    share: float | None = None,
+    path: str | os.PathLike[str] = "",
+    tell: Callable[[str], None] | None = None,
+    who: Orders | None = None,
+    points: FloatArray | None = None,
+) -> int:
+    """Serve."""
+    return (count, share, path, tell, who, points)[0]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"count": 3},
+        {"count": np.int64(3), "share": 1},
+        {"count": 3, "share": np.float32(0.5), "who": Waiter()},
+        {"count": 3, "path": os.curdir, "tell": print, "points": [0.0, 1.0]},
+    ],
+)
+def test_what_the_annotations_allow_is_let_through(given):
+    assert serve(**given) == 3
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"count": "3"}, ["count", "'3' (str)", "an integer"]),
+        ({"count": True}, ["count", "True", "an integer"]),
+        ({"count": 3.0}, ["3.0", "an integer"]),
+        ({"count": 3, "share": "half"}, ["share", "a number or None"]),
+        ({"count": 3, "path": None}, ["path", "got None", "a path"]),
+        ({"count": 3, "tell": "me"}, ["tell", "a function or None"]),
+        ({"count": 3, "who": Waiter}, ["who", "type", "an Orders or None"]),
+    ],
+)
+def test_anything_else_is_named(given, words):
+    with pytest.raises(InputError) as refused:
+        serve(**given)
+    for word in words:
+        assert word in str(refused.value)
+
+
+def test_a_missing_argument_is_left_to_python():
+    with pytest.raises(TypeError, match="count"):
+        serve()
+
+
+def test_fields_of_a_record_are_checked():
+    @checked_fields
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Record:
+        size: float = 1.0
+
+    assert Record(size=2).size == 2
+    with pytest.raises(InputError, match="size: got 'big'"):
+        Record(size="big")
+
+
+CALLS = {
+    "segment": lambda _: debrisgrasp.segment("pile.npz"),
+    "select": lambda c: debrisgrasp.select(debrisgrasp.segment(c), c),
+    "plan": lambda _: debrisgrasp.plan("pile.npz"),
+    "region": lambda c: debrisgrasp.plan(c, region=[0, 0, 0, 1, 1, 1]),
+    "object": lambda c: debrisgrasp.plan(c, object_label="3"),
+    "progress": lambda c: debrisgrasp.plan(c, progress=True),
+    "config": lambda _: debrisgrasp.Pipeline(config={}),
+    "policy": lambda _: debrisgrasp.Pipeline(policy="support"),
+    "prototypes": lambda _: debrisgrasp.Pipeline(prototypes=["a", "b"]),
+    "settings": lambda _: debrisgrasp.Pipeline.from_settings("site.yaml"),
+    "site": lambda _: Settings(robot=3),
+    "motion": lambda c: debrisgrasp.plan_motion(c),
+    "calibrate": lambda _: debrisgrasp.calibrate(np.eye(4)),
+    "clear": lambda _: debrisgrasp.clear("pile"),
+    "load": lambda _: Capture.load(None),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_public_calls_name_the_argument_that_is_of_the_wrong_type(call):
+    with pytest.raises(InputError, match=r"got .*, expected "):
+        CALLS[call](Capture.load(data_path("captures", "pile.npz")))
+
+
+def test_numbers_of_numpy_read_as_numbers():
+    error = InputError("box", got=[np.float64(0.5), np.int64(2)], expected="three")
+    assert "got [0.5, 2]," in str(error)
