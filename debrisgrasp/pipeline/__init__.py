@@ -3,9 +3,10 @@
 from .executable import GraspMotion, GraspMotions, MotionsConfig, first_executable
 from .passage import Passage
 from .perception import Perception, motion_space
-from .pipeline import Pipeline, PipelineConfig, PlanningResult, Progress
+from .pipeline import Pipeline, PipelineConfig, Progress
 from .reasons import is_ground, too_small
 from .recall import recall_plan
+from .result import PlanningResult
 from .targets import Target, choose_targets
 
 __all__ = [

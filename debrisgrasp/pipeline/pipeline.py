@@ -9,13 +9,12 @@ from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import Bounds, PointCloud
+from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
-from debrisgrasp.io.plan_json import save_plan
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.planning import (
     Advice,
@@ -26,14 +25,11 @@ from debrisgrasp.planning import (
     SearchResult,
 )
 from debrisgrasp.prototypes import (
-    GraspPrototype,
     GripperModel,
     PrototypeLibrary,
     load_grippers,
 )
 from debrisgrasp.segmentation import (
-    Candidate,
-    Segmentation,
     SegmentationConfig,
     SelectionPolicy,
     SupportAware,
@@ -44,11 +40,12 @@ from .advice import advice_on, is_poor
 from .inputs import arms_of, require_limits, robot_of
 from .perception import Perception
 from .reasons import unfit
+from .result import PlanningResult
 from .retreat import with_retreats
 from .second_look import BestSoFar
 from .targets import Target, choose_targets
 
-__all__ = ["Pipeline", "PipelineConfig", "PlanningResult", "Progress"]
+__all__ = ["Pipeline", "PipelineConfig", "Progress"]
 
 
 @checked_fields
@@ -75,36 +72,6 @@ class PipelineConfig:
         require_range("PipelineConfig.region_margin [m]", self.region_margin, 0.0)
         require_range("PipelineConfig.doubtful", self.doubtful, 0.0, 1.0)
         require_range("PipelineConfig.max_further", self.max_further, 0)
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PlanningResult:
-    """A plan together with all that led to it."""
-
-    plan: GraspPlan
-    capture: Capture
-    cloud: PointCloud
-    segmentation: Segmentation
-    order: tuple[Candidate, ...]
-    robot: RobotModel | None
-    grippers: Mapping[str, GripperModel]
-    dictionary: tuple[GraspPrototype, ...] = ()
-    """The prototypes that were sought, in the order in which `Rejections` has them."""
-
-    @property
-    def object_points(self) -> FloatArray:
-        """Points of what the plan is for [m], base frame, shape (n, 3)."""
-        plan, labels = self.plan, self.segmentation.labels
-        is_own = labels == (plan.object_label or -1)
-        if not plan.object_label and plan.region is not None:
-            is_own = (labels > 0) & plan.region.contains(self.cloud.points)
-        points: FloatArray = self.cloud.points[is_own]
-        return points
-
-    @checked
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the grasps as JSON (docs/formats.md)."""
-        save_plan(self.plan, path)
 
 
 class Pipeline:

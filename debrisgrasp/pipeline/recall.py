@@ -11,7 +11,7 @@ from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.segmentation import segment_cloud
 
-from .pipeline import PlanningResult
+from .result import PlanningResult
 
 __all__ = ["recall_plan"]
 

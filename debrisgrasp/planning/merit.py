@@ -6,32 +6,27 @@ what is sought is what the list is sorted by.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from scipy.special import expit, log_expit
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
-from debrisgrasp.prototypes import PrototypeLibrary
 
 from .approach import Ways
-from .clearance import ClearanceConfig, HandClearance
-from .config import PlannerConfig
-from .contacts import PadContacts, PadZones
-from .hands import SPHERE_RADIUS, PackedHands
+from .clearance import HandClearance
+from .contacts import PadContacts
 from .inspection import Inspection, Inspector
 from .ledger import Ledger
-from .load import GripLevers, LoadModel
 from .quality import GraspQuality
-from .reach import Arm
 from .scene import GraspScene
-from .similarity import ShapeSimilarity, SimilarityConfig
+from .similarity import ShapeSimilarity
 from .states import Modes
-from .success import SuccessModel, success_terms
-from .surfaces import VisibleSurfaces
+from .success import success_terms
+from .tools import Burden, Tools, blurred
 
-__all__ = ["Burden", "Merit", "Tools", "blurred"]
+__all__ = ["Merit"]
 
 _FLAWED = 5.0
 """What a pose that an inspection would rule out loses [log-odds]: a search may pass
@@ -46,88 +41,6 @@ _CHANCE = 3.6
 """The stand-in may be off by so much [log-odds]."""
 _FAINT = 1e-3
 """S below this adds nothing to a mean, so that C is not asked."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tools:
-    """What a search needs of its dictionary, whatever the scene."""
-
-    hands: PackedHands
-    coarse: VisibleSurfaces
-    fine: VisibleSurfaces
-    zones: PadZones
-    levers: GripLevers
-    success: SuccessModel
-    gripper_of: np.ndarray
-    """Name of the hand of each prototype, shape (p,)."""
-    config: PlannerConfig
-
-    @classmethod
-    def of(cls, library: PrototypeLibrary, config: PlannerConfig) -> Tools:
-        """Collect them."""
-        packed = library.packed()
-        return cls(
-            hands=PackedHands.pack(
-                library,
-                approach=config.clearance.approach,
-                tolerance=config.inspection.tolerance,
-            ),
-            coarse=VisibleSurfaces.pack(packed, config.search_points),
-            fine=VisibleSurfaces.pack(packed, config.final_points),
-            zones=PadZones.of(library, config.contact),
-            levers=GripLevers.of(
-                [(library.grippers[p.gripper], p.preshape, p.width) for p in library],
-                config.load,
-            ),
-            success=SuccessModel.load(),
-            gripper_of=np.array([p.gripper for p in library]),
-            config=config,
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Burden:
-    """What the object weighs on hands and wrists."""
-
-    model: LoadModel
-    levers: GripLevers
-    wrists: FloatArray
-    """Largest force [N] and torque [N m] at the wrist that carries each prototype's
-    hand, shape (p, 2)."""
-
-    @classmethod
-    def on(cls, arms: Sequence[Arm], model: LoadModel, tools: Tools) -> Burden:
-        """Burden of an object on the arms that may carry it."""
-        wrists = np.full((len(tools.gripper_of), 2), np.inf if not arms else 0.0)
-        for arm in arms:
-            mine = tools.gripper_of == arm.gripper
-            wrists[mine] = np.maximum(wrists[mine], arm.wrench_limits)
-        return cls(model, tools.levers, np.maximum(wrists, 1e-9))
-
-    def __call__(
-        self, Ts_base_hand: FloatArray, prototype: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Load over limit, and lever [m], of poses (k, 4, 4) of prototypes (k,)."""
-        demand = self.model.expected_demand(
-            Ts_base_hand, prototype, self.levers, self.wrists
-        )
-        return demand, self.model.distance(Ts_base_hand, prototype, self.levers)
-
-
-def blurred(config: PlannerConfig) -> tuple[SimilarityConfig, ClearanceConfig]:
-    """Kernels as wide as the error of the pose makes them.
-
-    One look with these comes close to the mean of many looks around the pose: a
-    Gaussian of the distance, blurred by a Gaussian error, is a wider Gaussian.
-    """
-    error, similarity = config.uncertainty.position, config.similarity
-    clearance = config.clearance
-    allowance = max(clearance.allowance - 0.6 * error, 0.0)
-    softness = min(clearance.softness + error, SPHERE_RADIUS - allowance)
-    return (
-        replace(similarity, sigma=min(float(np.hypot(similarity.sigma, error)), 0.1)),
-        replace(clearance, allowance=allowance, softness=softness),
-    )
 
 
 class Merit:

@@ -19,7 +19,7 @@ from .config import PlannerConfig
 from .exploration import exchanged, explore, refine
 from .ledger import Ledger
 from .load import LoadModel
-from .merit import Burden, Merit, Tools
+from .merit import Merit
 from .modes import count_near, distinct
 from .postures import Postures, Settled
 from .proposals import GlobalMove, own_frames
@@ -27,6 +27,7 @@ from .reach import Arm
 from .scene import GraspScene
 from .similarity import ShapeSimilarity
 from .states import Candidates, Modes
+from .tools import Burden, Tools
 
 __all__ = ["Candidates", "GraspSearch", "Modes", "Watch"]
 

@@ -13,7 +13,8 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.prototypes import GripperModel
 
 from .shapes import BodyShape
-from .touch import PALM, Spring, Touch
+from .springs import PALM, Spring
+from .touch import Touch
 
 __all__ = ["NO_GRIP", "Grip", "Hold", "Seat", "is_enclosed", "sides_of"]
 

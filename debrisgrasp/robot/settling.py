@@ -16,7 +16,8 @@ from .fake_arm import FakeArm, FakeForceSensor
 from .fake_hand import FakeGripper
 from .holding import NO_GRIP, Grip, Hold
 from .rubble import Rubble
-from .touch import Spring, Touch
+from .springs import Spring
+from .touch import Touch
 
 __all__ = ["HandState", "Settling"]
 

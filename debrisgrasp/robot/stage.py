@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import hypot, sqrt
+from math import dist, hypot
 
 import numpy as np
 
@@ -27,7 +27,8 @@ from .links import LinkSpheres
 from .pushing import GRAVITY, Push
 from .rubble import Rubble
 from .settling import HandState, Settling
-from .touch import GROUND, HELD, PALM, Touch
+from .springs import GROUND, HELD, PALM
+from .touch import Touch
 
 __all__ = ["Stage"]
 
@@ -261,12 +262,12 @@ class Stage:
             for rider in hold.riders:
                 other = self._rubble.shapes[rider]
                 self._rubble.place(rider, turn @ other.R, turn @ other.p + way)
-        gone = _distance(shape.com, hold.start)
+        gone = dist(shape.com, hold.start)
         if hold.seat is not None and gone > _OFF_SEAT and not hold.seat.on_ground:
             hold.seat = None
         n = hold.n_settled
         is_due = n < len(_SETTLE_WAYS) and gone > _SETTLE_WAYS[n]
-        since = _distance(shape.com, hold.settled_at) if hold.riders else 0.0
+        since = dist(shape.com, hold.settled_at) if hold.riders else 0.0
         if is_due or since > _RIDE:
             loose = set(hold.riders)
             if is_due:
@@ -280,7 +281,7 @@ class Stage:
             masses = {i: self._rubble.shapes[i].mass for i in hold.riders}
             hold.load(
                 {i: share * GRAVITY * masses[i] for i, share in hold.riders.items()},
-                self._config.stiffness * _distance(shape.com, before),
+                self._config.stiffness * dist(shape.com, before),
                 min(self._config.period / _FALLS_WITHIN, 1.0),
             )
         else:
@@ -401,9 +402,3 @@ class Stage:
                 hand.touch.shifted(float(np.linalg.norm(way)))
                 if hand.seen is not None:
                     hand.seen = (None, *hand.seen[1:])
-
-
-def _distance(a: FloatArray, b: FloatArray) -> float:
-    """Between two points (3,) [m]."""
-    gap = a - b
-    return sqrt(float(gap @ gap))

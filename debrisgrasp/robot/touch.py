@@ -7,9 +7,7 @@ watch reaches, so that a tick in free space costs next to nothing.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from math import hypot, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,21 +17,14 @@ from debrisgrasp.worlds import Ground
 from .config import FakeConfig
 from .fake_hand import FakeGripper
 from .shapes import BodyShape, HandShape
+from .springs import GROUND, HELD, PALM, Guard, Spring, Watch, blended
 
-__all__ = ["GROUND", "HELD", "PALM", "Spring", "Touch"]
+__all__ = ["Touch"]
 
-GROUND = -1
-"""Stands for a body where the ground is touched."""
-PALM = 0
-"""Owner of the points of the palm; fingers follow from 1."""
-HELD = -1
-"""Owner of the points of what the hand holds."""
 _MARGIN = 0.03
 """What is nearer than this is watched [m]."""
 _UP = np.array([[0.0, 0.0, 1.0]])
 _CLOSING = np.array([1.0, 0.0, 0.0])
-_EDGE = 3e-4
-"""So near to an edge both of its sides push: nothing jumps on the way around it [m]."""
 _DEEPENS = 5e-4
 """So much at most does a contact deepen from one look to the next [m]."""
 _BEHIND = -0.3
@@ -42,46 +33,6 @@ _BEHIND = -0.3
 Rotation = tuple[float, ...]
 """Nine numbers: a matrix row by row."""
 Vector = tuple[float, ...]
-
-
-class Spring(NamedTuple):
-    """A contact that pushes."""
-
-    owner: int
-    """`PALM`, `HELD`, or the number of a finger from 1."""
-    body: int
-    """Number of the body, or `GROUND`."""
-    point: FloatArray
-    """Where, frame odom [m], shape (3,)."""
-    force: FloatArray
-    """On the hand, axes of odom [N], shape (3,)."""
-    depth: float
-    """[m]."""
-
-
-@dataclass(slots=True, eq=False)
-class _Watch:
-    """Points of the hand that are near one part of a body, or near the ground."""
-
-    body: int
-    part: slice | None
-    rows: IntArray
-    """Which points of the hand, shape (m,)."""
-    owners: IntArray
-    """Whose each of them is, shape (m,)."""
-    points: FloatArray
-    """Frame of the hand [m], shape (m, 3)."""
-
-
-@dataclass(slots=True, eq=False)
-class _Guard:
-    """Points of a body that are near a solid of the palm or of what is held."""
-
-    owner: int
-    body: int
-    rows: IntArray
-    normals: FloatArray
-    offsets: FloatArray
 
 
 class Touch:
@@ -112,8 +63,8 @@ class Touch:
         self._owner_of = np.repeat(np.arange(len(counts)), counts)
         self._held_points = np.zeros((0, 3))
         self._held_planes: tuple[FloatArray, FloatArray] = (np.zeros((0, 3)),) * 2
-        self._watches: list[_Watch] = []
-        self._guards: list[_Guard] = []
+        self._watches: list[Watch] = []
+        self._guards: list[Guard] = []
         self._since: tuple[FloatArray, FloatArray, list[float]] | None = None
         self._clear: tuple[Rotation, Vector, float, float] | None = None
         self._room = self._reach = 0.0
@@ -242,7 +193,7 @@ class Touch:
     def _add_all(
         self,
         found: dict[tuple[int, int], Spring],
-        watch: _Watch,
+        watch: Watch,
         where: FloatArray,
         beyond: FloatArray,
         normals: FloatArray,
@@ -275,7 +226,7 @@ class Touch:
             return
         weights = np.maximum(-gaps, 0.0)
         point = weights @ where / weights.sum()
-        normal = _blended(normals, row)
+        normal = blended(normals, row)
         owner, body = key
         stiffness = self.stiffness
         if owner > PALM:
@@ -327,7 +278,7 @@ class Touch:
                 rows = np.flatnonzero(beyond.max(axis=1) < 0.0)
                 if len(rows):
                     where, owners = self._points[rows], self._owner_of[rows]
-                    watch = _Watch(self._held_index, part, rows, owners, where)
+                    watch = Watch(self._held_index, part, rows, owners, where)
                     self._add_all(found, watch, where, beyond[rows], normals, _CLOSING)
         self.grip = list(found.values())
 
@@ -391,7 +342,7 @@ class Touch:
         """Watch the points that are near something; return the smallest gap [m]."""
         near = np.flatnonzero(gaps < _MARGIN)
         if len(near):
-            watch = _Watch(body, part, near, owner_of[near], own[near])
+            watch = Watch(body, part, near, owner_of[near], own[near])
             self._watches.append(watch)
         return float(gaps.min())
 
@@ -408,18 +359,4 @@ class Touch:
             gaps = (points @ normals.T - offsets).max(axis=1)
             near = np.flatnonzero(gaps < _MARGIN)
             if len(near):
-                self._guards.append(_Guard(owner, i, near, normals, offsets))
-
-
-def _blended(normals: FloatArray, beyond: FloatArray) -> FloatArray:
-    """Direction in which a body pushes a point out, smooth around its edges.
-
-    Parameters
-    ----------
-    normals, beyond
-        Of the sides, shapes (s, 3) and (s,) [m], negative inside.
-    """
-    nearest = int(beyond.argmax())
-    mean = np.exp((beyond - beyond[nearest]) / _EDGE) @ normals
-    size = float(np.linalg.norm(mean))
-    return np.asarray(mean / size if size > 0.5 else normals[nearest])
+                self._guards.append(Guard(owner, i, near, normals, offsets))

@@ -14,9 +14,10 @@ from debrisgrasp.planning.exploration import exchanged
 from debrisgrasp.planning.ledger import Ledger
 from debrisgrasp.planning.load import GripLevers, LoadModel
 from debrisgrasp.planning.mass import LoadConfig, ObjectMass
-from debrisgrasp.planning.merit import Burden, Merit, Tools, blurred
+from debrisgrasp.planning.merit import Merit
 from debrisgrasp.planning.postures import Postures
 from debrisgrasp.planning.robustness import PoseUncertainty
+from debrisgrasp.planning.tools import Burden, Tools, blurred
 from debrisgrasp.prototypes import PrototypeLibrary
 from tests.scenes import capture_of
 from tests.unit.planning.test_search_terms import PIPE, TOP_DOWN, scene_of

@@ -13,7 +13,8 @@ from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.robot.shapes import BodyShape, HandShape, planes_of
-from debrisgrasp.robot.touch import GROUND, PALM, Touch
+from debrisgrasp.robot.springs import GROUND, PALM
+from debrisgrasp.robot.touch import Touch
 from debrisgrasp.worlds import Body, Ground
 from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam, downwards, turned
 

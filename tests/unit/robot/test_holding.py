@@ -11,7 +11,8 @@ from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.robot.holding import is_enclosed
-from debrisgrasp.robot.touch import Spring, Touch
+from debrisgrasp.robot.springs import Spring
+from debrisgrasp.robot.touch import Touch
 from debrisgrasp.worlds import Ground, World, make_body
 from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam
 

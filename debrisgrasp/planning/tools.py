@@ -1,0 +1,105 @@
+"""What a search needs of dictionary and arms, whatever the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp.prototypes import PrototypeLibrary
+
+from .clearance import ClearanceConfig
+from .config import PlannerConfig
+from .contacts import PadZones
+from .hands import SPHERE_RADIUS, PackedHands
+from .load import GripLevers, LoadModel
+from .reach import Arm
+from .similarity import SimilarityConfig
+from .success import SuccessModel
+from .surfaces import VisibleSurfaces
+
+__all__ = ["Burden", "Tools", "blurred"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tools:
+    """What a search needs of its dictionary, whatever the scene."""
+
+    hands: PackedHands
+    coarse: VisibleSurfaces
+    fine: VisibleSurfaces
+    zones: PadZones
+    levers: GripLevers
+    success: SuccessModel
+    gripper_of: np.ndarray
+    """Name of the hand of each prototype, shape (p,)."""
+    config: PlannerConfig
+
+    @classmethod
+    def of(cls, library: PrototypeLibrary, config: PlannerConfig) -> Tools:
+        """Collect them."""
+        packed = library.packed()
+        return cls(
+            hands=PackedHands.pack(
+                library,
+                approach=config.clearance.approach,
+                tolerance=config.inspection.tolerance,
+            ),
+            coarse=VisibleSurfaces.pack(packed, config.search_points),
+            fine=VisibleSurfaces.pack(packed, config.final_points),
+            zones=PadZones.of(library, config.contact),
+            levers=GripLevers.of(
+                [(library.grippers[p.gripper], p.preshape, p.width) for p in library],
+                config.load,
+            ),
+            success=SuccessModel.load(),
+            gripper_of=np.array([p.gripper for p in library]),
+            config=config,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Burden:
+    """What the object weighs on hands and wrists."""
+
+    model: LoadModel
+    levers: GripLevers
+    wrists: FloatArray
+    """Largest force [N] and torque [N m] at the wrist that carries each prototype's
+    hand, shape (p, 2)."""
+
+    @classmethod
+    def on(cls, arms: Sequence[Arm], model: LoadModel, tools: Tools) -> Burden:
+        """Burden of an object on the arms that may carry it."""
+        wrists = np.full((len(tools.gripper_of), 2), np.inf if not arms else 0.0)
+        for arm in arms:
+            mine = tools.gripper_of == arm.gripper
+            wrists[mine] = np.maximum(wrists[mine], arm.wrench_limits)
+        return cls(model, tools.levers, np.maximum(wrists, 1e-9))
+
+    def __call__(
+        self, Ts_base_hand: FloatArray, prototype: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Load over limit, and lever [m], of poses (k, 4, 4) of prototypes (k,)."""
+        demand = self.model.expected_demand(
+            Ts_base_hand, prototype, self.levers, self.wrists
+        )
+        return demand, self.model.distance(Ts_base_hand, prototype, self.levers)
+
+
+def blurred(config: PlannerConfig) -> tuple[SimilarityConfig, ClearanceConfig]:
+    """Kernels as wide as the error of the pose makes them.
+
+    One look with these comes close to the mean of many looks around the pose: a
+    Gaussian of the distance, blurred by a Gaussian error, is a wider Gaussian.
+    """
+    error, similarity = config.uncertainty.position, config.similarity
+    clearance = config.clearance
+    allowance = max(clearance.allowance - 0.6 * error, 0.0)
+    softness = min(clearance.softness + error, SPHERE_RADIUS - allowance)
+    return (
+        replace(similarity, sigma=min(float(np.hypot(similarity.sigma, error)), 0.1)),
+        replace(clearance, allowance=allowance, softness=softness),
+    )
