@@ -117,6 +117,7 @@ def _summary(result: PlanningResult, found: GraspMotions) -> str:
         lines.append(f"grasp {index + 1} passed over: {reason}")
     if chosen is None:
         why = found.why_none if result.plan.grasps else result.plan.why_empty
+        why = why or "the plan holds no grasp"
         return "\n".join([*lines, f"no motion: {why}"])
     grasp = chosen.grasp
     lines.append(

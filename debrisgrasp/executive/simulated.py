@@ -131,7 +131,7 @@ class SimulatedTask:
         if self.region is None:
             return None
         try:
-            box = np.array(self.region, dtype=np.float64)
+            box = np.atleast_1d(np.array(self.region, dtype=np.float64))
         except (TypeError, ValueError):
             box = np.zeros(0)
         low, high = box[:3], box[3:]

@@ -118,6 +118,8 @@ class Capture:
         CaptureError, ConfigError
             Naming the file, what is wrong with it, and how to mend it.
         """
+        if not os.fspath(path):
+            raise CaptureError("path", got="an empty one", expected="a file or folder")
         path = Path(path)
         with naming_the_file(path):
             content = _read(path, camera_file)

@@ -134,7 +134,9 @@ def _load_from_dict(content: dict[str, Any]) -> LoadForecast:
 
 
 def _plan_from_dict(content: dict[str, Any]) -> GraspPlan:
-    region = content["region"]
+    region, frame = content["region"], content["frame"]
+    if frame != "base":
+        raise ValueError(f"frame is {frame!r}, not 'base'")
     return GraspPlan(
         grasps=tuple(_grasp_from_dict(grasp) for grasp in content["grasps"]),
         object_label=int(content["object"]),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
+from numbers import Real
 from pathlib import Path
 
 from debrisgrasp._files import data_path, read_yaml
-from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Solid
 
 from .chain import KinematicChain
@@ -160,15 +162,19 @@ class RobotModel:
         ------
         UnknownNameError
             If the robot has no joint of a name in ``moved``.
+        InputError
+            If a value is no number.
         """
         values = dict.fromkeys(self.tree.joints, 0.0) | dict(self.rest)
         for arm in self.arms.values():
             values |= self.posture(arm.name, arm.idle)
-        for name in moved or {}:
+        for name, value in (moved or {}).items():
             if name not in self.tree.joints:
                 raise UnknownNameError(
                     f"joint of robot {self.name}", name, self.tree.joints
                 )
+            if not (isinstance(value, Real) and isfinite(value)):
+                raise InputError(f"joint {name}", got=value, expected="a number")
         return values | dict(moved or {})
 
     def link_poses(self, moved: Mapping[str, float] | None = None) -> dict[str, SE3]:

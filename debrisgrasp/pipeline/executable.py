@@ -148,8 +148,10 @@ def first_executable(
     Raises
     ------
     ConfigError, InputError
-        If the deadline is not positive, or the plan is for a floating hand.
+        If the deadline is not positive, the plan is for a floating hand, or ``present``
+        names a joint that the robot has not.
     """
+    robot.joint_values(present)
     if deadline is not None and not deadline > 0:
         raise ConfigError(
             "deadline",

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture, point_colors
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import RobotModel
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.planning import Grasp, GraspPlan
+from debrisgrasp.prototypes import GripperModel, load_grippers
 from debrisgrasp.segmentation import segment_cloud
 
 from .result import PlanningResult
 
 __all__ = ["recall_plan"]
+
+_SAME = 0.9
+"""So much of an object lies in the region of its plan, if it is the same object."""
 
 
 def recall_plan(
@@ -40,6 +45,8 @@ def recall_plan(
     ------
     ConfigError
         If the file is malformed, or the plan is for another robot or capture.
+    UnknownNameError
+        If a grasp has an arm or a preshape that there is not.
     """
     plan, name = load_plan(path), "none" if robot is None else robot.name
     if plan.robot != name:
@@ -51,13 +58,16 @@ def recall_plan(
     is_there = plan.object_label <= len(found.segments)
     if is_there and plan.object_label and plan.region is not None:
         points = cloud.points[found.points_of(plan.object_label)]
-        is_there = bool(plan.region.contains(points).any())
+        is_there = bool(plan.region.contains(points).mean() >= _SAME)
     if not is_there:
         raise ConfigError(
             "capture",
             got=f"one without object {plan.object_label} where the plan has it",
             expected=f"the one that {path} was made on",
         )
+    hands = load_grippers(grippers)
+    for i, grasp in enumerate(plan.grasps):
+        _require_known(f"{path}, grasps[{i}]", grasp, plan, robot, hands)
     return PlanningResult(
         plan=plan,
         capture=capture,
@@ -65,5 +75,41 @@ def recall_plan(
         segmentation=found,
         order=(),
         robot=robot,
-        grippers=load_grippers(grippers),
+        grippers=hands,
     )
+
+
+def _require_known(
+    what: str,
+    grasp: Grasp,
+    plan: GraspPlan,
+    robot: RobotModel | None,
+    hands: Mapping[str, GripperModel],
+) -> None:
+    """Refuse a grasp with a hand, an arm or an object that the plan can't have."""
+    if grasp.gripper not in hands:
+        raise ConfigError(
+            f"{what}.gripper", got=grasp.gripper, expected=" or ".join(sorted(hands))
+        )
+    if robot is not None and grasp.arm is not None:
+        own = robot.arm(grasp.arm).gripper
+        if grasp.gripper != own:
+            raise ConfigError(
+                f"{what}.gripper",
+                got=grasp.gripper,
+                expected=f"{own}, which the {grasp.arm} arm carries",
+            )
+        joints = robot.chain(grasp.arm).joint_names
+        if set(grasp.joints or ()) != set(joints):
+            raise ConfigError(
+                f"{what}.joints",
+                got=", ".join(grasp.joints or ()) or "none",
+                expected=", ".join(joints),
+            )
+    hands[grasp.gripper].preshape(grasp.preshape)
+    if plan.object_label and grasp.object_label != plan.object_label:
+        raise ConfigError(
+            f"{what}.object",
+            got=grasp.object_label,
+            expected=f"{plan.object_label}, which the plan is for",
+        )

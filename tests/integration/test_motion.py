@@ -124,3 +124,41 @@ def test_the_command_refuses_an_unknown_policy(run):
     ended = run("motion", data_path("captures", "pile.npz"), "--unknown", "some")
     assert ended.status == 2
     assert "--unknown" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "named"),
+    [
+        ("gripper", "foo", "gripper"),
+        ("gripper", "other", "carries"),
+        ("preshape", "foo", "preshape"),
+        ("joints", {"a": 1.0}, "joints"),
+        ("object", 99, "object"),
+    ],
+)
+def test_a_saved_grasp_that_the_robot_cannot_have_is_refused(
+    result, tmp_path, field, value, named
+):
+    path = tmp_path / "grasps.json"
+    result.save(path)
+    content = json.loads(path.read_text())
+    grasp = content["grasps"][0]
+    hands = {"robotiq_3f": "camhand", "camhand": "robotiq_3f"}
+    grasp[field] = hands[grasp["gripper"]] if value == "other" else value
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=named):
+        recall_plan(path, result.capture, result.robot)
+
+
+def test_a_saved_plan_in_another_frame_is_refused(result, tmp_path):
+    path = tmp_path / "grasps.json"
+    result.save(path)
+    path.write_text(path.read_text().replace('"frame": "base"', '"frame": "camera"'))
+    with pytest.raises(ConfigError, match="frame"):
+        recall_plan(path, result.capture, result.robot)
+
+
+@pytest.mark.parametrize("present", [{"zz": 1.0}, {"torso_joint": "a"}])
+def test_a_present_posture_that_is_none_is_refused(result, present):
+    with pytest.raises(InputError, match="joint"):
+        debrisgrasp.plan_motion(result, present=present)
