@@ -219,6 +219,11 @@ def _replay(arguments: argparse.Namespace) -> int:
         again = MemoryRecord()
         SimulatedTask.from_json(before.inputs).run(again)
         events = again.events
+    if before.end is not None and before.end.get("end") == "interrupted":
+        # What followed came of the interruption, which is no decision.
+        stops = [i for i, event in enumerate(taken) if event["event"] == "stop"]
+        taken = taken[: stops[-1]] if stops else taken
+        events = decisions(events)[: len(taken)]
     if not before.is_whole:
         # A run that was killed: what there is of it is compared.
         events = decisions(events)[: len(taken)]
@@ -230,8 +235,8 @@ def _replay(arguments: argparse.Namespace) -> int:
             "missing": before.missing,
         }
         print(json.dumps({**facts, "differences": [str(d) for d in found]}))
-        return 1 if found else 0
+        return 1 if found or before.missing else 0
     if before.missing:
         print(f"{arguments.folder} lacks {', '.join(before.missing)}")
     print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
-    return 1 if found else 0
+    return 1 if found or before.missing else 0

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import numpy as np
 
@@ -151,7 +152,7 @@ class StoredRun:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What a whole record of this run would have besides: its end, captures."""
+        """What a whole record of this run has besides: its end, whole captures."""
         lacking = () if self.is_whole else (f"the end of {_EVENTS}",)
         number, names = 1, []
         for event in self.events:
@@ -160,7 +161,8 @@ class StoredRun:
             if event.get("event") == "done" and event.get("state") == "capture":
                 names.append(f"capture_{number:03d}.npz")
         folder = self.folder / _CAPTURES
-        gone = [name for name in dict.fromkeys(names) if not (folder / name).exists()]
+        # The list of what a .npz holds stands at its end: one cut short has none.
+        gone = [name for name in dict.fromkeys(names) if not is_zipfile(folder / name)]
         return (*lacking, *(f"{_CAPTURES}/{name}" for name in gone))
 
     def capture(self, name: str) -> Capture | None:

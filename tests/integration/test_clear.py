@@ -173,5 +173,11 @@ def test_a_record_that_lacks_something_is_replayed_and_says_what(tmp_path, capsy
     assert debrisgrasp(["replay", str(folder)]) == 0
     lines = (folder / "events.jsonl").read_text().splitlines()
     (folder / "events.jsonl").write_text("\n".join(lines[:-3]) + '\n{"event": "att')
-    assert debrisgrasp(["replay", str(folder)]) == 0
+    assert debrisgrasp(["replay", str(folder)]) == 1
     assert "lacks the end of events.jsonl" in capsys.readouterr().out
+    ends = [
+        '{"event": "stop", "why": "interrupted"}',
+        '{"event": "end", "end": "interrupted"}',
+    ]
+    (folder / "events.jsonl").write_text("\n".join([*lines[:-3], *ends]) + "\n")
+    assert debrisgrasp(["replay", str(folder)]) == 0

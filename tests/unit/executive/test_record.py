@@ -74,6 +74,9 @@ def test_a_record_says_what_it_lacks(tmp_path):
     record.keep(picture(), "capture_001")
     record.write("end", {"end": "cleared"})
     assert load_run(tmp_path).missing == ("captures/capture_002.npz",)
+    first = tmp_path / "captures" / "capture_001.npz"
+    first.write_bytes(first.read_bytes()[:-100])
+    assert len(load_run(tmp_path).missing) == 2
 
 
 def test_a_damaged_line_in_the_middle_is_named(tmp_path):
