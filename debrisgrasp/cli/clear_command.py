@@ -219,13 +219,13 @@ def _replay(arguments: argparse.Namespace) -> int:
         again = MemoryRecord()
         SimulatedTask.from_json(before.inputs).run(again)
         events = again.events
-    if before.end is not None and before.end.get("end") == "interrupted":
+    is_interrupted = before.end is not None and before.end.get("end") == "interrupted"
+    if is_interrupted:
         # What followed came of the interruption, which is no decision.
         stops = [i for i, event in enumerate(taken) if event["event"] == "stop"]
         taken = taken[: stops[-1]] if stops else taken
-        events = decisions(events)[: len(taken)]
-    if not before.is_whole:
-        # A run that was killed: what there is of it is compared.
+    if is_interrupted or not before.is_whole:
+        # What there is of such a run is compared.
         events = decisions(events)[: len(taken)]
     found = differences(taken, events)
     if arguments.json:
@@ -235,8 +235,8 @@ def _replay(arguments: argparse.Namespace) -> int:
             "missing": before.missing,
         }
         print(json.dumps({**facts, "differences": [str(d) for d in found]}))
-        return 1 if found or before.missing else 0
-    if before.missing:
-        print(f"{arguments.folder} lacks {', '.join(before.missing)}")
-    print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
+    else:
+        if before.missing:
+            print(f"{arguments.folder} lacks {', '.join(before.missing)}")
+        print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
     return 1 if found or before.missing else 0

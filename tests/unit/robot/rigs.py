@@ -53,16 +53,12 @@ def posture(arm: str, place: tuple[float, ...]) -> tuple[float, ...]:
 class Rig:
     """Arm over a place (x, y, z, yaw), hand open and initialised."""
 
-    def __init__(self, world, place=(0.8, -0.3, 0.13), arm="right", **config) -> None:
+    settles = 0.1
+    """How long it stands before a test begins [s]."""
+
+    def __init__(self, bodies, place=(0.8, -0.3, 0.13), arm="right", **config) -> None:
         start = CHAINS[arm].named(posture(arm, place))
-        config = {"is_initialised": True, "noise": None, **config}
-        self.fake = fake_robot(
-            ROMAN,
-            world if isinstance(world, World) else World(tuple(world)),
-            rng=np.random.default_rng(5),
-            config=FakeConfig(start={arm: start}, **config),
-            grippers=GRIPPERS,
-        )
+        self.fake = self.made(bodies, start={arm: start}, **config)
         self.robot = self.fake.robot
         self.limb = self.robot.limbs[arm]
         self.arm, self.hand = self.limb.arm, self.limb.gripper
@@ -70,7 +66,18 @@ class Rig:
         limits = ROMAN.limits(arm, self.chain).controller
         self.servo = CartesianServo(self.chain, limits, PERIOD)
         self.arm.engage()
-        self.wait(0.1)
+        self.wait(self.settles)
+
+    @staticmethod
+    def made(bodies, **config):
+        """RoMan before bodies at rest, or a world of them."""
+        return fake_robot(
+            ROMAN,
+            bodies if isinstance(bodies, World) else World(tuple(bodies)),
+            rng=np.random.default_rng(5),
+            config=FakeConfig(**{"is_initialised": True, "noise": None, **config}),
+            grippers=GRIPPERS,
+        )
 
     def wait(self, seconds: float) -> None:
         self.robot.clock.wait_until(self.robot.clock.now() + seconds)
