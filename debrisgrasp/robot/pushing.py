@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +12,7 @@ from debrisgrasp._arrays import FloatArray
 from .config import FakeConfig
 from .rubble import Rubble
 
-__all__ = ["GRAVITY", "Push"]
+__all__ = ["GRAVITY", "Push", "Pushes"]
 
 GRAVITY = 9.81
 """[m/s^2]."""
@@ -81,3 +82,36 @@ class Push:
             # It stays where it got stuck: set back, it would strike the hand.
             self.is_stuck = rubble.overlap(self.body) > self.overlap + _WEDGED
             self._since_free = np.zeros(3)
+
+
+class Pushes:
+    """All bodies that something pushes at present."""
+
+    def __init__(self, rubble: Rubble, config: FakeConfig) -> None:
+        self._rubble, self._config = rubble, config
+        self._begun: dict[int, Push] = {}
+
+    def __len__(self) -> int:
+        return len(self._begun)
+
+    def forget(self, body: int) -> None:
+        """Count a body as not pushed."""
+        self._begun.pop(body, None)
+
+    def ended(
+        self, touched: Collection[int], is_near: Callable[[int], bool]
+    ) -> list[Push]:
+        """Take out those of bodies that nothing touches, and no hand is near to."""
+        over = [b for b in self._begun if b not in touched and not is_near(b)]
+        return [self._begun.pop(body) for body in over]
+
+    def push(self, body: int, force: FloatArray, stiffness: float) -> float | None:
+        """Move a body as `Push.wanted` says; how far [m], or nothing if it stays."""
+        if body not in self._begun:
+            self._begun[body] = Push.begun(body, self._rubble)
+        push = self._begun[body]
+        way = push.wanted(force, self._config, stiffness)
+        if way is None:
+            return None
+        push.move(way, self._rubble)
+        return float(np.linalg.norm(way))

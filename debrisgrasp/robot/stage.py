@@ -24,7 +24,7 @@ from .fake_arm import FakeArm, FakeForceSensor
 from .fake_hand import FakeGripper
 from .holding import Grip, Hold, Seat, is_enclosed, sides_of
 from .links import LinkSpheres
-from .pushing import GRAVITY, Push
+from .pushing import GRAVITY, Pushes
 from .rubble import Rubble
 from .settling import HandState, Settling
 from .springs import GROUND, HELD, PALM
@@ -78,7 +78,7 @@ class Stage:
         }
         self._settling = Settling(self._rubble, list(self._hands.values()))
         self._started = [shape.com.copy() for shape in self._rubble.shapes]
-        self._pushes: dict[int, Push] = {}
+        self._pushes = Pushes(self._rubble, config)
         self._is_far: dict[int, bool] = {}
         self._T_first: SE3 | None = None
         """Pose of the base in odom, as long as that is the identity."""
@@ -230,7 +230,7 @@ class Stage:
             if not is_enclosed(*sides, self.friction):
                 continue
             rubble, shape = self._rubble, self._rubble.shapes[body]
-            self._pushes.pop(body, None)
+            self._pushes.forget(body)
             com = shape.com.copy()
             hand.hold = Hold(
                 index=body,
@@ -379,26 +379,19 @@ class Stage:
     ) -> None:
         """Move what is pushed with more than friction, and settle what no longer is."""
         # What would fall into a hand waits until that is away.
-        over = [
-            body
-            for body in self._pushes
-            if body not in touched
-            and not any(hand.touch.is_near(body) for hand in self._hands.values())
-        ]
-        for body in over:
-            ended = self._pushes.pop(body)
-            if ended.way > _LIFTED and not self._is_held(body):
-                beside = self._rubble.touching(body)
-                self._settling.settle({body, *beside}, self._held_bodies())
+        hands = self._hands.values()
+        over = self._pushes.ended(
+            touched, lambda body: any(hand.touch.is_near(body) for hand in hands)
+        )
+        for push in over:
+            if push.way > _LIFTED and not self._is_held(push.body):
+                beside = self._rubble.touching(push.body)
+                self._settling.settle({push.body, *beside}, self._held_bodies())
         for body, force in touched.items():
-            if body not in self._pushes:
-                self._pushes[body] = Push.begun(body, self._rubble)
-            push = self._pushes[body]
-            way = push.wanted(force, self._config, stiffness[body])
+            way = self._pushes.push(body, force, stiffness[body])
             if way is None:
                 continue
-            push.move(way, self._rubble)
-            for hand in self._hands.values():
-                hand.touch.shifted(float(np.linalg.norm(way)))
+            for hand in hands:
+                hand.touch.shifted(way)
                 if hand.seen is not None:
                     hand.seen = (None, *hand.seen[1:])
