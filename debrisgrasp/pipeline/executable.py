@@ -29,6 +29,7 @@ from debrisgrasp.motion import MotionConfig, MotionPlan, MotionPlanner, MotionSp
 from debrisgrasp.planning import Grasp, GraspPlan
 
 from .passage import Passage
+from .reasons import NOT_TRIED
 
 __all__ = ["GraspMotion", "GraspMotions", "MotionsConfig", "first_executable"]
 
@@ -36,7 +37,6 @@ _RETREAT = 0.15
 """How far the hand goes along the retreat of a grasp [m]."""
 _LEAST_STAND_OFF = 0.06
 """Shortest straight approach that is tried [m]."""
-_NOT_TRIED = "not tried: the deadline had passed"
 _EVERY = 4
 """Of the postures of a leg, at most 2 mm apart, every so many are looked at."""
 
@@ -97,7 +97,7 @@ class GraspMotions:
     @property
     def tried(self) -> tuple[tuple[int, str], ...]:
         """Those of the grasps passed over for which there was time."""
-        return tuple(over for over in self.passed_over if over[1] != _NOT_TRIED)
+        return tuple(over for over in self.passed_over if over[1] != NOT_TRIED)
 
     @property
     def why_none(self) -> str:
@@ -171,7 +171,7 @@ def first_executable(
                 mend="Plan with a robot rather than for a floating hand.",
             )
         if passed_over and watch.is_late():
-            passed_over.append((index, _NOT_TRIED))
+            passed_over.append((index, NOT_TRIED))
             continue
         key = grasp.arm, grasp.preshape, grasp.opening
         if key not in chains:

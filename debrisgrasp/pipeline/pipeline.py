@@ -39,7 +39,7 @@ from debrisgrasp.settings import Settings
 from .advice import advice_on, is_poor
 from .inputs import arms_of, require_limits, robot_of
 from .perception import Perception
-from .reasons import unfit
+from .reasons import NOT_TRIED, unfit
 from .result import PlanningResult
 from .retreat import with_retreats
 from .second_look import BestSoFar
@@ -322,7 +322,7 @@ class Pipeline:
             if reason is None and is_enough:
                 reason = f"not tried: the limit of {n_tried} objects was reached"
             if reason is None and n_tried and is_late:
-                reason = "not tried: the deadline had passed"
+                reason = NOT_TRIED
             if reason is not None:
                 best.pass_over(target, reason)
                 continue

@@ -11,8 +11,9 @@ from debrisgrasp.geometry import MAX_CELLS, Bounds, voxel_downsample
 from debrisgrasp.planning import PassedOver, SceneConfig
 from debrisgrasp.segmentation import GroundConfig, GroundReport, Segmentation
 
-__all__ = ["is_ground", "too_large", "too_small", "unfit", "why_empty"]
+__all__ = ["NOT_TRIED", "is_ground", "too_large", "too_small", "unfit", "why_empty"]
 
+NOT_TRIED = "not tried: the deadline had passed"
 _MOSTLY = 0.9
 """Share of an object's points in the plane of the ground that makes it ground."""
 
