@@ -183,7 +183,15 @@ def run_new(arguments: argparse.Namespace) -> int:
         )
         for preshape in _preshapes(arguments, gripper)
     )
-    return _finish(arguments, *_soundest(made, gripper))
+    try:
+        chosen, findings = _soundest(made, gripper)
+    except ConfigError as error:
+        _, is_size, size = error.what.partition(", field shape.")
+        if not is_size:
+            raise
+        option = f"--{size.replace('_', '-')} with --shape {arguments.shape}"
+        raise ConfigError.about(option, error) from None
+    return _finish(arguments, chosen, findings)
 
 
 def run_mesh(arguments: argparse.Namespace) -> int:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from types import NoneType
 from typing import Any
 
 import numpy as np
 
 from debrisgrasp._arrays import Rng, require_range
-from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp._checked import checked_fields
+from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Pipeline
@@ -60,22 +60,7 @@ class Simulated:
     """Whether a stop is latched on every arm."""
 
 
-_NAME = ((str, NoneType), "a name, or none")
-_KINDS: Mapping[str, tuple[tuple[type, ...], str]] = {
-    "scene": ((str, NoneType), "the name of a scene, or none"),
-    "objects": ((int, NoneType), "a whole number, or none"),
-    "seed": ((int,), "a whole number"),
-    "site": _NAME,
-    "robot": _NAME,
-    "gripper": _NAME,
-    "mask": _NAME,
-    "arms": ((tuple,), "names of arms"),
-    "faults": ((tuple,), "names of faults"),
-    "max_removals": ((int, NoneType), "a whole number, or none"),
-    "drive_over": ((int, float), "a height in metres"),
-}
-
-
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedTask:
     """A pile, a robot in memory, and what is to be done: equal tasks, equal runs."""
@@ -105,13 +90,9 @@ class SimulatedTask:
     """See `TaskSettings` [m]."""
 
     def __post_init__(self) -> None:
-        for name, (kinds, expected) in _KINDS.items():
-            value = getattr(self, name)
-            of_its_kind = isinstance(value, kinds) and not isinstance(value, bool)
-            if isinstance(value, tuple):
-                of_its_kind &= all(isinstance(item, str) for item in value)
-            if not of_its_kind:
-                raise ConfigError(f"{name} of a task", got=value, expected=expected)
+        for name in ("arms", "faults"):
+            if not all(isinstance(item, str) for item in getattr(self, name)):
+                raise ConfigError(name, got=getattr(self, name), expected="names")
         if self.scene is not None and self.scene not in SCENES:
             raise UnknownNameError("scene", self.scene, SCENES)
         if self.scene is not None and self.objects is not None:
@@ -163,7 +144,10 @@ class SimulatedTask:
                 got=f"no {', '.join(sorted(missing))}",
                 expected="a run of the robot in memory",
             )
-        return cls(**given)
+        try:
+            return cls(**given)
+        except InputError as error:
+            raise ConfigError.about(f"{error.what} of a task", error) from None
 
     def world(self) -> World:
         """Bodies at rest."""

@@ -18,6 +18,8 @@ _FARTHEST_MEDIAN = 50.0
 and millimetres begin at a few hundred."""
 _FARTHEST_CLOUD = 250.0
 """The same for scanners, which reach farther."""
+_FARTHEST_COORDINATE = 1e4
+"""Beyond this [m] single precision no longer tells millimetres apart."""
 _FEWEST_POINTS = 3
 """Without this many measured points there is no surface."""
 
@@ -56,12 +58,11 @@ def checked_depth(depth: object, intrinsics: Intrinsics | None) -> FloatArray:
             mend="Look at the camera: covered, too close, or not streaming.",
         )
     _require_metres(float(np.median(measured)), "median depth", _FARTHEST_MEDIAN)
+    _require_near(
+        float(measured.max()), "depth", "Write 0 or NaN where nothing is seen."
+    )
     cleaned.flags.writeable = False
     return cleaned
-
-
-_FARTHEST_COORDINATE = 1e4
-"""Beyond this [m] single precision no longer tells millimetres apart."""
 
 
 def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, FloatArray]:
@@ -91,14 +92,11 @@ def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, Float
             got=f"{len(measured)} finite of {len(copy)}",
             expected=f"at least {_FEWEST_POINTS}",
         )
-    farthest = float(np.abs(measured).max())
-    if farthest > _FARTHEST_COORDINATE:
-        raise CaptureError(
-            "points",
-            got=f"a coordinate of {farthest:g} m",
-            expected=f"at most {_FARTHEST_COORDINATE:g} m from the origin",
-            mend="Drop broken points, and give positions relative to a near origin.",
-        )
+    _require_near(
+        float(np.abs(measured).max()),
+        "points",
+        "Drop broken points, and give positions relative to a near origin.",
+    )
     ranges = np.linalg.norm(measured - sight, axis=-1)
     _require_metres(
         float(np.median(ranges)), "median distance to the viewpoint", _FARTHEST_CLOUD
@@ -162,6 +160,16 @@ def _require_floats(array: NDArray[Any], name: str) -> None:
         expected="floating-point metres",
         mend="Divide by 1000 and store as float32." if is_integer else "",
     )
+
+
+def _require_near(farthest: float, what: str, mend: str) -> None:
+    if farthest > _FARTHEST_COORDINATE:
+        raise CaptureError(
+            what,
+            got=f"a coordinate of {farthest:g} m",
+            expected=f"at most {_FARTHEST_COORDINATE:g} m",
+            mend=mend,
+        )
 
 
 def _require_metres(median: float, what: str, farthest: float) -> None:

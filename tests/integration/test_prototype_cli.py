@@ -147,3 +147,16 @@ def test_what_no_hand_spans_is_told_and_not_written(capsys, folder):
     assert "too thick for the hand" in said
     assert "wrote nothing" in said
     assert not (folder / "p").exists()
+
+
+@pytest.mark.parametrize(
+    ("sizes", "option"),
+    [
+        ("box --width .05 --height .04", "--length with --shape box"),
+        ("cylinder --diameter 50 --length .3", "--diameter with --shape cylinder"),
+        ("edge --thickness -1", "--thickness with --shape edge"),
+    ],
+)
+def test_a_missing_or_wrong_size_is_told_as_the_option_it_is(capsys, sizes, option):
+    assert run(["prototype", "new", "--name", "a", "--shape", *sizes.split()]) == 2
+    assert f"{option}: got" in capsys.readouterr().err

@@ -52,6 +52,7 @@ def test_bad_depth_is_refused(depth, camera):
         (np.zeros_like(depth), "measured pixels"),
         (np.full_like(depth, np.nan), "measured pixels"),
         (np.where(np.arange(64) == 3, -1.0, depth), "negative"),
+        (np.where(np.arange(64) == 3, 1e30, depth), "depth: got a coordinate of 1e"),
         ((depth * 1000).astype(np.uint16), "Divide by 1000"),
         (depth * 1000, "divide by 1000"),
         (depth > 0, "dtype of depth"),
