@@ -14,6 +14,11 @@ from .se3 import SE3
 
 __all__ = ["Bounds", "PointCloud"]
 
+_RIM = 1 / 80
+"""Width of the rim of what is measured, in which something is cut off; in images."""
+_FRAME = 1 / 10
+"""Width of the frame at the border in which a camera may measure nothing; in images."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bounds:
@@ -121,6 +126,30 @@ class PointCloud:
     def cropped(self, bounds: Bounds) -> PointCloud:
         """Keep the points inside ``bounds``, which are in the same frame."""
         return self.selected(bounds.contains(self.points))
+
+    def at_rim(self, index: IntArray) -> BoolArray:
+        """Which of the points (m,) lie where the measured part of the image ends, (m,).
+
+        What they belong to goes on out of sight. None of an unorganised cloud.
+        """
+        at_rim = np.zeros(len(index), dtype=bool)
+        if self.pixels is None or self.image_shape is None:
+            return at_rim
+        measured = np.zeros(self.image_shape, dtype=bool)
+        measured.ravel()[self.pixels] = True
+        row, column = np.divmod(self.pixels[index], self.image_shape[1])
+        size = max(self.image_shape)
+        for lines, across, along in (
+            (measured, row, column),
+            (measured.T, column, row),
+        ):
+            for line, place in (
+                (lines, along),
+                (lines[:, ::-1], lines.shape[1] - 1 - along),
+            ):
+                is_first = place - line.argmax(axis=1)[across] < size * _RIM
+                at_rim |= is_first & (place < size * _FRAME)
+        return at_rim
 
     def in_frame(self, T_frame_own: SE3, frame: str) -> PointCloud:
         """Express the same cloud in another frame."""

@@ -36,6 +36,8 @@ _LEAST_CURVED = 6
 """Fewer points between the fingers don't tell where the hidden side is."""
 _FLAT = 0.01
 """Variance of the normals along the closing axis that comes from noise alone."""
+_SAME = 0.01
+"""Points whose places along the closing axis differ by less are equally far out [m]."""
 _BATCH = 64
 """Poses looked at together."""
 
@@ -123,6 +125,7 @@ class PadContacts:
         usable = scene.is_target & np.isfinite(scene.cloud.normals[:, 0])
         self._points = scene.cloud.points[usable].T.astype(np.float32)
         self._normals = scene.cloud.normals[usable].T.astype(np.float32)
+        self._is_cut = scene.is_cut[usable]
         self._zones, self._config = zones, config
 
     def look(self, Ts_base_hand: FloatArray, prototype: IntArray) -> PadLook:
@@ -178,11 +181,16 @@ class PadContacts:
             angles.append(np.where(is_seen, angle, np.nan))
             room = upper[:, 0] - (side * middle + radius)
             room[np.isnan(room)] = np.inf
-            # What goes on to where the finger comes down has no side before it.
-            reaches = np.float32(side) * local[:, 0] > upper[:, :1] - np.float32(_ROOM)
-            reaches &= is_near
-            goes_on = np.count_nonzero(reaches, axis=1) >= self._config.min_points
-            room[goes_on] = np.minimum(room[goes_on], 0.0)
+            # What goes on to where the finger comes down has no side before it; what
+            # the image cuts off goes on and on.
+            out = np.where(is_near, np.float32(side) * local[:, 0], -np.inf)
+            reaches = out > upper[:, :1] - np.float32(_ROOM)
+            is_cut = self._is_cut & (
+                out > out.max(axis=1, keepdims=True, initial=-1.0) - _SAME
+            )
+            for goes_on, left in ((reaches, 0.0), (is_cut, -np.inf)):
+                enough = np.count_nonzero(goes_on, axis=1) >= self._config.min_points
+                room[enough] = np.minimum(room[enough], left)
             rooms.append(np.where(is_seen, np.inf, room))
         return np.stack(angles + rooms, axis=1)
 

@@ -71,6 +71,8 @@ class GraspScene:
     """All measured points within reach of V, one per cell; every one an obstacle."""
     is_target: BoolArray
     """Which of them belong to the object and lie in V, shape (n,)."""
+    is_cut: BoolArray
+    """Which of them lie where the image ends: what they belong to goes on, (n,)."""
     region: Bounds
     """The volume V (section 5.2 of the paper)."""
     field: DistanceField
@@ -174,6 +176,7 @@ class GraspScene:
         return cls(
             cloud=thinned,
             is_target=is_target,
+            is_cut=cloud.at_rim(kept),
             region=region,
             field=field,
             clearance=_with_ground(field, ground_plane, config.ground_roughness),

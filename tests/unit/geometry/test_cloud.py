@@ -83,3 +83,25 @@ def test_a_box_around_points_contains_them(rng):
     assert_allclose(bounds.grown(0.2).size, bounds.size + 0.4)
     with pytest.raises(InputError, match="at least one"):
         Bounds.around(np.empty((0, 3)))
+
+
+def test_the_rim_is_where_the_measured_part_of_an_image_ends():
+    measured = np.ones((96, 160), dtype=bool)
+    measured[:, :6] = False  # as a stereo camera leaves it
+    measured[40:60, 70:90] = False  # a hole is not the end
+    pixels = np.flatnonzero(measured)
+    points = np.zeros((len(pixels), 3))
+    cloud = PointCloud(
+        points, points, np.zeros(3), pixels=pixels, image_shape=measured.shape
+    )
+    at_rim = np.zeros(measured.shape, dtype=bool)
+    at_rim.ravel()[pixels] = cloud.at_rim(np.arange(len(pixels)))
+    expected = measured.copy()
+    expected[2:-2, 8:-2] = False
+    assert (at_rim == expected).all()
+    assert_array_equal(cloud.at_rim(np.array([0, 5000])), [True, False])
+
+
+def test_a_cloud_without_an_image_has_no_rim():
+    cloud = PointCloud(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3))
+    assert not cloud.at_rim(np.arange(3)).any()

@@ -24,6 +24,13 @@ CONFIG = ContactConfig()
 FIRST = np.zeros(1, dtype=int)
 
 
+def scene_of(cloud: PointCloud, *, is_target: bool = True) -> SimpleNamespace:
+    """What contacts read of a scene."""
+    which = np.full(len(cloud), is_target)
+    is_cut = cloud.at_rim(np.arange(len(cloud)))
+    return SimpleNamespace(cloud=cloud, is_target=which, is_cut=is_cut)
+
+
 def contacts(tilts: dict[int, float], T: SE3 | None = None, n: int = 5) -> PadContacts:
     """Faces at the pads of sides (-1, 1), tilted [rad] towards the palm's far side."""
     points, normals = [], []
@@ -38,7 +45,7 @@ def contacts(tilts: dict[int, float], T: SE3 | None = None, n: int = 5) -> PadCo
         T.rotate(np.concatenate(normals)),
         np.array([0.0, 0.0, 2.0]),
     )
-    scene = SimpleNamespace(cloud=cloud, is_target=np.ones(len(cloud), dtype=bool))
+    scene = scene_of(cloud)
     return PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
 
 
@@ -70,14 +77,14 @@ def test_on_a_curved_face_the_part_that_is_turned_to_the_pad_counts():
     surface = np.stack([0.03 * np.cos(angle), 0 * angle, -0.03 * np.sin(angle)], 1)
     middle = np.array([0.01, PADS[:, 1].mean(), PADS[:, 2].mean()])
     cloud = PointCloud(surface + middle, surface / 0.03, np.array([0.0, 0.0, 2.0]))
-    scene = SimpleNamespace(cloud=cloud, is_target=np.ones(len(cloud), dtype=bool))
+    scene = scene_of(cloud)
     pipe = PadContacts(scene, around._zones, CONFIG)
     assert at(pipe) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_points_of_other_objects_tell_nothing():
     cloud = PointCloud(np.zeros((4, 3)), np.tile([1.0, 0, 0], (4, 1)), np.ones(3))
-    scene = SimpleNamespace(cloud=cloud, is_target=np.zeros(4, dtype=bool))
+    scene = scene_of(cloud, is_target=False)
     found = PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
     assert at(found) == 1.0
 
@@ -97,7 +104,7 @@ def half_seen(shape: str, half: float, middle: float) -> PadContacts:
     points = np.stack([x + middle, np.full_like(x, y), depth + level], axis=1)
     normals = np.stack([nx, 0.0 * nx, nz], axis=1)
     cloud = PointCloud(points, normals, np.array([0.0, 0.0, -2.0]))
-    scene = SimpleNamespace(cloud=cloud, is_target=np.ones(len(cloud), dtype=bool))
+    scene = scene_of(cloud)
     return PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
 
 
@@ -128,7 +135,7 @@ def test_what_goes_on_to_where_a_finger_comes_down_has_no_side_before_it():
     beside = 0.004 * np.array([[[0.0, k, 0.0]] for k in range(3)])
     points = (points + beside).reshape(-1, 3)
     cloud = PointCloud(points, np.tile([0.0, 0.0, -1.0], (120, 1)), np.zeros(3))
-    scene = SimpleNamespace(cloud=cloud, is_target=np.ones(120, dtype=bool))
+    scene = scene_of(cloud)
     found = PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
     look = found.look(np.eye(4)[None], FIRST)
     assert look.room[0, 0] > 0.01 >= 0.0 >= look.room[0, 1]
@@ -166,3 +173,21 @@ def test_moving_everything_changes_nothing(tilt, other, motion):
 def test_senseless_settings_are_refused(bad):
     with pytest.raises(ConfigError):
         ContactConfig(**bad)
+
+
+@pytest.mark.parametrize(("column", "goes_on"), [(637, True), (500, False)])
+def test_what_the_image_cuts_off_may_go_on_to_the_finger_beyond(column, goes_on):
+    across, beside = np.meshgrid(np.linspace(-0.03, 0.02, 26), 0.004 * np.arange(3))
+    y, z = PADS[:, 1].mean(), np.full(across.size, 0.06)
+    points = np.stack([across.ravel(), y + beside.ravel(), z], axis=1)
+    columns = column - np.arange(26)[::-1]
+    pixels = (640 * (200 + np.arange(3))[:, None] + columns).ravel()
+    normals = np.tile([0.0, 0.0, -1.0], (len(points), 1))
+    cloud = PointCloud(
+        points, normals, np.zeros(3), pixels=pixels, image_shape=(480, 640)
+    )
+    scene = scene_of(cloud)
+    found = PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
+    look = found.look(np.eye(4)[None], FIRST)
+    assert look.room[0, 0] > 0.01
+    assert look.is_too_wide[0] == goes_on
