@@ -12,7 +12,7 @@ from .accounting import (
     tabulate,
 )
 from .arm_run import run_arm
-from .fake_run import run_fake
+from .fake_run import pipeline_of, run_fake
 from .intervals import Interval, jeffreys, newcombe, wilson
 from .physics_run import run_physics
 from .rates import FaultRates, Rate, random_faults
@@ -53,6 +53,7 @@ __all__ = [
     "load_records",
     "load_results",
     "newcombe",
+    "pipeline_of",
     "random_faults",
     "run_arm",
     "run_fake",

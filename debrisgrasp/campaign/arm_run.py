@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive import Executive, Simulated
+from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.sim import tier_scene
 from debrisgrasp.sim_robot import sim_robot
@@ -15,7 +17,7 @@ from debrisgrasp.sim_robot import sim_robot
 from .fake_run import (
     Watch,
     is_in_the_way,
-    pipeline_of_roman,
+    pipeline_of,
     record_of,
     settings_of,
 )
@@ -32,18 +34,22 @@ def run_arm(spec: RunSpec) -> RunRecord:
     ------
     UnknownNameError
         If there is no such tier.
+    ConfigError
+        If the site has no robot with arms.
     MissingExtraError
         If MuJoCo is not installed.
     """
     start = time.thread_time()
     robot_rng, task_rng = np.random.default_rng(spec.seed).spawn(2)
     world = tier_scene(spec.tier, spec.seed).world
-    pipeline = pipeline_of_roman()
+    pipeline = pipeline_of(spec.site)
     model = pipeline.robot
-    assert model is not None
+    if model is None:
+        raise ConfigError("robot of the site", got="none", expected="a robot with arms")
     config = FakeConfig(is_initialised=True)
-    robot = sim_robot(model, world, rng=robot_rng, config=config)
-    watch, settings = Watch(recovery=spec.recovery), settings_of(spec)
+    grippers = {**load_grippers(), **pipeline.grippers}
+    robot = sim_robot(model, world, rng=robot_rng, config=config, grippers=grippers)
+    watch, settings = Watch(recovery=spec.recovery), settings_of(spec, pipeline)
     executive = Executive(
         robot.robot, settings, pipeline=pipeline, observers=(watch,), rng=task_rng
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -14,12 +15,14 @@ from debrisgrasp.executive import (
     RunEnd,
     RunResult,
     Simulated,
+    SimulatedTask,
     State,
     TaskSettings,
     simulate,
 )
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import FakeTruth
+from debrisgrasp.settings import Settings
 from debrisgrasp.worlds import Body
 
 from .record import SUCCESS, RunRecord
@@ -28,7 +31,7 @@ from .specs import RunSpec, fake_world
 __all__ = [
     "Watch",
     "is_in_the_way",
-    "pipeline_of_roman",
+    "pipeline_of",
     "record_of",
     "run_fake",
     "settings_of",
@@ -58,9 +61,15 @@ class Watch:
 
 
 @cache
-def pipeline_of_roman() -> Pipeline:
-    """Load the planner once in each process; it remembers nothing of its runs."""
-    return Pipeline(robot="roman")
+def pipeline_of(site: str | None) -> Pipeline:
+    """Load the planner of a site once in each process; it remembers nothing of runs.
+
+    Raises
+    ------
+    ConfigError, UnknownNameError
+        As `Settings.load` and `Pipeline.from_settings` do.
+    """
+    return Pipeline.from_settings(Settings() if site is None else Settings.load(site))
 
 
 def run_fake(spec: RunSpec) -> RunRecord:
@@ -74,25 +83,25 @@ def run_fake(spec: RunSpec) -> RunRecord:
     start = time.thread_time()
     rng = np.random.default_rng(spec.seed)
     world = fake_world(spec.tier, rng.spawn(1)[0])
-    watch, settings = Watch(recovery=spec.recovery), settings_of(spec)
+    pipeline = pipeline_of(spec.site)
+    watch, settings = Watch(recovery=spec.recovery), settings_of(spec, pipeline)
     done = simulate(
         world,
         settings,
         spec.faults,
-        pipeline=pipeline_of_roman(),
+        pipeline=pipeline,
         observers=(watch,),
         rng=rng,
     )
     return record_of(spec, done, watch, settings, time.thread_time() - start)
 
 
-def settings_of(spec: RunSpec) -> TaskSettings:
+def settings_of(spec: RunSpec, pipeline: Pipeline) -> TaskSettings:
     """Return the settings of the task in a run of a campaign."""
-    return TaskSettings(
-        max_removals=spec.max_removals,
-        max_attempts=spec.max_attempts,
-        drive_over=_DRIVE_OVER,
+    task = SimulatedTask(
+        site=spec.site, max_removals=spec.max_removals, drive_over=_DRIVE_OVER
     )
+    return replace(task.settings(pipeline), max_attempts=spec.max_attempts)
 
 
 def record_of(

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from functools import cache
 
-from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.sim import Verdict
-from debrisgrasp.trials import NO_GRASP, TrialSpec, pipeline_of, run_trial
+from debrisgrasp.trials import NO_GRASP, TrialSpec, run_trial
 
+from .fake_run import pipeline_of
 from .record import SUCCESS, RunRecord
 from .specs import RunSpec
 
@@ -16,12 +15,6 @@ __all__ = ["run_physics"]
 
 _PLANNED = ("capture", "segment", "select", "plan_grasp")
 _GRIPPED = (*_PLANNED, "plan_motion", "pregrasp", "approach", "close")
-
-
-@cache
-def _pipeline() -> Pipeline:
-    """Load the planner once in each process."""
-    return pipeline_of(TrialSpec(tier="pile", seed=0))
 
 
 def run_physics(spec: RunSpec) -> RunRecord:
@@ -35,7 +28,8 @@ def run_physics(spec: RunSpec) -> RunRecord:
         If MuJoCo is not installed.
     """
     start = time.thread_time()
-    trial = run_trial(TrialSpec(tier=spec.tier, seed=spec.seed), _pipeline())
+    pipeline = pipeline_of(spec.site)
+    trial = run_trial(TrialSpec(tier=spec.tier, seed=spec.seed), pipeline)
     is_planned = trial.outcome != NO_GRASP
     is_held = trial.outcome == Verdict.HELD.value
     outcome, stage, fault = "bad_grasp", "close", trial.outcome

@@ -84,6 +84,8 @@ class RunSpec:
     level: str = "hand"
     """In physics, one of `LEVELS`: the first grasp by a flying hand, or the whole task
     by both arms."""
+    site: str | None = None
+    """File of settings of a site: robot, hands and prototypes; None: RoMan's."""
     faults: tuple[Injection, ...] = ()
     recovery: bool = True
     """Whether the task answers faults; if not, the first one ends the run."""
@@ -141,6 +143,7 @@ def draw_specs(
     world: str = "fake",
     tier: str = "few",
     level: str = "hand",
+    site: str | None = None,
     faults: FaultSource | None = None,
     recovery: bool = True,
     max_removals: int | None = None,
@@ -170,6 +173,7 @@ def draw_specs(
                 world=world,
                 tier=tier,
                 level=level,
+                site=site,
                 faults=() if faults is None else faults(rng),
                 recovery=recovery,
                 max_removals=max_removals,

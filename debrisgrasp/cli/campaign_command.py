@@ -7,6 +7,7 @@ from pathlib import Path
 
 from .capture_arguments import seed
 from .commands import Subparsers
+from .site_arguments import add_site
 
 __all__ = ["add"]
 
@@ -50,6 +51,7 @@ def add(subparsers: Subparsers) -> None:
         help="kind of scene: single, few, pile, or a scene of the paper; with mujoco: "
         "isolated, stacked, pile, ... (default: few, or pile)",
     )
+    add_site(parser)
     parser.add_argument(
         "--max-removals", type=int, metavar="N", help="end a run after so many"
     )

@@ -24,6 +24,7 @@ from debrisgrasp.campaign import (
     comparison_to_json,
     draw_specs,
     load_results,
+    pipeline_of,
     random_faults,
     run_arm,
     run_fake,
@@ -107,6 +108,7 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
         "world": arguments.world,
         "tier": tier,
         "level": arguments.level,
+        "site": _site(arguments),
         "recovery": not arguments.no_recovery,
         "max_removals": arguments.max_removals,
     }
@@ -118,6 +120,22 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
         folder=arguments.out,
         header=header,
     )
+
+
+def _site(arguments: argparse.Namespace) -> str | None:
+    """File of settings, if it is one that such runs can be made with."""
+    if arguments.site is None:
+        return None
+    site = str(arguments.site.resolve())
+    is_flying = arguments.world == "mujoco" and arguments.level == "hand"
+    if pipeline_of(site).robot is None and not is_flying:
+        raise ConfigError(
+            "robot of the site",
+            got="none",
+            expected="a robot with arms",
+            mend="Only the flying hand of --world mujoco --level hand has no arm.",
+        )
+    return site
 
 
 def _faults(name: str | None) -> Callable[[Rng], tuple[Injection, ...]] | None:

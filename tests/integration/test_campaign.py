@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from debrisgrasp.campaign import RunSpec, run_fake
+from debrisgrasp.campaign import RunRecord, RunSpec, run_fake
 from debrisgrasp.robot import INJECTABLE, Injection
 
+JAW = Path(__file__).parents[2] / "examples/jaw_site.yaml"
 RATES = """
 schema: debrisgrasp/fault-rates/1
 rates:
@@ -104,6 +106,8 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
         (("--world", "mujoco", "--tier", "single"), "tier of world mujoco"),
         (("--world", "mujoco", "--faults", "field"), "only the robot in memory"),
         (("--faults", "no/such.yaml"), "no/such.yaml"),
+        (("--site", "no/such.yaml"), "no/such.yaml"),
+        (("--site", JAW), "a robot with arms"),
         (("--workers", -1), "workers"),
         (("--max-removals", 0), "max_removals"),
         (("--compare", "no", "such"), "such"),
@@ -114,6 +118,16 @@ def test_bad_input_is_named_before_anything_runs(run, tmp_path, words, message):
     assert done.status == 2
     assert message.lower() in done.err.lower()
     assert not (tmp_path / "out").exists()
+
+
+def test_a_hand_of_ones_own_is_tried_in_physics(run, tmp_path):
+    pytest.importorskip("mujoco")
+    out = tmp_path / "out"
+    words = ("--world", "mujoco", "--tier", "isolated", "--n", 1, "--workers", 1)
+    assert run("campaign", *words, "--site", JAW, "--out", out).status == 0
+    record = RunRecord.load(out / "runs/000000.json")
+    assert record.details["gripper"] == "jaw_140"
+    assert RunSpec.from_json(record.spec).site == str(JAW)
 
 
 def test_all_classes_of_the_table_can_be_reached():
