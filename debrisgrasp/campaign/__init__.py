@@ -13,11 +13,19 @@ from .accounting import (
 )
 from .arm_run import run_arm
 from .fake_run import pipeline_of, run_fake
+from .flight_picture import save_flight
+from .flights import FlightGroup, draw_flight, flight_of, grouped
 from .intervals import Interval, jeffreys, newcombe, wilson
 from .physics_run import run_physics
 from .rates import FaultRates, Rate, random_faults
 from .record import CHECKS, CLASSES, SUCCESS, UNCLASSIFIED, RunRecord
-from .results import comparison_to_json, load_results, save_results, tables_to_json
+from .results import (
+    comparison_to_json,
+    flights_to_json,
+    load_results,
+    save_results,
+    tables_to_json,
+)
 from .runner import Campaign, Progress, load_records
 from .specs import FAKE_TIERS, LEVELS, WORLDS, RunSpec, draw_specs, fake_world
 from .workers import ClusterWorkers, LocalWorkers, OwnWorkers
@@ -35,6 +43,7 @@ __all__ = [
     "ClusterWorkers",
     "Comparison",
     "FaultRates",
+    "FlightGroup",
     "Interval",
     "LocalWorkers",
     "OwnWorkers",
@@ -47,8 +56,12 @@ __all__ = [
     "Tables",
     "compare",
     "comparison_to_json",
+    "draw_flight",
     "draw_specs",
     "fake_world",
+    "flight_of",
+    "flights_to_json",
+    "grouped",
     "jeffreys",
     "load_records",
     "load_results",
@@ -58,6 +71,7 @@ __all__ = [
     "run_arm",
     "run_fake",
     "run_physics",
+    "save_flight",
     "save_results",
     "stages_in_series",
     "system_reliability",

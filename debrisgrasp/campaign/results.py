@@ -15,10 +15,17 @@ from debrisgrasp._files import read_json, write_atomic
 from debrisgrasp.errors import ConfigError
 
 from .accounting import Comparison, Share, Stage, Tables, system_reliability
+from .flights import FlightGroup, flight_of, grouped
 from .record import CHECKS, RunRecord
 from .runner import load_records
 
-__all__ = ["comparison_to_json", "load_results", "save_results", "tables_to_json"]
+__all__ = [
+    "comparison_to_json",
+    "flights_to_json",
+    "load_results",
+    "save_results",
+    "tables_to_json",
+]
 
 _SCHEMA = "debrisgrasp/campaign-results/1"
 _PLAIN = (
@@ -46,7 +53,7 @@ def save_results(
         If one can't be written.
     """
     place = Path(folder)
-    content = {
+    content: dict[str, Any] = {
         "schema": _SCHEMA,
         "campaign": dict(header),
         "tables": tables_to_json(tables),
@@ -54,6 +61,8 @@ def save_results(
             json.loads(replace(record, details={}).to_json()) for record in records
         ],
     }
+    if flights := [flight for record in records if (flight := flight_of(record))]:
+        content["flights"] = flights_to_json(grouped(flights))
     write_atomic(place / "results.json", json.dumps(content, indent=1) + "\n")
     write_atomic(place / "results.csv", _csv(records))
     return place / "results.json", place / "results.csv"
@@ -99,6 +108,19 @@ def tables_to_json(tables: Tables) -> dict[str, Any]:
         },
         "checks": dict(tables.checks),
     }
+
+
+def flights_to_json(groups: Sequence[FlightGroup]) -> list[dict[str, Any]]:
+    """Give groups of flights as plain JSON values."""
+    return [
+        {
+            "by": group.by,
+            "name": group.name,
+            "held": _share(group.held),
+            "failures": dict(group.failures),
+        }
+        for group in groups
+    ]
 
 
 def comparison_to_json(rows: Sequence[Comparison]) -> list[dict[str, Any]]:

@@ -22,7 +22,10 @@ from debrisgrasp.campaign import (
     RunRecord,
     compare,
     comparison_to_json,
+    draw_flight,
     draw_specs,
+    flight_of,
+    grouped,
     load_results,
     pipeline_of,
     random_faults,
@@ -37,7 +40,7 @@ from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.robot import Injection
 from debrisgrasp.sim import TIERS
 
-from .campaign_text import comparison_text, draw_tables, tables_text
+from .campaign_text import comparison_text, draw_tables, flights_text, tables_text
 
 __all__ = ["run_campaigns"]
 
@@ -79,8 +82,11 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
         print(json.dumps(tables_to_json(tables)))
     else:
         print(tables_text(tables))
+        if flights := [flight for record in records if (flight := flight_of(record))]:
+            print(f"\n{flights_text(grouped(flights))}")
         _print_failures(records)
         print("\nwrote " + ", ".join(str(path) for path in (*paths, picture)))
+    _draw_failures(campaign.folder, records)
     return int(any(count for _, count in tables.checks))
 
 
@@ -122,6 +128,26 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
     )
 
 
+def _draw_failures(folder: Path, records: tuple[RunRecord, ...]) -> None:
+    """Draw each failed flight that has no picture yet; it is flown again for that."""
+    failed = [
+        record
+        for record in records
+        if (flight := flight_of(record)) and not flight.is_success
+    ]
+    pictures = folder / "failures"
+    for i, record in enumerate(failed):
+        path = pictures / f"{record.name}.png"
+        if not path.exists():
+            pictures.mkdir(exist_ok=True)
+            draw_flight(record, path)
+            _show_line(
+                f"{i + 1} of {len(failed)} failures drawn", is_last=i + 1 == len(failed)
+            )
+    if failed:
+        print(f"{len(failed)} pictures of failures in {pictures}", file=sys.stderr)
+
+
 def _site(arguments: argparse.Namespace) -> str | None:
     """File of settings, if it is one that such runs can be made with."""
     if arguments.site is None:
@@ -158,12 +184,15 @@ def _compare(old: Path, new: Path, *, as_json: bool) -> int:
 
 def _show(progress: Progress) -> None:
     """Keep one line of the terminal up to date, if there is one."""
-    if not sys.stderr.isatty():
-        return
     latest = "" if progress.latest is None else progress.latest.outcome
-    end = "\n" if progress.done == progress.total else ""
-    line = f"\r{progress.done} of {progress.total} runs  {latest:<24}"
-    print(line, end=end, file=sys.stderr, flush=True)
+    words = f"{progress.done} of {progress.total} runs  {latest:<24}"
+    _show_line(words, is_last=progress.done == progress.total)
+
+
+def _show_line(words: str, *, is_last: bool) -> None:
+    if sys.stderr.isatty():
+        end = "\n" if is_last else ""
+        print(f"\r{words}", end=end, file=sys.stderr, flush=True)
 
 
 def _print_failures(records: tuple[RunRecord, ...]) -> None:

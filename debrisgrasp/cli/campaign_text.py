@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from debrisgrasp.campaign import (
     Comparison,
+    FlightGroup,
     Share,
     Stage,
     Tables,
@@ -16,7 +17,7 @@ from debrisgrasp.viz.campaign import Bar, campaign_png
 
 from .tables import columns
 
-__all__ = ["comparison_text", "draw_tables", "tables_text"]
+__all__ = ["comparison_text", "draw_tables", "flights_text", "tables_text"]
 
 
 def tables_text(tables: Tables) -> str:
@@ -87,6 +88,23 @@ def _row(stage: Stage) -> list[str]:
 def _checks(tables: Tables) -> str:
     rows = [[name.replace("_", " "), str(count)] for name, count in tables.checks]
     return columns(["must be 0", "count"], rows)
+
+
+def flights_text(groups: Sequence[FlightGroup]) -> str:
+    """How often grasps held, a table for each property of the flights."""
+    tables: dict[str, list[list[str]]] = {}
+    for group in groups:
+        held = group.held
+        told = ", ".join(
+            f"{count} {name.replace('_', ' ')}"
+            for name, count in group.failures.items()
+        )
+        row = [group.name or "-", f"{held.count}/{held.total}", *_percent(held), told]
+        tables.setdefault(group.by, []).append(row)
+    return "\n\n".join(
+        columns([by, "held", "%", "95 %", "failures"], rows)
+        for by, rows in tables.items()
+    )
 
 
 def _percent(share: Share) -> tuple[str, str]:

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from functools import lru_cache
@@ -19,28 +18,17 @@ from pathlib import Path
 
 import numpy as np
 
-from debrisgrasp.cli.tables import columns
+from debrisgrasp.campaign import grouped, save_flight, wilson
+from debrisgrasp.cli.campaign_text import flights_text
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.sim import TIERS
 from debrisgrasp.trials import TrialRecord, TrialSpec, pipeline_of, trials
 
-from .physics_pictures import save_picture
 from .report import publish
 
 TARGETS = {
     "pile": 0.90, "stacked": 0.95, "isolated": 0.95, "handle": 0.98, "encumbered": 0.85,
 }  # fmt: skip
-
-
-def wilson(successes: int, n: int, z: float = 1.96) -> tuple[float, float]:
-    """95 % interval of a share (Wilson 1927)."""
-    if not n:
-        return 0.0, 1.0
-    share, square = successes / n, z * z
-    middle = (share + square / (2 * n)) / (1 + square / n)
-    spread = np.sqrt(share * (1 - share) / n + square / (4 * n * n))
-    half = z / (1 + square / n) * spread
-    return max(0.0, middle - half), min(1.0, middle + half)
 
 
 @lru_cache(maxsize=2)
@@ -60,26 +48,8 @@ def tried(job: Job) -> list[TrialRecord]:
         if folder is not None and not one.record.is_success:
             rank = f"_{one.record.rank}" if one.record.rank else ""
             name = f"{spec.tier}_{spec.seed}{rank}_{one.record.outcome}.png"
-            save_picture(folder / name, one)
+            save_flight(folder / name, one)
     return [one.record for one in done]
-
-
-def success_table(
-    records: Iterable[TrialRecord], key: Callable[[TrialRecord], str], title: str
-) -> str:
-    """Share of successes with its interval, and what the failures were."""
-    groups = defaultdict(list)
-    for record in records:
-        groups[key(record)].append(record)
-    rows = []
-    for name, group in sorted(groups.items(), key=lambda item: -len(item[1])):
-        n, good = len(group), sum(record.is_success for record in group)
-        low, high = wilson(good, n)
-        faults = Counter(r.outcome for r in group if not r.is_success)
-        told = ", ".join(f"{count} {fault}" for fault, count in faults.most_common())
-        share = f"{good / n:.0%}", f"{low:.0%} to {high:.0%}"
-        rows.append([name or "-", f"{good}/{n}", *share, told])
-    return columns([title, "held", "share", "95 %", "failures"], rows)
 
 
 def kept(records: Iterable[list[TrialRecord]], path: Path | None) -> list[TrialRecord]:
@@ -138,16 +108,7 @@ def main() -> None:
             records = kept(pool.map(tried, jobs), chosen.records)
     else:
         records = kept(map(tried, jobs), chosen.records)
-    keys: dict[str, Callable[[TrialRecord], str]] = {
-        "tier": lambda r: r.tier,
-        "kind": lambda r: r.kind,
-        "prototype": lambda r: r.prototype,
-        "hand": lambda r: r.gripper,
-        "forecast": lambda r: f"{int(10 * r.probability) / 10:.1f}",
-        "mass": lambda r: "heavy" if r.mass > 8.0 else "8 kg or less",
-    }
-    for title, key in keys.items():
-        print(success_table(records, key, title) + "\n")
+    print(flights_text(grouped(records)) + "\n")
     figures: dict[str, float] = {}
     for tier in dict.fromkeys(record.tier for record in records):
         group = [record for record in records if record.tier == tier]

@@ -20,6 +20,7 @@ import numpy as np
 
 from debrisgrasp._arrays import Float32Array
 from debrisgrasp._stopwatch import Stopwatch
+from debrisgrasp.campaign import wilson
 from debrisgrasp.cli.tables import columns
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Perception, Pipeline, PipelineConfig
@@ -28,7 +29,6 @@ from debrisgrasp.segmentation import DEFAULT_POINT, PriorityPoint
 from debrisgrasp.sim import TIERS, SceneConfig
 from debrisgrasp.trials import TrialRecord, TrialSpec, run_trial
 
-from .physics import wilson
 from .report import publish
 
 LIFTS = ("hedgehog", "beam_on_edge")

@@ -24,11 +24,11 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from debrisgrasp._files import write_atomic
+from debrisgrasp.campaign import wilson
 from debrisgrasp.cli.tables import columns
 from debrisgrasp.planning import SUCCESS_TERMS, SuccessModel
 from debrisgrasp.planning.success import SCHEMA
 
-from .physics import wilson
 from .report import publish
 
 EDGES = (0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from debrisgrasp._files import write_atomic
 from debrisgrasp.geometry import Solid
 from debrisgrasp.sim import Moment
 from debrisgrasp.trials import Trial
@@ -15,6 +17,8 @@ from debrisgrasp.viz.scene import merged
 from debrisgrasp.viz.view import View
 from debrisgrasp.worlds import World
 
+__all__ = ["save_flight"]
+
 SIZE = (520, 400)
 HAND = (0.15, 0.45, 0.85)
 PLANNED = (0.95, 0.55, 0.1)
@@ -22,8 +26,14 @@ BACKGROUND = np.array([0.97, 0.97, 0.98])
 NEAR = 0.28
 
 
-def save_picture(path: Path, done: Trial) -> None:
-    """Write four phases from two sides each."""
+def save_flight(path: Path, done: Trial) -> None:
+    """Draw a trial from two sides: the plan, then each phase of the flight, as PNG.
+
+    Raises
+    ------
+    OutputError
+        If the file can't be written.
+    """
     moments = {} if done.flight is None else {m.phase: m for m in done.flight.moments}
     phases = [p for p in ("approach", "squeeze", "lift", "hold") if p in moments]
     focus, across = _focus(done)
@@ -38,10 +48,13 @@ def save_picture(path: Path, done: Trial) -> None:
             axes = figure.add_subplot(2, count + 1, row * (count + 1) + column + 1)
             axes.imshow(picture)
             axes.set_axis_off()
-            axes.set_title(title)
+            if row == 0:
+                axes.set_title(title)
     figure.suptitle(_caption(done), fontsize=13)
     figure.tight_layout(rect=(0, 0, 1, 0.95))
-    figure.savefig(path)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", metadata={"Software": ""})
+    write_atomic(path, stream.getvalue())
 
 
 def _focus(done: Trial) -> tuple[np.ndarray, np.ndarray]:
@@ -72,7 +85,7 @@ def _drawn(moment: Moment, view: View) -> np.ndarray:
 
 
 def _planned(done: Trial, view: View) -> np.ndarray:
-    """What was measured, where the planner thinks it is, with the hand it planned."""
+    """Draw what was measured, where the planner thinks it is, with its hand."""
     cloud = done.planned.cloud
     labels = done.planned.segmentation.labels
     palette = np.random.default_rng(3).uniform(0.35, 0.85, (labels.max() + 1, 3))

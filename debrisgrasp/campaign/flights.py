@@ -1,0 +1,84 @@
+"""What flown grasps tell: how often they held, by object, prototype, hand, forecast."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from debrisgrasp.trials import TrialRecord, TrialSpec, trial
+
+from .accounting import Share
+from .fake_run import pipeline_of
+from .flight_picture import save_flight
+from .record import RunRecord
+from .specs import RunSpec
+
+__all__ = ["FlightGroup", "draw_flight", "flight_of", "grouped"]
+
+_LIFTED = 8.0
+"""What is heavier is not lifted, but dragged or left [kg]."""
+_KEYS: Mapping[str, Callable[[TrialRecord], str]] = {
+    "tier": lambda r: r.tier,
+    "object": lambda r: r.kind,
+    "prototype": lambda r: r.prototype,
+    "hand": lambda r: r.gripper,
+    "forecast": lambda r: f"{int(10 * r.probability) / 10:.1f}" if r.prototype else "",
+    "mass": lambda r: "heavy" if r.mass > _LIFTED else f"{_LIFTED:g} kg or less",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightGroup:
+    """Flights that have something in common."""
+
+    by: str
+    """What: tier, object, prototype, hand, forecast (by tenths), or mass."""
+    name: str
+    """Which; "" where there was no grasp."""
+    held: Share
+    failures: Mapping[str, int]
+    """Outcomes of the others, most frequent first."""
+
+
+def flight_of(record: RunRecord) -> TrialRecord | None:
+    """Take the flight of a hand out of the record of a run; None if it was another."""
+    spec = record.spec
+    is_flight = (spec.get("world"), spec.get("level")) == ("mujoco", "hand")
+    return TrialRecord(**record.details) if is_flight and record.details else None
+
+
+def grouped(flights: Iterable[TrialRecord]) -> tuple[FlightGroup, ...]:
+    """Count flights by each of their properties, largest groups first."""
+    flights, groups = tuple(flights), []
+    for by, key in _KEYS.items():
+        members: dict[str, list[TrialRecord]] = defaultdict(list)
+        for flight in flights:
+            members[key(flight)].append(flight)
+        for name, some in sorted(members.items(), key=lambda item: -len(item[1])):
+            failed = Counter(f.outcome for f in some if not f.is_success)
+            groups.append(
+                FlightGroup(
+                    by=by,
+                    name=name,
+                    held=Share(len(some) - failed.total(), len(some)),
+                    failures=dict(failed.most_common()),
+                )
+            )
+    return tuple(groups)
+
+
+def draw_flight(record: RunRecord, path: Path) -> None:
+    """Fly the grasp of a run again, and draw it from two sides as PNG.
+
+    Raises
+    ------
+    MissingExtraError
+        If MuJoCo is not installed.
+    OutputError
+        If the picture can't be written.
+    """
+    spec = RunSpec.from_json(record.spec)
+    done = trial(TrialSpec(tier=spec.tier, seed=spec.seed), pipeline_of(spec.site))
+    save_flight(path, done)

@@ -1,0 +1,102 @@
+"""What flown grasps tell, and their pictures."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from debrisgrasp.campaign import (
+    RunRecord,
+    flight_of,
+    grouped,
+    load_results,
+    save_results,
+    tabulate,
+)
+from debrisgrasp.cli import main
+from debrisgrasp.cli.campaign_text import flights_text
+from debrisgrasp.trials import TrialRecord
+
+from .records import record
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+HELD = TrialRecord(
+    tier="pile",
+    seed=1,
+    outcome="held",
+    kind="pipe",
+    is_as_intended=True,
+    mass=2.0,
+    n_bodies=4,
+    prototype="pipe_040",
+    gripper="claw",
+    probability=0.93,
+)
+SLIPPED = replace(HELD, seed=2, outcome="slipped", mass=9.0, probability=0.55)
+NOTHING = replace(HELD, seed=3, outcome="no_grasp", kind="board", prototype="")
+
+
+def run_of(flight: TrialRecord) -> RunRecord:
+    spec = {"world": "mujoco", "level": "hand", "seed": flight.seed, "name": "x"}
+    return record(str(flight.seed), spec=spec, details=flight.as_dict())
+
+
+def test_groups_count_each_flight_once_by_each_property():
+    groups = grouped([HELD, HELD, SLIPPED, NOTHING])
+    found = {(g.by, g.name): (g.held.count, g.held.total) for g in groups}
+    assert found["object", "pipe"] == (2, 3)
+    assert found["object", "board"] == (0, 1)
+    assert found["prototype", ""] == (0, 1)
+    assert found["forecast", "0.9"] == (2, 2)
+    assert found["forecast", "0.5"] == (0, 1)
+    assert found["mass", "heavy"] == (0, 1)
+    for by in ("tier", "object", "prototype", "hand", "forecast", "mass"):
+        assert sum(g.held.total for g in groups if g.by == by) == 4
+    (tier,) = (g for g in groups if g.by == "tier")
+    assert tier.failures == {"slipped": 1, "no_grasp": 1}
+    assert "2/4" in flights_text(groups)
+
+
+def test_only_flights_are_flights():
+    assert flight_of(run_of(SLIPPED)) == SLIPPED
+    assert flight_of(record("a", spec={"world": "fake", "level": "hand"})) is None
+    assert flight_of(record("a", spec={"world": "mujoco", "level": "arm"})) is None
+
+
+def test_results_keep_the_groups(tmp_path):
+    records = [run_of(HELD), run_of(SLIPPED)]
+    path, _ = save_results(tmp_path, records, tabulate(records), {})
+    flights = json.loads(path.read_text())["flights"]
+    by_kind = [entry for entry in flights if entry["by"] == "object"]
+    assert [(e["name"], e["held"]["count"], e["held"]["total"]) for e in by_kind] == [
+        ("pipe", 1, 2)
+    ]
+    assert len(load_results(path)) == 2
+
+
+def test_a_failed_flight_is_drawn_once(tmp_path, capsys):
+    pytest.importorskip("mujoco")
+    out = tmp_path / "out"
+    # A board lies alone, and all that is known are wide pipes.
+    (tmp_path / "prototypes").mkdir()
+    shutil.copy(EXAMPLES / "jaw_prototypes/pipe_100.yaml", tmp_path / "prototypes")
+    site = (EXAMPLES / "jaw_site.yaml").read_text()
+    site = site.replace("jaw_prototypes", str(tmp_path / "prototypes"))
+    site = site.replace("grippers: grippers", f"grippers: {EXAMPLES / 'grippers'}")
+    (tmp_path / "site.yaml").write_text(site)
+    words = ["campaign", "--world", "mujoco", "--tier", "isolated", "--workers", "1"]
+    words += ["--n", "1", "--seed", "3", "--out", str(out)]
+    words += ["--site", str(tmp_path / "site.yaml")]
+    assert main(words) == 0
+    assert "no grasp" in capsys.readouterr().out
+    path = out / "failures/000000.png"
+    with Image.open(path) as picture:
+        assert picture.width > 300
+    before = path.stat().st_mtime_ns
+    assert main(words) == 0
+    assert path.stat().st_mtime_ns == before
