@@ -35,6 +35,8 @@ __all__ = [
     "Trial",
     "TrialRecord",
     "TrialSpec",
+    "capture_of",
+    "intended_of",
     "pipeline_of",
     "run_trial",
     "trial",
@@ -215,10 +217,10 @@ def trials(
     pipeline = pipeline or pipeline_of(spec)
     scene = tier_scene(spec.tier, spec.seed, spec.scene)
     start = time.thread_time()
-    planned = pipeline.plan(_capture(scene), seed=spec.seed)
+    planned = pipeline.plan(capture_of(scene), seed=spec.seed)
     plan_seconds = time.thread_time() - start
     plan = planned.plan
-    intended = _intended(scene, planned, plan.object_label)
+    intended = intended_of(scene, planned, plan.object_label)
     if not plan.grasps:
         record = TrialRecord(
             **_facts(scene, intended, None),
@@ -269,7 +271,8 @@ def _flight_config(spec: TrialSpec, grasp: Grasp) -> FlightConfig:
     return config
 
 
-def _capture(scene: TierScene) -> Capture:
+def capture_of(scene: TierScene) -> Capture:
+    """Return what a planner gets of a scene: depth, and the pose that it believes."""
     return Capture(
         depth=scene.depth,
         intrinsics=scene.intrinsics,
@@ -279,7 +282,7 @@ def _capture(scene: TierScene) -> Capture:
     )
 
 
-def _intended(scene: TierScene, planned: PlanningResult, label: int) -> str | None:
+def intended_of(scene: TierScene, planned: PlanningResult, label: int) -> str | None:
     """Name of the body that most pixels of a segment show; None if it is the ground."""
     if scene.target is not None:
         return scene.target

@@ -6,7 +6,7 @@ from .flying import fly
 from .model import Physics, build_model
 from .piles import settled_pile
 from .settle import Contact, SettleConfig, Settled, let_fall, settle
-from .tiers import TIERS, SceneConfig, TierScene, tier_scene
+from .tiers import TIERS, SceneConfig, TierScene, seen_again, tier_scene
 from .wrist import WristConfig
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "build_model",
     "fly",
     "let_fall",
+    "seen_again",
     "settle",
     "settled_pile",
     "tier_scene",

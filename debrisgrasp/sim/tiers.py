@@ -7,7 +7,7 @@ that a planner is told is off by a calibration error.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from debrisgrasp.worlds import (
 from .piles import settled_pile
 from .settle import Settled, let_fall, settle
 
-__all__ = ["TIERS", "SceneConfig", "TierScene", "tier_scene"]
+__all__ = ["TIERS", "SceneConfig", "TierScene", "seen_again", "tier_scene"]
 
 CENTER = (1.1, 0.0)
 """Where scenes lie: within reach of RoMan's arms [m]."""
@@ -145,10 +145,7 @@ def _seen(
         return None
     if target is not None and not is_seen[settled.world.index(target)]:
         return None
-    depth = exact.depth
-    if config.noise:
-        noise = StereoNoise(sigma=float(rng.uniform(0.0015, 0.002)))
-        depth = noise.noisy(depth, intrinsics, rng=rng).depth
+    depth = _measured(exact.depth, intrinsics, config, rng)
     shift, turn = (_direction(rng) for _ in range(2))
     believed = SE3.from_parts(
         so3.exp(config.calibration_turn * turn) @ pose.R,
@@ -160,11 +157,44 @@ def _seen(
         settled=settled,
         target=target,
         intrinsics=intrinsics,
-        depth=np.where(depth > 0, depth, np.nan),
+        depth=depth,
         labels=exact.labels,
         T_base_camera=pose,
         T_base_camera_believed=believed,
     )
+
+
+def seen_again(
+    scene: TierScene, settled: Settled, *, rng: Rng, config: SceneConfig | None = None
+) -> TierScene:
+    """Look, from the same place, at what has become of the scene of a tier.
+
+    Parameters
+    ----------
+    settled
+        What is there now; without the target of the scene, there is none.
+    rng
+        Source of the errors of the depth; those of the calibration stay.
+    """
+    exact = render(settled.world, scene.intrinsics, scene.T_base_camera)
+    target = scene.target if scene.target in settled.world.names else None
+    return replace(
+        scene,
+        settled=settled,
+        target=target,
+        depth=_measured(exact.depth, scene.intrinsics, config or SceneConfig(), rng),
+        labels=exact.labels,
+    )
+
+
+def _measured(
+    depth: FloatArray, intrinsics: Intrinsics, config: SceneConfig, rng: Rng
+) -> FloatArray:
+    """Depth as a camera has it, NaN where nothing was."""
+    if config.noise:
+        noise = StereoNoise(sigma=float(rng.uniform(0.0015, 0.002)))
+        depth = noise.noisy(depth, intrinsics, rng=rng).depth
+    return np.where(depth > 0, depth, np.nan)
 
 
 def _direction(rng: Rng) -> FloatArray:

@@ -5,7 +5,8 @@ import pytest
 
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import so3
-from debrisgrasp.sim import TIERS, SceneConfig, tier_scene
+from debrisgrasp.sim import TIERS, SceneConfig, seen_again, settle, tier_scene
+from debrisgrasp.worlds import World
 
 pytest.importorskip("mujoco")
 
@@ -49,6 +50,25 @@ def test_errors_can_be_turned_off():
     floor = points[(scene.labels == 0) & np.isfinite(scene.depth)]
     height = floor[:, 2] - scene.world.ground.height(floor[:, :2])
     assert np.abs(height).max() < 1e-4
+
+
+def test_a_scene_is_seen_again_without_what_was_taken(scenes, rng):
+    before = scenes["stacked"]
+    bodies = before.world.bodies
+    settled = settle(World(bodies[:-1], before.world.ground))
+    after = seen_again(before, settled, rng=rng)
+    assert after.world.names == before.world.names[:-1]
+    assert len(bodies) in before.labels
+    assert len(bodies) not in after.labels
+    np.testing.assert_array_equal(
+        after.T_base_camera_believed.matrix, before.T_base_camera_believed.matrix
+    )
+    assert 0.5 < np.isfinite(after.depth).mean() < 1.0
+    marked = scenes["handle"]
+    others = tuple(b for b in marked.world.bodies if b.name != marked.target)
+    if others:
+        gone = seen_again(marked, settle(World(others)), rng=rng)
+        assert gone.mask is None
 
 
 def test_bodies_are_as_many_as_the_tier_says(scenes):
