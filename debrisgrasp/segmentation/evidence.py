@@ -37,13 +37,18 @@ class Evidence:
     def log_odds_of(self, features: FloatArray) -> FloatArray:
         """Log-odds of cases with the features (n, f), shape (n,)."""
         known = np.nan_to_num(
-            features.astype(np.float32), nan=-np.inf, posinf=np.inf, neginf=-np.inf
+            features.T.astype(np.float32), nan=-np.inf, posinf=np.inf, neginf=-np.inf
         )
-        answers = known[:, self.features.ravel()] > self.thresholds.ravel()
-        by_term = answers.reshape(len(known), *self.features.shape)
-        leaf = np.packbits(by_term, axis=2, bitorder="little")[..., 0]
-        n_terms = len(self.features)
-        total: FloatArray = self.log_odds[np.arange(n_terms), leaf].sum(axis=1)
+        # Row by row: gathering columns would take five times as long.
+        leaf = np.zeros((len(self.features), len(features)), dtype=np.uint8)
+        questions = zip(self.features.T, self.thresholds.T, strict=True)
+        for bit, (column, threshold) in enumerate(questions):
+            answers = np.take(known, column, axis=0) > threshold[:, None]
+            leaf |= answers.view(np.uint8) << np.uint8(bit)
+        n_terms, n_leaves = self.log_odds.shape
+        first = n_leaves * np.arange(n_terms)
+        worth = np.take(self.log_odds, leaf + first[:, None])
+        total: FloatArray = worth.sum(axis=0)
         return self.prior + total
 
     def probability(self, features: FloatArray) -> FloatArray:

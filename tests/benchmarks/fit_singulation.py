@@ -3,9 +3,12 @@
 Run: python -m tests.benchmarks.fit_singulation --out FILE [--piles N]
 
 The same piles and seed give the same file. Every capture is divided by touch alone,
-then by a first fit to what that met. All pairs of regions met on the way are
-noted with their features and whether most points of both lie on one object. Lengths of
-a share of the pairs are scaled at random, so that the size of things decides little.
+then by a first fit to what that met, and by a second one. All pairs of regions met on
+the way are noted with their features and whether most points of both lie on one object
+(Ross et al., "A reduction of imitation learning and structured prediction to no-regret
+online learning", 2011: a score is to be right about what its own joins lead to).
+Lengths of a share of the pairs are scaled at random, so that the size of things decides
+little.
 The labelled captures of real tables beside the checkout, if there are any, are learnt
 from too: what is reported on them is no proof.
 """
@@ -47,7 +50,8 @@ REAL_WEIGHT = 4.0
 """What pairs of real captures count: these are three."""
 SCALED_SHARE = 0.3
 LENGTHS = {
-    *("step", "offset_at_border", "opening", "jump", "plane_offset", "aside", "noise"),
+    *("step", "offset_at_border", "opening", "jump", "plane_offset", "aside", "noise",
+      "contact_width", "end_near", "end_far"),
     *(f"{edge}_{of}" for edge in ("length", "width", "thickness")
       for of in ("small", "large", "both")),
 }  # fmt: skip
@@ -55,7 +59,9 @@ MIN_CELLS = 5
 MIN_PURITY = 0.75
 FALSE_JOIN = 1.5
 """What joining two objects counts against splitting one."""
-BOOSTING = Boosting(n_terms=300, depth=6, rate=0.08)
+ROUNDS = (Boosting(n_terms=60), Boosting(n_terms=160))
+"""Fits whose joins lead to what the next one learns from."""
+BOOSTING = Boosting(n_terms=150, depth=6, rate=0.2, row_share=0.2)
 Score = Callable[[np.ndarray], np.ndarray]
 
 
@@ -161,9 +167,11 @@ def real() -> Iterator[Divided]:
 def met(captures: list[Divided], rng: np.random.Generator) -> Cases:
     """Pairs met by touch alone, and by what these teach; lengths of some scaled."""
     cases = Cases.joined(part.pairs(by_touch) for part in captures)
-    first = Boosting(n_terms=60).evidence(shaken(cases, rng), FEATURES, rng)
-    again = [part.pairs(first.probability) for part in captures]
-    return shaken(Cases.joined([cases, *again]), rng)
+    for boosting in ROUNDS:
+        score = boosting.evidence(shaken(cases, rng), FEATURES, rng).probability
+        again = (part.pairs(score) for part in captures)
+        cases = Cases.joined([cases, *again])
+    return shaken(cases, rng)
 
 
 def main() -> None:

@@ -134,8 +134,8 @@ def test_without_a_deadline_every_sweep_is_made(pipeline, pipe_capture, fake_tim
 def test_a_deadline_ends_the_search_and_offers_what_was_found(
     pipeline, pipe_capture, fake_time
 ):
-    result = pipeline.plan(pipe_capture, deadline=9.5, progress=fake_time.progress)
-    assert fake_time.sweeps == 10 + 1
+    result = pipeline.plan(pipe_capture, deadline=4.5, progress=fake_time.progress)
+    assert fake_time.sweeps == 5 + 1
     assert result.plan.grasps
 
 
@@ -174,7 +174,7 @@ def test_an_object_that_does_not_fit_is_passed_over_with_a_reason(
     first = plan.passed_over[0]
     assert first.label == result.order[0].label
     top = result.segmentation.segment(first.label)
-    assert np.abs(BLOCK.signed_distance(top.centroid)) < 0.05
+    assert np.abs(BLOCK.signed_distance(top.centroid)) < 0.06
     assert first.reason.startswith(("of ", "no pose of any prototype"))
     assert plan.grasps
     assert plan.object_label == 2

@@ -31,6 +31,9 @@ FEATURES = (
     "contact_at_end_large",
     "touch_over_best",
     "touch_share_large",
+    "contact_spread_large",
+    "contact_width",
+    "cut_share",
     # The outline of each.
     "unknown_share",
     "ground_share",
@@ -61,6 +64,8 @@ FEATURES = (
     "axes",
     "distance",
     "aside",
+    "end_near",
+    "end_far",
     "width_ratio",
     "cells_small",
     "cells_large",
@@ -132,8 +137,19 @@ def _border_features(
         return share
 
     spread = covariances(mean[:, BorderSum.SPREAD], place)
-    axis = shapes.axis[small]
-    along = np.sqrt(np.maximum(np.einsum("ei,eij,ej->e", axis, spread, axis), 0.0))
+
+    def along(region: IntArray) -> FloatArray:
+        axis = shapes.axis[region]
+        square = np.einsum("ei,eij,ej->e", axis, spread, axis)
+        share: FloatArray = (
+            2.0 * np.sqrt(np.maximum(square, 0.0)) / shapes.extents[region, 0]
+        )
+        return share
+
+    spreads = np.full((len(which), 3), np.nan)
+    known = touching > 0
+    spreads[known] = np.linalg.eigvalsh(spread[known])
+    cut = border[:, BorderSum.CUT] / np.maximum(touching, 1.0)
     all_touching = graph.borders[:, BorderSum.TOUCHING]
     total, best = np.zeros(len(graph)), np.zeros(len(graph))
     for end in graph.edges.T:
@@ -147,11 +163,14 @@ def _border_features(
         *mean[:, BorderSum.STEP : BorderSum.RISE].T,
         np.where(is_a_smaller, -1.0, 1.0) * mean[:, BorderSum.RISE],
         jump,
-        2.0 * along / shapes.extents[small, 0],
+        along(small),
         at_end(small),
         at_end(large),
         touching / np.maximum(best[small], 1.0),
         touching / np.maximum(total[large], 1.0),
+        along(large),
+        np.sqrt(np.maximum(spreads[:, 1], 0.0)),
+        np.minimum(cut, 1.0),
     ]
 
 
@@ -211,6 +230,7 @@ def _shape_features(
         np.abs(np.einsum("ek,ek->e", shapes.axis[small], shapes.axis[large])),
         np.sqrt(np.einsum("ek,ek->e", apart, apart)) / reach,
         shapes.aside(small, large),
+        *shapes.ends(small, large),
         np.minimum(*widths) / np.maximum(*widths),
         np.log(size[small]),
         np.log(size[large]),

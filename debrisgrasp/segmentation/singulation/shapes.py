@@ -46,7 +46,7 @@ class Shapes:
     """What regions look like; one row each."""
 
     table: FloatArray
-    """All columns, shape (r, 19)."""
+    """All columns, shape (r, 28)."""
 
     @classmethod
     def of(cls, regions: FloatArray, noise: float) -> Shapes:
@@ -69,6 +69,7 @@ class Shapes:
             outline / np.sqrt(cells),
             regions[:, [RegionSum.ROW, RegionSum.COLUMN]] / cells[:, None],
             regions[:, RegionSum.INVERSE] / cells,
+            covariance.reshape(-1, 9),
         )
         return cls(np.column_stack(columns))
 
@@ -143,6 +144,18 @@ class Shapes:
     def inverse(self) -> FloatArray:
         """Mean 1/z [1/m], shape (r,)."""
         return self.table[:, 18]
+
+    def ends(self, a: IntArray, b: IntArray) -> FloatArray:
+        """How far the nearer and the farther two ends are apart, along b [m], (2, e).
+
+        Both are short where two faces begin and end together.
+        """
+        axis = self.axis[b]
+        apart = np.einsum("ek,ek->e", self.center[b] - self.center[a], axis)
+        covariance = self.table[a, 19:28].reshape(-1, 3, 3)
+        square = np.einsum("ei,eij,ej->e", axis, covariance, axis)
+        half = np.sqrt(3.0 * np.maximum(square, 0.0)) - 0.5 * self.extents[b, 0]
+        return np.sort(np.abs([apart - half, apart + half]), axis=0)
 
     def offset(self, a: IntArray, b: IntArray) -> FloatArray:
         """Larger distance of the middle of one from the plane of the other [m]."""
