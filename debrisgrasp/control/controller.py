@@ -35,6 +35,9 @@ from .supervisor import Supervisor
 
 __all__ = ["LegController"]
 
+_EASY, _CREEP = 0.5, 0.1
+"""Up to this share of a limit a leg keeps its speed, at the limit this share of it."""
+
 _Sensed = tuple[Wrench, OscillationState, Compliance | None, LegOutcome]
 """Filtered reaction, swinging, compliance in force, and outcome after a load."""
 
@@ -307,7 +310,8 @@ class LegController:
         if is_behind or not verdict.may_advance:
             pace = max(state.pace - self._pace_gain, 0.0)
         else:
-            pace = min(state.pace + self._pace_gain, self._pace)
+            most = self._pace * self._eased(verdict.load)
+            pace = min(state.pace + self._pace_gain, most)
             pace = min(pace, max(stoppable(left, self._pace_gain), state.pace * 0.5))
         waited = state.waited + config.period if is_behind else 0.0
         if waited > config.patience:
@@ -315,6 +319,17 @@ class LegController:
         if left - pace <= 1e-9:
             return 1.0, 0.0, waited, outcome if is_behind else LegOutcome.DONE
         return state.share + pace, pace, waited, outcome
+
+    def _eased(self, load: Wrench) -> float:
+        """Share of its speed that a leg keeps under a load.
+
+        The load goes on growing until the arm stands, and the more so the faster that
+        is: near its limit there is no room for that.
+        """
+        share = max(
+            norm(load[:3]) / self.limits.force, norm(load[3:]) / self.limits.torque
+        )
+        return min(max((1.0 - share) / (1.0 - _EASY), _CREEP), 1.0)
 
     def _deflection(
         self,

@@ -39,6 +39,9 @@ class GripPhase(Enum):
 
 _WIDEST = 1.0
 """No hand opens farther; beyond it a length was meant in millimetres [m]."""
+_RESEATS = 3.0
+"""While the wrist bears all the weight, fingers that close by up to this multiple of
+the travel of a slip have only found a better hold."""
 _LENGTHS = ("opening", "width", "empty_margin", "tolerance", "slip_travel")
 _ENDED = (GripPhase.EMPTY, GripPhase.SLIPPED, GripPhase.JAMMED, GripPhase.LOST)
 
@@ -66,7 +69,8 @@ class GripConfig:
     timeout: float = 4.0
     """For preshape and closing each [s]."""
     slip_travel: float = 0.005
-    """Fingers that close so much while holding have lost their object [m]."""
+    """Fingers that close so much while holding have lost their object [m]; three times
+    as much as long as the wrist bears its weight."""
     slip_load: float = 0.3
     """So does a carried load that falls by this share."""
     slip_time: float = 0.05
@@ -288,12 +292,15 @@ class GripController:
         config = self.config
         travel = self.travel(state.held_openings, reading.openings)
         carried, most = reading.carried, state.most_carried
-        has_fallen = False
+        has_fallen, most_travel = False, config.slip_travel
         if carried is not None and isfinite(carried):
             # Half a kilogram is where a share of the load rises above the noise.
-            has_fallen = most > 5.0 and carried < (1.0 - config.slip_load) * most
+            is_known = most > 5.0
+            has_fallen = is_known and carried < (1.0 - config.slip_load) * most
+            if is_known and not has_fallen:
+                most_travel *= _RESEATS
             most = max(most, carried)
-        is_slipping = travel >= config.slip_travel or has_fallen
+        is_slipping = travel >= most_travel or has_fallen
         slipping = state.slipping + config.period if is_slipping else 0.0
         phase = GripPhase.SLIPPED if slipping > config.slip_time else state.phase
         return state._replace(most_carried=most, slipping=slipping, phase=phase)

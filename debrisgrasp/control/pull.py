@@ -100,7 +100,8 @@ def choose_pull(
                 "candidates", got=directions.tolist(), expected="directions, not zero"
             )
         directions = directions / lengths
-    own, others = _thinned(own, config.cell), _thinned(others, config.cell)
+    own = _thinned(own, config.cell)
+    others = _thinned(_near(own, others, config), config.cell)
     overlaps = np.array([_swept(own, others, d, config) for d in directions])
     detour = np.arccos(np.clip(directions @ directions[0], -1.0, 1.0)) / (0.5 * np.pi)
     best = int(np.argmin(overlaps + config.preference * detour))
@@ -144,23 +145,51 @@ def _swept(
     across = np.stack([side, np.cross(direction, side)], axis=1)
     cells = np.floor(np.concatenate([own, others]) @ across / config.cell)
     flat = (cells - cells.min(axis=0)).astype(np.int64)
-    key = flat[:, 0] * (flat[:, 1].max() + 1) + flat[:, 1]
-    columns, index = np.unique(key, return_inverse=True)
+    column = flat[:, 0] * (flat[:, 1].max() + 1) + flat[:, 1]
+    columns, index = np.unique(column[: len(own)], return_inverse=True)
     own_height, other_height = own @ direction, others @ direction
     # The way is free behind the object's rear and beyond its front's last place.
     rear = np.full(len(columns), np.inf)
     front = np.full(len(columns), -np.inf)
-    np.minimum.at(rear, index[: len(own)], own_height)
-    np.maximum.at(front, index[: len(own)], own_height)
-    column = index[len(own) :]
-    is_swept = other_height > rear[column] + config.cell
-    is_swept &= other_height < front[column] + config.distance
+    np.minimum.at(rear, index, own_height)
+    np.maximum.at(front, index, own_height)
+    # Neighbours in no column of the object's are not in its way.
+    place = np.searchsorted(columns, column[len(own) :]).clip(max=len(columns) - 1)
+    is_swept = columns[place] == column[len(own) :]
+    is_swept &= other_height > rear[place] + config.cell
+    is_swept &= other_height < front[place] + config.distance
     return float(np.count_nonzero(is_swept) / len(own))
+
+
+def _near(own: FloatArray, others: FloatArray, config: PullConfig) -> FloatArray:
+    """Those in cells that the object may sweep, whatever the direction."""
+    reach = np.ceil(config.distance / config.cell) + _ASLANT
+    low = np.floor(own.min(axis=0) / config.cell) - reach
+    high = np.floor(own.max(axis=0) / config.cell) + reach
+    is_near = np.ones(len(others), dtype=bool)
+    for along, first, last in zip(others.T, low, high, strict=True):
+        is_near &= along >= first * config.cell
+        is_near &= along < (last + 1.0) * config.cell
+    return others[is_near]
 
 
 def _thinned(points: FloatArray, cell: float) -> FloatArray:
     """One point for each occupied cell."""
     if len(points) == 0:
         return points
-    _, first = np.unique(np.floor(points / cell), axis=0, return_index=True)
+    cells = np.floor(points / cell)
+    cells -= cells.min(axis=0)
+    x, y, z = cells.T
+    _, ny, nz = cells.max(axis=0) + 1.0
+    key = (x * ny + y) * nz + z
+    if key.max() < _EXACT:
+        _, first = np.unique(key, return_index=True)
+    else:
+        _, first = np.unique(cells, axis=0, return_index=True)
     return points[np.sort(first)]
+
+
+_ASLANT = 3
+"""Columns at an angle to the cells reach so many farther."""
+_EXACT = 2.0**53
+"""Whole numbers below this are exact in float64."""

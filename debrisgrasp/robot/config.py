@@ -54,9 +54,10 @@ class FakeConfig:
     """Each axis ends there [N, N m]."""
 
     stiffness: float = 3e4
-    """Of every other contact [N/m]."""
-    finger_stiffness: float = 1e5
-    """Of the contacts of fingers along the axis in which they close [N/m]."""
+    """Of a contact as a hand feels it whose arm stands: that of the surfaces, and the
+    bending of the arm, in series [N/m]."""
+    contact_stiffness: float = 1e5
+    """Of the surfaces alone, as fingers feel it that press against each other [N/m]."""
     friction: float = 0.6
     """Between bodies, ground and fingers."""
     finger_speed: float = 0.1
@@ -84,8 +85,9 @@ class FakeConfig:
             require_range(f"FakeConfig.{name}", getattr(self, name), 0.0, 60.0)
         for name in ("max_depth", "finger_speed", "head_speed"):
             require_range(f"FakeConfig.{name}", getattr(self, name), 1e-6, 1e9)
-        for name in ("stiffness", "finger_stiffness"):
-            require_range(f"FakeConfig.{name}", getattr(self, name), 1.0, 1e7)
+        require_range("FakeConfig.contact_stiffness", self.contact_stiffness, 1.0, 1e7)
+        most = 0.999 * self.contact_stiffness
+        require_range("FakeConfig.stiffness", self.stiffness, 0.1, most)
         require_range("FakeConfig.friction", self.friction, 0.0, 10.0)
         require_range("FakeConfig.removed_beyond", self.removed_beyond, 0.0, 1e3)
         if self.wrench_sign not in (1.0, -1.0):
@@ -103,3 +105,8 @@ class FakeConfig:
             for value in values:
                 least = -1e4 if name == "bias" else 0.0
                 require_range(f"FakeConfig.{name}", value, least, 1e4)
+
+    @property
+    def arm_stiffness(self) -> float:
+        """Of an arm at its hand [N/m]."""
+        return 1.0 / (1.0 / self.stiffness - 1.0 / self.contact_stiffness)

@@ -135,11 +135,11 @@ class FakeGripper:
                 over = resistance - self.force - _EXTRA
                 if over > 0.0:  # it stands more than it exerts
                     over = max(over - (self._shares[i] - 1.0) * self.force, 0.0)
-                give = over / self._config.finger_stiffness
+                give = over / self._config.contact_stiffness
                 step = min(max(step, give), most) if abs(give) > _STILL else 0.0
             elif resistance < 0.0 and step > 0.0:
                 give = (-resistance - self.force - _EXTRA) / (
-                    self._config.finger_stiffness
+                    self._config.contact_stiffness
                 )
                 step = max(min(step, -give), -most) if abs(give) > _STILL else 0.0
             self.openings[i] = min(max(self.openings[i] + step, low), high)

@@ -16,6 +16,7 @@ from .fake_arm import FakeArm, FakeForceSensor
 from .fake_hand import FakeGripper
 from .holding import NO_GRIP, Grip, Hold
 from .rubble import Rubble
+from .shapes import BodyShape
 from .springs import Spring
 from .touch import Touch
 
@@ -23,6 +24,9 @@ __all__ = ["HandState", "Settling"]
 
 _FOLLOWS = 0.02
 """A hand that has moved by so much no longer props what lay against it [m]."""
+
+_LEANS = 0.01
+"""A body so near to a hand when it came to rest may lean against it [m]."""
 
 
 @dataclass(slots=True, eq=False)
@@ -66,7 +70,7 @@ class Settling:
     def __init__(self, rubble: Rubble, hands: Sequence[HandState]) -> None:
         self._rubble, self._hands = rubble, hands
         self._leaning: dict[int, Sequence[float]] = {}
-        """Bodies that came to rest near a hand, and where the hands were."""
+        """Bodies that came to rest against a hand, and where the hands were."""
 
     def settle(
         self, loose: set[int], held: set[int], passed: HandState | None = None
@@ -85,13 +89,21 @@ class Settling:
             for hand in self._hands
             if hand is not passed and hand.is_at(loose, self._rubble)
         ]
-        moved = self._rubble.settle(loose, held, [hand.as_body() for hand in near])
+        props = [hand.as_body() for hand in near]
+        moved = self._rubble.settle(loose, held, props)
         for hand in self._hands:
             hand.touch.settled(loose | moved)
+        shapes = [BodyShape(prop) for prop in props]
         for body in loose | moved:
             self._leaning.pop(body, None)
-            if any(hand.is_at({body}, self._rubble) for hand in near):
+            if any(self._leans(body, shape) for shape in shapes):
                 self._leaning[body] = self._places()
+
+    def _leans(self, body: int, hand: BodyShape) -> bool:
+        """Whether a body that came to rest touches a hand."""
+        shape = self._rubble.shapes[body]
+        gaps = hand.deepest(shape.points)[0], shape.deepest(hand.points)[0]
+        return max(gaps) > -_LEANS
 
     def follow(self, held: set[int]) -> None:
         """Let what lay against a hand that has moved away sink on."""

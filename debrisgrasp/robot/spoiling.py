@@ -68,14 +68,18 @@ class Spoiling:
 
     def due(self, devices: tuple[str, ...], arm: str | None = None) -> list[Live]:
         """Faults of some devices that are active now."""
-        now = self.now()
-        return [
+        begun = [
             live
             for live in self.lives
             if live.begins is not None
-            and live.begins <= now < live.begins + live.lasting
             and live.device in devices
             and (arm is None or live.arm is None or live.arm == arm)
+        ]
+        if not begun:
+            return begun
+        now = self.now()
+        return [
+            live for live in begun if 0.0 <= now - (live.begins or 0.0) < live.lasting
         ]
 
 

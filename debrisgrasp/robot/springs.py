@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,7 +10,16 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray
 
-__all__ = ["GROUND", "HELD", "PALM", "Guard", "Spring", "Watch", "blended"]
+__all__ = [
+    "GROUND",
+    "HELD",
+    "PALM",
+    "Guard",
+    "Spring",
+    "Watch",
+    "blended",
+    "yielded",
+]
 
 GROUND = -1
 """Stands for a body where the ground is touched."""
@@ -62,14 +72,48 @@ class Guard:
 
 
 def blended(normals: FloatArray, beyond: FloatArray) -> FloatArray:
-    """Direction in which a body pushes a point out, smooth around its edges.
+    """Directions in which a body pushes points out, smooth around its edges, (n, 3).
 
     Parameters
     ----------
     normals, beyond
-        Of the sides, shapes (s, 3) and (s,) [m], negative inside.
+        Of the sides, shapes (s, 3) and (n, s) [m], negative inside.
     """
-    nearest = int(beyond.argmax())
-    mean = np.exp((beyond - beyond[nearest]) / _EDGE) @ normals
-    size = float(np.linalg.norm(mean))
-    return np.asarray(mean / size if size > 0.5 else normals[nearest])
+    nearest = beyond.max(axis=1, keepdims=True)
+    means = np.exp((beyond - nearest) / _EDGE) @ normals
+    sizes = np.linalg.norm(means, axis=1, keepdims=True)
+    own = normals[beyond.argmax(axis=1)]
+    return np.asarray(np.where(sizes > 0.5, means / np.maximum(sizes, 0.5), own))
+
+
+def yielded(springs: Sequence[Spring], stiffness: float) -> list[Spring]:
+    """Let an arm give way to all that pushes its hand, as much as its structure does.
+
+    It is softer than any contact, and in series with all of them together: however
+    many touch, the hand is pushed no more stiffly than the arm bends. What only
+    squeezes the hand from both sides does not bend it.
+
+    Parameters
+    ----------
+    stiffness
+        Of the arm at the hand [N/m].
+    """
+    pressed = list(springs)
+    while pressed:
+        forces = np.array([spring.force for spring in pressed])
+        sizes = np.linalg.norm(forces, axis=1)
+        depths = np.array([spring.depth for spring in pressed])
+        ways = forces / sizes[:, None]
+        bend = np.linalg.solve(
+            stiffness * np.eye(3) + (ways * (sizes / depths)[:, None]).T @ ways,
+            sizes @ ways,
+        )
+        shares = 1.0 - ways @ bend / depths
+        if (shares > 0.0).all():
+            return [
+                spring._replace(force=share * spring.force)
+                for spring, share in zip(pressed, shares.tolist(), strict=True)
+            ]
+        # The hand is bent away from some of them.
+        pressed = [s for s, share in zip(pressed, shares, strict=True) if share > 0.0]
+    return []

@@ -17,16 +17,19 @@ from debrisgrasp.worlds import Ground
 from .config import FakeConfig
 from .fake_hand import FakeGripper
 from .shapes import BodyShape, HandShape
-from .springs import GROUND, HELD, PALM, Guard, Spring, Watch, blended
+from .springs import GROUND, HELD, PALM, Guard, Spring, Watch, blended, yielded
 
 __all__ = ["Touch"]
 
 _MARGIN = 0.03
 """What is nearer than this is watched [m]."""
 _UP = np.array([[0.0, 0.0, 1.0]])
-_CLOSING = np.array([1.0, 0.0, 0.0])
 _DEEPENS = 5e-4
 """So much at most does a contact deepen from one look to the next [m]."""
+_SHARPNESS = 4
+"""How much more the deeper points count for the direction of a push."""
+_NO_WAY = 0.01
+"""Squares of shorter means say nothing of a direction."""
 _BEHIND = -0.3
 """Cosine to the last push beyond which a side lies behind what is pushed."""
 
@@ -42,8 +45,8 @@ class Touch:
         self, gripper: FakeGripper, ground: Ground, config: FakeConfig
     ) -> None:
         self.gripper, self.ground = gripper, ground
-        self.stiffness = config.stiffness
-        self.finger_stiffness = config.finger_stiffness
+        self.stiffness = config.contact_stiffness
+        self.arm_stiffness = config.arm_stiffness
         self.shape = HandShape(gripper.model)
         self.held: BodyShape | None = None
         """What it holds."""
@@ -142,19 +145,19 @@ class Touch:
                 shape = bodies[watch.body]
                 normals = shape.normals[watch.part]
                 beyond = where @ normals.T - shape.offsets[watch.part]
-            self._add_all(found, watch, where, beyond, normals, R[:, 0])
+            self._add_all(found, watch, where, beyond, normals)
         for guard in self._guards:
             where = bodies[guard.body].points[guard.rows]
             beyond = (where - p) @ R @ guard.normals.T - guard.offsets
             if beyond.max(axis=1).min() < 0.0:
                 normals = guard.normals @ R.T
                 key = guard.owner, guard.body
-                self._add(found, key, where, beyond, normals, R[:, 0], -1.0)
+                self._add(found, key, where, beyond, normals, -1.0)
         self._pushed = {
             key: (spring.force / float(np.linalg.norm(spring.force)), spring.depth)
             for key, spring in found.items()
         }
-        return self._eased(found)
+        return yielded(self._eased(found), self.arm_stiffness)
 
     def felt(self, owner: int, point: FloatArray, force: FloatArray) -> float:
         """How much a force on a finger is against its closing [N].
@@ -197,7 +200,6 @@ class Touch:
         where: FloatArray,
         beyond: FloatArray,
         normals: FloatArray,
-        closing: FloatArray,
     ) -> None:
         """Add the contacts of each owner of watched points."""
         gaps = beyond.max(axis=1)
@@ -206,7 +208,7 @@ class Touch:
         for owner in np.unique(watch.owners[gaps < 0.0]).tolist():
             mine = watch.owners == owner
             key = owner, watch.body
-            self._add(found, key, where[mine], beyond[mine], normals, closing, 1.0)
+            self._add(found, key, where[mine], beyond[mine], normals, 1.0)
 
     def _add(
         self,
@@ -215,33 +217,37 @@ class Touch:
         where: FloatArray,
         beyond: FloatArray,
         normals: FloatArray,
-        closing: FloatArray,
         sign: float,
     ) -> None:
         """Keep the deepest contact of each owner with each body."""
-        gaps = beyond.max(axis=1)
-        row = self._same_side(key, beyond[int(gaps.argmin())], sign * normals)
-        depth = -float(row.max())
+        inside = beyond.max(axis=1) < 0.0
+        where, beyond = where[inside], beyond[inside]
+        beyond = self._same_side(key, beyond, sign * normals)
+        depths = -beyond.max(axis=1)
+        depth = float(depths.max())
         if key in found and found[key].depth >= depth:
             return
-        weights = np.maximum(-gaps, 0.0)
-        point = weights @ where / weights.sum()
-        normal = blended(normals, row)
+        # Where points are pushed by several sides none takes over all at once.
+        shares = (depths / depth) ** _SHARPNESS
+        ways = blended(normals, beyond)
+        normal = shares @ ways / shares.sum()
+        if float(normal @ normal) < _NO_WAY:
+            normal = ways[int(depths.argmax())]
         owner, body = key
-        stiffness = self.stiffness
-        if owner > PALM:
-            # Stiff where fingers press against each other, not where they bend aside.
-            along = float(normal @ closing)
-            stiffness += along * along * (self.finger_stiffness - stiffness)
-        force = (sign * stiffness * depth) * normal
-        found[key] = Spring(owner, body, point, force, depth)
+        force = (sign * self.stiffness * depth) * normal
+        found[key] = Spring(owner, body, depths @ where / depths.sum(), force, depth)
 
     def _same_side(
         self, key: tuple[int, int], beyond: FloatArray, pushes: FloatArray
     ) -> FloatArray:
-        """Leave out sides (s,) of a body opposite to the one that pushed a tick ago.
+        """Leave out sides of a body opposite to the one that pushed a tick ago.
 
         A finger that is pressed into a thin wall does not come out at its back.
+
+        Parameters
+        ----------
+        beyond
+            Of points inside, from each side [m], shape (n, s).
         """
         before = self._pushed.get(key)
         if before is None:
@@ -249,7 +255,8 @@ class Touch:
         direction, depth = before
         kept = np.where(pushes @ direction < _BEHIND, -np.inf, beyond)
         # Else it is another place that is touched now.
-        return kept if abs(-float(kept.max()) - depth) < _DEEPENS else beyond
+        now = -float(kept.max(axis=1).min())
+        return kept if abs(now - depth) < _DEEPENS else beyond
 
     def _refresh(self) -> None:
         """Take over where the fingers are now."""
@@ -279,7 +286,7 @@ class Touch:
                 if len(rows):
                     where, owners = self._points[rows], self._owner_of[rows]
                     watch = Watch(self._held_index, part, rows, owners, where)
-                    self._add_all(found, watch, where, beyond[rows], normals, _CLOSING)
+                    self._add_all(found, watch, where, beyond[rows], normals)
         self.grip = list(found.values())
 
     def _has_left(self, R: FloatArray, p: FloatArray) -> bool:

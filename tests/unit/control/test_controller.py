@@ -245,6 +245,30 @@ def test_a_guarded_approach_stays_below_the_force_limit(stiffness, reaction_time
     assert 60.0 <= np.linalg.norm(run.load[:, :3], axis=1).max() < 150.0
 
 
+@pytest.mark.parametrize("stiffness", [5e3, 3e4, 4e4])
+def test_a_leg_that_runs_into_something_slows_down_before_its_limit(stiffness):
+    """What the load grows by until the arm stands has room above the limit."""
+    limits, lag = LIMITS.scaled(load=0.8), 0.012
+    rig = Rig(offset=(0, 0, -0.1), config=ControllerConfig(speed=0.03), limits=limits)
+    top, true, felt = rig.T_start.p[2] - 0.02, [], [0.0]
+
+    def block(T):
+        true.append(max(stiffness * (top - T.p[2]), 0.0))
+        felt[0] += (1.0 - np.exp(-PERIOD / lag)) * (true[-1] - felt[0])
+        return np.array([0, 0, felt[0], 0, 0, 0])
+
+    run = rehearse(
+        rig.controller,
+        READY,
+        block,
+        arm=ArmResponse(frequency=8.0, damping=0.7, delay=2),
+        rng=np.random.default_rng(0),
+        settle=0.2,
+    )
+    assert run.last.is_stop
+    assert 0.95 * limits.force < max(true) < LIMITS.force
+
+
 def test_a_guarded_approach_that_is_too_fast_is_refused():
     with pytest.raises(ConfigError, match=r"at most 0\.015"):
         Rig(guard=ContactGuard(), config=ControllerConfig(speed=0.02))

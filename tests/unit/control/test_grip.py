@@ -239,3 +239,19 @@ def test_an_object_that_moves_between_the_fingers_is_no_slip():
     assert grip.travel(before, (0.04, 0.04, 0.04)) == pytest.approx(0.01)
     alone = GripController(CONFIG)
     assert alone.travel(before, (0.05, 0.05, 0.04)) == pytest.approx(0.01)
+
+
+def test_a_finger_that_finds_a_better_hold_has_not_lost_what_the_wrist_still_bears():
+    hand, state = holding()
+    grip = GripController(CONFIG)
+    for carried, phase in ((60.0, GripPhase.HOLDING), (None, GripPhase.SLIPPED)):
+        after = state._replace(most_carried=60.0)
+        openings = tuple((hand.openings - 0.008).tolist())
+        for _ in range(100):
+            reading = FingerReading(openings, (40.0,) * 3, carried)
+            after, _ = grip.step(after, reading)
+        assert after.phase is phase
+    for _ in range(100):
+        openings = tuple((hand.openings - 0.016).tolist())
+        state, _ = grip.step(state, FingerReading(openings, (40.0,) * 3, 60.0))
+    assert state.phase is GripPhase.SLIPPED

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from debrisgrasp.control import GripCommand
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder
@@ -13,7 +14,7 @@ from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.robot.shapes import BodyShape, HandShape, planes_of
-from debrisgrasp.robot.springs import GROUND, PALM
+from debrisgrasp.robot.springs import GROUND, PALM, Spring, yielded
 from debrisgrasp.robot.touch import Touch
 from debrisgrasp.worlds import Body, Ground
 from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam, downwards, turned
@@ -78,7 +79,17 @@ def test_fingers_that_press_on_the_ground_are_pushed_up():
     rig.move(0.0, 0.0, -0.1, speed=0.02, until=lambda: min(fingertips(rig)) < -4e-4)
     rig.wait(0.1)
     tips = np.array(fingertips(rig))
-    force = K * np.maximum(-tips, 0.0).sum()
+    # Three contacts side by side, and the arm that bends behind all of them.
+    config = FakeConfig()
+    bend = brentq(
+        lambda u: (
+            config.contact_stiffness * np.maximum(-tips - u, 0.0).sum()
+            - config.arm_stiffness * u
+        ),
+        0.0,
+        -tips.min(),
+    )
+    force = config.arm_stiffness * bend
     assert force > 10.0
     # The palm looks down: up is -z of the hand.
     true = rig.fake.sensors["right"].load_ee
@@ -117,11 +128,13 @@ def test_a_hand_pressed_into_a_thin_wall_does_not_come_out_at_its_back():
         "wall", "wall", (Box(np.array([0.3, 0.3, half])),), 50.0,
         SE3.from_parts(p=[0.8, 0.1, top - half]),
     )  # fmt: skip
-    touch, shapes = _touch(FakeConfig()), _shapes(wall)
+    # An arm that hardly bends, or fingers in the wall would keep the palm off.
+    config = FakeConfig(stiffness=K, contact_stiffness=1.002 * K)
+    touch, shapes = _touch(config), _shapes(wall)
     for depth in np.linspace(1e-3, 1.8 * half, 40):
         T = downwards(0.8, 0.1, top - depth, 0.0)
         palm = [s for s in touch.springs(T.R, T.p, shapes, ()) if s.owner == PALM]
-        assert palm[0].force[2] == pytest.approx(K * depth, rel=0.01)
+        assert palm[0].force[2] == pytest.approx(K * depth, rel=0.04)
 
 
 def test_moving_everything_together_changes_nothing(rng):
@@ -211,3 +224,66 @@ def _touch(config: FakeConfig, ground: Ground | None = None) -> Touch:
 
 def _shapes(*bodies: Body):
     return [BodyShape(body) for body in bodies]
+
+
+def _pressed(*pushes: tuple[float, float, float]) -> list[Spring]:
+    """Contacts that would push with these forces [N] if the arm did not bend."""
+    k = FakeConfig().contact_stiffness
+    return [
+        Spring(PALM, i, np.zeros(3), np.array(f, float), float(np.linalg.norm(f)) / k)
+        for i, f in enumerate(pushes)
+    ]
+
+
+def test_one_contact_is_felt_through_the_arm():
+    spring = yielded(_pressed((0.0, 0.0, 100.0)), FakeConfig().arm_stiffness)[0]
+    assert np.allclose(spring.force, [0.0, 0.0, K * spring.depth])
+
+
+@given(
+    st.lists(st.tuples(*[st.floats(-200.0, 200.0)] * 3), min_size=1, max_size=5).filter(
+        lambda rows: min(np.linalg.norm(rows, axis=1)) > 1.0
+    )
+)
+def test_an_arm_bends_until_it_and_all_that_is_touched_are_in_balance(pushes):
+    arm, springs = FakeConfig().arm_stiffness, _pressed(*pushes)
+    felt = yielded(springs, arm)
+    bend = np.sum([s.force for s in felt], axis=0) / arm
+    for spring in felt:
+        push = springs[spring.body].force
+        way = push / np.linalg.norm(push)
+        left = FakeConfig().contact_stiffness * (spring.depth - way @ bend)
+        assert left > 0.0
+        assert np.allclose(spring.force, left * way)
+
+
+def test_what_squeezes_the_hand_from_both_sides_does_not_bend_the_arm():
+    springs = _pressed((50.0, 0.0, 0.0), (-50.0, 0.0, 0.0))
+    felt = yielded(springs, FakeConfig().arm_stiffness)
+    assert [s.force.tolist() for s in felt] == [s.force.tolist() for s in springs]
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=15)
+def test_no_push_turns_or_grows_at_once_as_a_hand_slides_over_a_body(seed):
+    rng = np.random.default_rng(seed)
+    bar = beam("bar", 60.0, (0.8, 0.1, 0.0445), length=0.2, yaw=0.3)
+    touch, shapes = _touch(FakeConfig(), Ground(np.full((2, 2), -5.0))), _shapes(bar)
+    way = rng.normal(size=3)
+    way *= 5e-5 / np.linalg.norm(way)
+    T, last = (
+        downwards(0.8, 0.1, 0.09 + rng.uniform(0.0, 0.1), rng.uniform(-3, 3)),
+        None,
+    )
+    p = T.p + np.append(rng.uniform(-0.08, 0.08, 2), 0.0)
+    for _ in range(200):
+        p = p + way
+        springs = touch.springs(T.R, p, shapes, ())
+        # Deeper than this no hand gets that is stopped at its limit.
+        if not springs or max(spring.depth for spring in springs) > 4e-3:
+            last = None
+            continue
+        force = np.sum([spring.force for spring in springs], axis=0)
+        if last is not None:
+            assert np.linalg.norm(force - last) < 30.0
+        last = force

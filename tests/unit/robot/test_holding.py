@@ -120,7 +120,7 @@ def test_a_pushed_bar_slides_with_the_force_of_its_friction():
     assert way[1] > 0.02
     assert np.abs(way[[0, 2]]).max() < 2e-3
     # In one period the hand gets up to 0.2 mm deeper than friction alone explains.
-    excess = 0.2e-3 * FakeConfig().finger_stiffness
+    excess = 0.2e-3 * FakeConfig().contact_stiffness
     assert rig.fake.truth().peak_force["right"] < 0.6 * 1.0 * G + 1.5 * excess
 
 
