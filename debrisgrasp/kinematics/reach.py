@@ -17,6 +17,7 @@ from .descent import Goals
 from .following import follow
 from .ik import solve, solve_distinct
 from .ik_types import IkStatus
+from .leeway import leeway
 from .posture import PostureCost, self_motions
 from .reach_files import cached_reach_map
 from .reach_map import ReachMap
@@ -149,6 +150,27 @@ class ArmReach:
             config=self.config.ik,
         )
         return np.where(found.is_solved[:, None], found.q, np.nan)
+
+    def leeway(
+        self, joints: FloatArray, T_base_hand: SE3, Ts_base_away: SE3, *, rng: Rng
+    ) -> FloatArray:
+        """Share of the pushes that the hand can give way to, shape (k,); see `leeway`.
+
+        Parameters
+        ----------
+        joints, T_base_hand, Ts_base_away
+            Postures (k, d) at palm poses (k,), and places (k, w) that the hand comes
+            from or goes to in a straight line.
+        """
+        return leeway(
+            self.chain,
+            joints,
+            T_base_hand,
+            Ts_base_away,
+            self.robot.limits(self.name, self.chain).controller.deflection,
+            rng=rng,
+            config=self.config.ik,
+        )
 
     def reach(self, T_base_hand: SE3, distance: Distance, *, rng: Rng) -> ReachResult:
         """Find a collision-free posture for each palm pose.

@@ -37,8 +37,8 @@ _RETREAT = 0.15
 """How far the hand goes along the retreat of a grasp [m]."""
 _LEAST_STAND_OFF = 0.06
 """Shortest straight approach that is tried [m]."""
-_EVERY = 4
-"""Of the postures of a leg, at most 2 mm apart, every so many are looked at."""
+_EVERY = 0.008
+"""Spacing of the poses of the hand that are looked at along a leg [m]."""
 
 
 @checked_fields
@@ -219,7 +219,9 @@ class _Chain:
 
         Where it can't be done, a shorter straight approach may still do.
         """
-        first = ""
+        first = self._lift_fault(grasp)
+        if first:
+            return first
         for standing_off in _stand_offs(grasp):
             found = self._motion(standing_off, index, rng, watch)
             if isinstance(found, GraspMotion):
@@ -233,7 +235,10 @@ class _Chain:
         self, grasp: Grasp, index: int, rng: Rng, watch: Stopwatch
     ) -> GraspMotion | str:
         """Plan the chain of a grasp from its pre-grasp, or say what stops it."""
-        q_now, reason = self._arm.q_present, ""
+        reason = self._approach_fault(grasp)
+        if reason:
+            return reason
+        q_now = self._arm.q_present
         for q_pregrasp in self._pregrasps(grasp, rng):
             legs = self._legs_from(q_pregrasp, grasp)
             if isinstance(legs, str):
@@ -284,17 +289,22 @@ class _Chain:
         lift = self._leg("lift", approach.q[-1], T_base_lifted)
         if isinstance(lift, str):
             return lift
-        return self._blocked(grasp, approach, lift) or (approach, lift)
+        return approach, lift
 
-    def _blocked(self, grasp: Grasp, approach: LegPlan, lift: LegPlan) -> str:
-        """Say what hand or held object run into, or nothing."""
+    def _approach_fault(self, grasp: Grasp) -> str:
+        """Say what the hand runs into on its straight way in, or nothing."""
         if self._passage is None:
             return ""
-        fk = self._arm.chain.fk
-        fault = self._passage.approach_fault(grasp, fk(_thinned(approach)))
-        if fault:
-            return f"approach: {fault} of the way"
-        fault = self._passage.lift_fault(grasp, fk(_thinned(lift)))
+        leg = CartesianLeg(grasp.T_base_pregrasp, grasp.T_base_hand)
+        fault = self._passage.approach_fault(grasp, _poses(leg))
+        return f"approach: {fault} of the way" if fault else ""
+
+    def _lift_fault(self, grasp: Grasp) -> str:
+        """Say what closed hand or held object run into on the lift, or nothing."""
+        if self._passage is None:
+            return ""
+        leg = CartesianLeg.along(grasp.T_base_hand, _lift_of(grasp, self._config))
+        fault = self._passage.lift_fault(grasp, _poses(leg))
         return f"lift: {fault} of the way" if fault else ""
 
     def _leg(self, name: str, q_start: FloatArray, goal: SE3) -> LegPlan | str:
@@ -343,7 +353,15 @@ def _stand_offs(grasp: Grasp) -> list[Grasp]:
     return [grasp, replace(grasp, T_base_pregrasp=nearer)]
 
 
-def _thinned(leg: LegPlan) -> FloatArray:
-    """Postures of a leg, a few millimetres of the hand's way apart, first and last."""
-    rows = np.arange(0, len(leg.q), _EVERY)
-    return leg.q[np.union1d(rows, len(leg.q) - 1)]
+def _poses(leg: CartesianLeg) -> SE3:
+    """Poses of the hand along a leg, a few millimetres apart, first and last."""
+    n = max(int(np.ceil(leg.length / _EVERY)), 1)
+    poses = [leg.at(k / n) for k in range(n + 1)]
+    return SE3(
+        np.stack(
+            [
+                SE3.from_parts(np.reshape(R, (3, 3)), np.array(p)).matrix
+                for R, p in poses
+            ]
+        )
+    )

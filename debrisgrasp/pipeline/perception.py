@@ -31,7 +31,7 @@ from .targets import Target
 
 __all__ = ["Perception", "motion_space"]
 
-_KEPT_SCENES = 4
+_KEPT_SCENES = 3
 """Scenes of so many objects are remembered; each takes about 20 MB."""
 
 

@@ -100,7 +100,7 @@ class Walkers:
 class Schedule:
     """How the temperature falls."""
 
-    sweeps: int = 24
+    sweeps: int = 12
     """Moves offered to every walker. More finds more and takes proportionally long."""
     hot: float = 0.5
     """Temperature at the start."""

@@ -28,6 +28,9 @@ __all__ = ["ApproachConfig", "Ways"]
 
 _MOST_RELIEVED = 30
 """Poses with a blocked approach for which other ways are looked for."""
+_SOLID = HandSpace.PALM | HandSpace.FINGER
+_TOGETHER = 150_000
+"""Points of all poses that are looked at together: their arrays stay in the cache."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +70,11 @@ class ApproachConfig:
             found.append(np.concatenate([level, height], axis=1))
         return np.concatenate(found)
 
+    def steps(self, longest: float) -> FloatArray:
+        """Places on a way that are looked at [m], the last ``longest``, shape (s,)."""
+        n_steps = max(1, round(longest / self.step))
+        return np.linspace(0.0, longest, n_steps + 1)[1:]
+
 
 class Ways:
     """Looks for free ways of hands in one scene."""
@@ -78,10 +86,10 @@ class Ways:
         config: ApproachConfig,
         inspection: InspectionConfig,
     ) -> None:
-        self._scene, self._hands = scene, hands
-        self._config, self._inspection = config, inspection
+        self._hands, self._config, self._inspection = hands, config, inspection
         self._max_hits = inspection.max_hits
         self._points = scene.cloud.points.T.astype(np.float32, order="C")
+        self._targets = scene.is_target
 
     def relieved(
         self, look: Inspection, Ts_base_hand: FloatArray, prototype: IntArray
@@ -115,25 +123,25 @@ class Ways:
         FloatArray
             Offsets in base [m], shape (k, 3); zero where no way is free.
         """
-        found = np.zeros((len(Ts_base_hand), 3))
         directions, least = self._config.directions(), self._config.shortest
-        for row, (T, which) in enumerate(zip(Ts_base_hand, prototype, strict=True)):
-            local, _ = self._around(T, which, self._config.longest)
-            ways = directions @ T[:3, :3].T
-            length = self.free_length(local, which, directions[:1])[0]
-            best = 0
-            if length < least:
-                # Slanted ways must not lead deeper down than the straight one.
-                is_high = ways[:, 2] >= min(0.0, ways[0, 2]) - 1e-9
-                is_high[0] = False
-                slanted = np.flatnonzero(is_high)
-                free = self.free_length(local, which, directions[slanted], least)
-                good = slanted[free >= least - 1e-9]
-                if not len(good):
-                    continue
-                best = good[0]
-                length = self.free_length(local, which, directions[best, None])[0]
-            found[row] = length * ways[best]
+        ways = directions @ Ts_base_hand[:, :3, :3].swapaxes(1, 2)
+        longest, every = self._config.longest, np.ones(len(self._targets), dtype=bool)
+        best = np.zeros(len(ways), dtype=np.int64)
+        straight = np.broadcast_to(directions[:1], (len(ways), 1, 3))
+        length = self._free(Ts_base_hand, prototype, straight, longest, every)[:, 0]
+        rows = np.flatnonzero(length < least)
+        if len(rows):
+            Ts, which = Ts_base_hand[rows], prototype[rows]
+            around = np.broadcast_to(directions, (len(rows), *directions.shape))
+            free = self._free(Ts, which, around, least, every) >= least - 1e-9
+            # Slanted ways must not lead deeper down than the straight one.
+            free &= ways[rows, :, 2] >= np.minimum(0.0, ways[rows, :1, 2]) - 1e-9
+            free[:, 0] = False
+            best[rows] = free.argmax(axis=1)
+            slanted = directions[best[rows], None]
+            length[rows] = self._free(Ts, which, slanted, longest, every)[:, 0]
+            length[rows[~free.any(axis=1)]] = 0.0
+        found: FloatArray = length[:, None] * ways[np.arange(len(ways)), best]
         return found
 
     def retreats(
@@ -152,75 +160,51 @@ class Ways:
         FloatArray
             At most ``distance`` [m], shape (k, d).
         """
-        found = np.zeros((len(Ts_base_hand), len(directions)))
-        for row, (T, which) in enumerate(zip(Ts_base_hand, prototype, strict=True)):
-            local, is_target = self._around(T, which, distance)
-            others, ways = local[:, ~is_target], directions @ T[:3, :3]
-            found[row] = self.free_length(others, which, ways, distance)
-        return found
+        ways = directions @ Ts_base_hand[:, :3, :3]
+        return self._free(Ts_base_hand, prototype, ways, distance, ~self._targets)
 
-    def free_length(
+    def _free(
         self,
-        local: FloatArray,
-        which: int,
-        directions: FloatArray,
-        longest: float | None = None,
+        Ts: FloatArray,
+        which: IntArray,
+        ways: FloatArray,
+        longest: float,
+        counts: BoolArray,
     ) -> FloatArray:
-        """How far a hand can be moved back before points get into its solids.
+        """How far hands can be moved back before points get into their solids.
 
         Parameters
         ----------
-        local
-            Points in the palm frame [m], shape (3, n).
-        which
-            Index of the prototype whose hand it is.
-        directions
-            Unit vectors in the palm frame, shape (d, 3).
+        Ts, which
+            Palm poses (k, 4, 4), and whose hand each carries (k,).
+        ways
+            Unit vectors in the palm frames, shape (k, d, 3).
         longest
-            How far to look [m]; None for the largest stand-off.
+            How far to look [m].
+        counts
+            Which points can be in the way, shape (n,).
 
         Returns
         -------
         FloatArray
-            [m], shape (d,).
+            [m], shape (k, d).
         """
-        longest = self._config.longest if longest is None else longest
-        n_steps = max(1, round(longest / self._config.step))
-        steps = np.linspace(0.0, longest, n_steps + 1)[1:]
-        offsets = (directions[:, None] * steps[:, None]).reshape(-1, 3, 1)
-        index = self._hands.space_index[which]
-        first = self._hands.spaces.origin[index][:, None]
-        last = first + 2 * (self._hands.spaces.middle[index][:, None] - first)
-        swept = (local > first + offsets.min(axis=0)).all(axis=0)
-        swept &= (local < last + offsets.max(axis=0)).all(axis=0)
-        local = local[:, swept]
-        if not local.shape[1]:
-            return np.full(len(directions), longest)
-        space = np.full(len(offsets), index)
-        moved = local[None] - offsets.astype(np.float32)
-        flags = self._hands.spaces.at(moved.astype(np.float32), space)
-        inside = (flags & (HandSpace.PALM | HandSpace.FINGER)) > 0
-        hits = np.count_nonzero(inside, axis=1).reshape(len(directions), n_steps)
-        is_blocked = np.cumsum(hits > self._max_hits, axis=1) > 0
-        n_free: IntArray = np.count_nonzero(~is_blocked, axis=1)
+        steps = self._config.steps(longest)
+        spaces, index = self._hands.spaces, self._hands.space_index[which]
+        middle = (Ts[:, :3, :3] @ spaces.middle[index][..., None])[..., 0]
+        middle += Ts[:, :3, 3]
+        reach = spaces.half[index].max(initial=0.0) * np.sqrt(3.0) + longest
+        near = counts.copy()
+        for along, places in zip(self._points, middle.T, strict=True):
+            near &= along >= np.float32(places.min(initial=np.inf) - reach)
+            near &= along <= np.float32(places.max(initial=-np.inf) + reach)
+        points = self._points[:, near]
+        n_free = np.empty(ways.shape[:2], dtype=np.int64)
+        n_poses = max(1, _TOGETHER // max(1, points.shape[1]))
+        for first in range(0, len(Ts), n_poses):
+            some = slice(first, first + n_poses)
+            hits = spaces.hits(points, Ts[some], index[some], ways[some], steps, _SOLID)
+            is_blocked = np.cumsum(hits > self._max_hits, axis=-1) > 0
+            n_free[some] = np.count_nonzero(~is_blocked, axis=-1)
         length: FloatArray = np.concatenate([[0.0], steps])[n_free]
         return length
-
-    def _around(
-        self, T: FloatArray, which: int, reach: float
-    ) -> tuple[FloatArray, BoolArray]:
-        """Points that the hand may sweep, palm frame (3, n), and which are its own."""
-        spaces, index = self._hands.spaces, self._hands.space_index[which]
-        middle = T[:3, :3] @ spaces.middle[index] + T[:3, 3]
-        half = np.abs(T[:3, :3]) @ spaces.half[index] + reach
-        is_near = np.ones(self._points.shape[1], dtype=bool)
-        for along, low, high in zip(
-            self._points,
-            (middle - half).astype(np.float32),
-            (middle + half).astype(np.float32),
-            strict=True,
-        ):
-            is_near &= (along >= low) & (along <= high)
-        near = np.flatnonzero(is_near)
-        offset = self._points[:, near] - T[:3, 3:].astype(np.float32)
-        return T[:3, :3].T @ offset, self._scene.is_target[near]

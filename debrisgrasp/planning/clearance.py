@@ -26,6 +26,11 @@ from .scene import GraspScene
 
 __all__ = ["ClearanceConfig", "HandClearance"]
 
+_ALL = slice(None)
+_FEW = 4
+"""Every so many of the spheres are looked at first."""
+_UNKNOWN = np.uint8(Space.UNKNOWN)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClearanceConfig:
@@ -62,14 +67,15 @@ class HandClearance:
         self, scene: GraspScene, hands: PackedHands, config: ClearanceConfig
     ) -> None:
         self._scene, self._hands, self._config = scene, hands, config
-        steps = np.linspace(0.0, config.approach, config.approach_steps + 1)
-        at_rest = np.zeros(1, dtype=np.float32)
-        # A few spheres find most collisions; every further stage sees fewer poses.
-        self._stages = (
-            (slice(None, None, 4), at_rest),
-            (slice(None), at_rest),
-            (slice(None), -steps[1:].astype(np.float32)),
-        )
+        field = scene.field
+        steps = np.linspace(0.0, config.approach, config.approach_steps + 1)[1:]
+        self._retreats = (-steps / field.spacing).astype(np.float32)
+        self._per_cell = np.float32(1.0 / field.spacing)
+        self._first = (0.5 - field.origin / field.spacing).astype(np.float32)
+        self._last = np.array(field.shape, dtype=np.float32)[:, None] - 1
+        is_part = hands.parts[..., None] == np.arange(3)
+        of_each = is_part.sum(axis=1, keepdims=True).clip(1)
+        self._shares = (is_part / of_each).astype(np.float32)
 
     def __call__(
         self, Ts_base_hand: FloatArray, prototype: IntArray, needed: FloatArray
@@ -90,70 +96,102 @@ class HandClearance:
         FloatArray
             C in [0, 1], shape (k,); 0 where it is provably below what is needed.
         """
-        config = self._config
-        clearance = np.ones(len(Ts_base_hand))
-        alive = np.arange(len(Ts_base_hand))
-        for spheres, retreats in self._stages:
-            Ts, which = Ts_base_hand[alive].astype(np.float32), prototype[alive]
-            depth = self._depth(Ts, which, spheres, retreats)
-            clear = np.clip(1.0 - (depth - config.allowance) / config.softness, 0, 1)
-            clearance[alive] = np.minimum(clearance[alive], clear)
-            is_lost = (clearance[alive] <= needed[alive]) | (clearance[alive] <= 0)
-            clearance[alive[is_lost]] = 0.0
-            alive = alive[~is_lost]
-        clearance[alive] *= self.exposure(Ts_base_hand[alive], prototype[alive])
+        Ts = Ts_base_hand.astype(np.float32)
+        clearance, alive = np.ones(len(Ts)), np.arange(len(Ts))
+        # A few spheres find most collisions; every further stage sees fewer poses.
+        few = slice(None, None, _FEW)
+        depth = self._depth(self._placed(Ts, prototype, few), prototype, few)
+        kept = self._passing(clearance, alive, depth, needed)
+        alive, which = alive[kept], prototype[alive[kept]]
+        placed = self._placed(Ts[alive], which)
+        kept = self._passing(clearance, alive, self._depth(placed, which), needed)
+        alive, which, placed = alive[kept], which[kept], placed[kept]
+        depth = np.full(len(alive), -np.inf, dtype=np.float32)
+        axis = Ts[alive, :3, 2, None]
+        for retreat in self._retreats:
+            on_the_way = placed + retreat * axis
+            np.maximum(depth, self._depth(on_the_way, which), out=depth)
+        kept = self._passing(clearance, alive, depth, needed)
+        alive, which, placed = alive[kept], which[kept], placed[kept]
+        unseen = self._unseen(placed, which)
+        clearance[alive] *= 1.0 - self._config.unknown_cost * unseen
         return clearance
+
+    def _passing(
+        self,
+        clearance: FloatArray,
+        alive: IntArray,
+        depth: Float32Array,
+        needed: FloatArray,
+    ) -> IntArray:
+        """Lower the clearance (n,) of some poses (k,); tell which still matter."""
+        config = self._config
+        clear = np.clip(1.0 - (depth - config.allowance) / config.softness, 0, 1)
+        clear = np.minimum(clearance[alive], clear)
+        is_lost = (clear <= needed[alive]) | (clear <= 0)
+        clearance[alive] = np.where(is_lost, 0.0, clear)
+        return np.flatnonzero(~is_lost)
 
     def exposure(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
         """C of poses known to be clear: the cost of unseen space alone, (k,)."""
-        is_unknown = self._is_unknown(Ts_base_hand, prototype)
-        parts = self._hands.parts[prototype]
-        worst = np.zeros(len(parts))
-        for part in range(3):
-            is_part = parts == part
-            share = (is_unknown & is_part).sum(axis=1) / is_part.sum(axis=1).clip(1)
-            np.maximum(worst, share, out=worst)
-        cost: FloatArray = 1.0 - self._config.unknown_cost * worst
-        return cost
+        cost = self._config.unknown_cost
+        found: FloatArray = 1.0 - cost * self.unseen(Ts_base_hand, prototype)
+        return found
+
+    def unseen(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
+        """Share of palm or fingers of a side in space that was never seen, (k,).
+
+        Of the three the largest share; 0 if unseen space costs nothing.
+        """
+        if self._config.unknown_cost == 0.0:
+            return np.zeros(len(prototype))
+        Ts = Ts_base_hand.astype(np.float32)
+        return self._unseen(self._placed(Ts, prototype), prototype)
 
     def is_blind(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
         """Whether a finger ends where the camera saw nothing, shape (k,)."""
         is_finger = self._hands.parts[prototype] > 0
-        is_unknown = self._is_unknown(Ts_base_hand, prototype)
-        return np.asarray((is_unknown & is_finger).any(axis=1))
+        placed = self._placed(Ts_base_hand.astype(np.float32), prototype)
+        return np.asarray((self._is_unknown(placed) & is_finger).any(axis=1))
 
-    def _is_unknown(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
+    def _unseen(self, placed: Float32Array, prototype: IntArray) -> FloatArray:
+        """See `unseen`, for spheres that are placed already."""
+        is_unknown = self._is_unknown(placed).astype(np.float32)
+        shares = is_unknown[:, None] @ self._shares.take(prototype, axis=0)
+        worst: FloatArray = shares[:, 0].max(axis=1).astype(np.float64)
+        return worst
+
+    def _is_unknown(self, placed: Float32Array) -> BoolArray:
         """Which spheres' centres lie in space that was never seen, shape (k, s)."""
-        x, y, z, _ = self._placed(
-            Ts_base_hand.astype(np.float32), prototype, slice(None)
-        )
-        field = self._scene.field
-        return np.asarray(field.space.take(field.cell(x, y, z)) == Space.UNKNOWN)
+        return np.asarray(self._scene.field.space.take(self._cell(placed)) == _UNKNOWN)
 
     def _placed(
-        self, Ts: Float32Array, prototype: IntArray, spheres: slice
-    ) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
-        """Coordinates of the sphere centres, base frame, and radii, each (k, s)."""
-        centers = self._hands.centers[:, :, spheres][prototype]
-        placed = Ts[:, :3, :3] @ centers + Ts[:, :3, 3:]
-        radii = self._hands.radii[:, spheres][prototype]
-        return placed[:, 0], placed[:, 1], placed[:, 2], radii
+        self, Ts: Float32Array, prototype: IntArray, spheres: slice = _ALL
+    ) -> Float32Array:
+        """Centres of spheres as coordinates in the grid [cells], shape (k, 3, s)."""
+        centers = self._hands.centers[:, :, spheres].take(prototype, axis=0)
+        R = np.asarray(Ts[:, :3, :3] * self._per_cell, dtype=np.float32)
+        placed: Float32Array = R @ centers
+        placed += (Ts[:, :3, 3] * self._per_cell + self._first)[..., None]
+        return placed
+
+    def _cell(self, placed: Float32Array) -> IntArray:
+        """Flat index of the cell around each place (k, 3, s), shape (k, s)."""
+        inside = np.maximum(placed, 0)
+        np.minimum(inside, self._last, out=inside)
+        x, y, z = np.moveaxis(inside.astype(np.int32), 1, 0)
+        _, ny, nz = self._scene.field.shape
+        index: IntArray = x * np.int32(ny)
+        index += y
+        index *= np.int32(nz)
+        index += z
+        return index
 
     def _depth(
-        self,
-        Ts: Float32Array,
-        prototype: IntArray,
-        spheres: slice,
-        retreats: Float32Array,
+        self, placed: Float32Array, prototype: IntArray, spheres: slice = _ALL
     ) -> Float32Array:
-        """Deepest intrusion of any sphere, at any retreat, into a point [m], (k,)."""
-        x, y, z, radii = self._placed(Ts, prototype, spheres)
-        ax, ay, az = (Ts[:, i, 2, None] for i in range(3))
-        deepest = np.full(len(Ts), -np.inf, dtype=np.float32)
-        for retreat in retreats:
-            cell = self._scene.field.cell(
-                x + retreat * ax, y + retreat * ay, z + retreat * az
-            )
-            depth = radii - self._scene.clearance.take(cell)
-            np.maximum(deepest, depth.max(axis=1), out=deepest)
+        """Deepest intrusion of any sphere into a point [m], shape (k,)."""
+        depth = self._hands.radii[:, spheres].take(prototype, axis=0)
+        depth -= self._scene.clearance.take(self._cell(placed))
+        deepest: Float32Array = depth.max(axis=1)
         return deepest

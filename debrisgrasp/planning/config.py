@@ -57,7 +57,7 @@ class PlannerConfig:
     refinement: LocalMove = LocalMove(position=(0.012, 0.0036), rotation=(0.12, 0.036))
     """Steps of the refinement that follows the annealing: on what the list is sorted
     by."""
-    refinement_sweeps: int = 8
+    refinement_sweeps: int = 6
     """How often steps are offered; only improvements are taken."""
     refinement_steps: int = 96
     """Steps offered in each sweep, to all poses together."""
@@ -65,7 +65,7 @@ class PlannerConfig:
     """So many poses take steps in the first sweep, and in the last: the best."""
     max_refined: int = 96
     """At most so many distinct poses are judged by what the list is sorted by."""
-    exchanged: int = 24
+    exchanged: int = 48
     """At so many of the best poses every other prototype of the hand is tried."""
     starts: int = 64
     """Jumps of each prototype of which the best become walkers."""

@@ -22,6 +22,7 @@ from debrisgrasp._arrays import (
 )
 from debrisgrasp.prototypes import PrototypeLibrary
 
+from .borders import is_behind
 from .scene import GraspScene
 
 __all__ = ["ContactConfig", "PadContacts", "PadLook", "PadZones"]
@@ -38,8 +39,8 @@ _FLAT = 0.01
 """Variance of the normals along the closing axis that comes from noise alone."""
 _SAME = 0.01
 """Points whose places along the closing axis differ by less are equally far out [m]."""
-_BATCH = 64
-"""Poses looked at together."""
+_TOGETHER = 200_000
+"""Points of all poses looked at together: their arrays stay in the cache."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,9 +124,10 @@ class PadContacts:
         self, scene: GraspScene, zones: PadZones, config: ContactConfig
     ) -> None:
         usable = scene.is_target & np.isfinite(scene.cloud.normals[:, 0])
-        self._points = scene.cloud.points[usable].T.astype(np.float32)
-        self._normals = scene.cloud.normals[usable].T.astype(np.float32)
+        self._points = scene.cloud.points[usable].T.astype(np.float32, order="C")
+        self._normals = scene.cloud.normals[usable].T.astype(np.float32, order="C")
         self._is_cut = scene.is_cut[usable]
+        self._is_behind = is_behind(scene, usable)
         self._zones, self._config = zones, config
 
     def look(self, Ts_base_hand: FloatArray, prototype: IntArray) -> PadLook:
@@ -142,8 +144,9 @@ class PadContacts:
             Poses (k, 4, 4), and whose hand each carries (k,).
         """
         found = np.empty((len(Ts_base_hand), 4))
-        for first in range(0, len(found), _BATCH):
-            some = slice(first, first + _BATCH)
+        n_poses = max(1, _TOGETHER // max(1, self._points.shape[1]))
+        for first in range(0, len(found), n_poses):
+            some = slice(first, first + n_poses)
             found[some] = self._look(Ts_base_hand[some], prototype[some])
         angles, room = found[:, :2], found[:, 2:]
         config = self._config
@@ -161,55 +164,109 @@ class PadContacts:
 
     def _look(self, Ts: FloatArray, prototype: IntArray) -> FloatArray:
         """Angles and room of the sides, shape (k, 4)."""
-        to_hand = Ts[:, :3, :3].astype(np.float32).transpose(0, 2, 1)
-        local = to_hand @ self._points - to_hand @ Ts[:, :3, 3:].astype(np.float32)
-        along = to_hand[:, 0] @ self._normals
         lower, upper = self._zones.lower[prototype], self._zones.upper[prototype]
-        is_near = (local[:, :2] > lower[:, :2, None]).all(axis=1)
-        is_near &= (local < upper[..., None]).all(axis=1)
-        is_near &= local[:, 2] > 0.0
-        is_beside = is_near & (local[:, 2] > lower[:, 2, None])
-        middle, radius = _curve(local[:, 0], along, is_near)
+        near = self._between(Ts, lower, upper)
+        middle, radius = near.curve()
+        is_beside = near.z > lower[:, 2].take(near.pose)
+        end = upper[:, 0] - np.float32(_ROOM)
+        is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
         angles, rooms = [], []
         for side in (-1.0, 1.0):
-            cosine = np.float32(side) * along
+            cosine = np.float32(side) * near.along
             faces = is_beside & (cosine > np.float32(_TURNED))
-            is_seen = np.count_nonzero(faces, axis=1) >= self._config.min_points
+            is_seen = near.count(faces) >= self._config.min_points
             # On a curved face the pad comes to lie where it is turned to it most.
-            steepest = np.where(faces, cosine, np.float32(0.0)).max(axis=1, initial=0.0)
+            steepest = near.greatest(cosine[faces], near.pose[faces], 0.0)
             angle = np.arccos(np.clip(steepest, 0.0, 1.0))
             angles.append(np.where(is_seen, angle, np.nan))
             room = upper[:, 0] - (side * middle + radius)
             room[np.isnan(room)] = np.inf
             # What goes on to where the finger comes down has no side before it; what
-            # the image cuts off goes on and on.
-            out = np.where(is_near, np.float32(side) * local[:, 0], -np.inf)
-            reaches = out > upper[:, :1] - np.float32(_ROOM)
-            is_cut = self._is_cut & (
-                out > out.max(axis=1, keepdims=True, initial=-1.0) - _SAME
-            )
-            for goes_on, left in ((reaches, 0.0), (is_cut, -np.inf)):
-                enough = np.count_nonzero(goes_on, axis=1) >= self._config.min_points
+            # vanishes behind something nearer may go on; what the image cuts off does.
+            out = np.float32(side) * near.x
+            reaches = out > end.take(near.pose)
+            farthest = near.greatest(out, near.pose, -1.0)
+            is_last = out > (farthest - np.float32(_SAME)).take(near.pose)
+            for goes_on, left in (
+                (reaches, 0.0),
+                (is_behind & is_last, 0.0),
+                (is_cut & is_last, -np.inf),
+            ):
+                enough = near.count(goes_on) >= self._config.min_points
                 room[enough] = np.minimum(room[enough], left)
             rooms.append(np.where(is_seen, np.inf, room))
         return np.stack(angles + rooms, axis=1)
 
+    def _between(
+        self, Ts: FloatArray, lower: Float32Array, upper: Float32Array
+    ) -> _Near:
+        """Points between the open fingers of each pose (k, 4, 4)."""
+        to_hand = Ts[:, :3, :3].astype(np.float32).transpose(0, 2, 1)
+        begin = (to_hand @ Ts[:, :3, 3:].astype(np.float32))[..., 0]
+        low, n = lower.copy(), self._points.shape[1]
+        low[:, 2] = 0.0
+        is_near, places = np.ones((len(Ts), n), dtype=bool), []
+        for axis in range(3):
+            place = to_hand[:, axis] @ self._points
+            is_near &= place > (low + begin)[:, axis, None]
+            is_near &= place < (upper + begin)[:, axis, None]
+            places.append(place.ravel())
+        found = np.flatnonzero(is_near)
+        pose = np.repeat(np.arange(len(Ts)), np.count_nonzero(is_near, axis=1))
+        point = found - n * pose
+        normals = self._normals.take(point, axis=1)
+        closing = to_hand[:, 0].T.take(pose, axis=1)
+        return _Near(
+            pose=pose,
+            point=point,
+            x=places[0].take(found) - begin[:, 0].take(pose),
+            z=places[2].take(found) - begin[:, 2].take(pose),
+            along=(closing * normals).sum(axis=0),
+            n_poses=len(Ts),
+        )
 
-def _curve(
-    x: Float32Array, along: Float32Array, is_near: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """Middle and half width [m] that points x [m] with normals have, NaN if unknown.
 
-    All of shape (k, n); least squares of x = middle + half width * normal, (k,) each.
-    """
-    count = np.count_nonzero(is_near, axis=1)
-    n = np.maximum(count, 1)
-    near = is_near.astype(np.float32)
-    weighted = near * along
-    mean_x = np.einsum("kn,kn->k", near, x) / n
-    mean_along = weighted.sum(axis=1) / n
-    covariance = np.einsum("kn,kn->k", weighted, x) / n - mean_x * mean_along
-    variance = np.einsum("kn,kn->k", weighted, along) / n - mean_along**2
-    radius = np.maximum(covariance, 0.0) / (variance + _FLAT)
-    radius = np.where(count >= _LEAST_CURVED, radius, np.nan)
-    return mean_x - radius * mean_along, radius
+@dataclass(frozen=True, slots=True, eq=False)
+class _Near:
+    """Points between the open fingers of some poses, m pairs of both."""
+
+    pose: IntArray
+    """Index of the pose, ascending, shape (m,)."""
+    point: IntArray
+    """Index of the point, shape (m,)."""
+    x: Float32Array
+    """Along the closing axis [m], palm frame, shape (m,)."""
+    z: Float32Array
+    """Along the palm's axis [m], shape (m,)."""
+    along: Float32Array
+    """Cosine of the normal to the closing axis, shape (m,)."""
+    n_poses: int
+
+    def count(self, which: BoolArray) -> IntArray:
+        """How many of some points (m,) each pose has, shape (k,)."""
+        return np.bincount(self.pose[which], minlength=self.n_poses)
+
+    def greatest(
+        self, values: Float32Array, pose: IntArray, initial: float
+    ) -> Float32Array:
+        """Greatest of the values of each pose, and ``initial``, shape (k,)."""
+        found = np.full(self.n_poses, initial, dtype=np.float32)
+        np.maximum.at(found, pose, values)
+        return found
+
+    def _mean(self, values: Float32Array, n: IntArray) -> FloatArray:
+        return np.bincount(self.pose, values, self.n_poses) / n
+
+    def curve(self) -> tuple[FloatArray, FloatArray]:
+        """Middle and half width [m] that the points have, NaN if unknown, (k,) each.
+
+        Least squares of x = middle + half width * normal.
+        """
+        count = np.bincount(self.pose, minlength=self.n_poses)
+        n = np.maximum(count, 1)
+        mean_x, mean_along = self._mean(self.x, n), self._mean(self.along, n)
+        covariance = self._mean(self.x * self.along, n) - mean_x * mean_along
+        variance = self._mean(self.along * self.along, n) - mean_along**2
+        radius = np.maximum(covariance, 0.0) / (variance + _FLAT)
+        radius = np.where(count >= _LEAST_CURVED, radius, np.nan)
+        return mean_x - radius * mean_along, radius

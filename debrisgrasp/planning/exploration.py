@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,21 @@ from .quality import NOTHING, GraspQuality
 
 __all__ = ["LogMerit", "exchanged", "explore", "refine"]
 
-LogMerit = Callable[[FloatArray, IntArray, FloatArray], FloatArray]
+
+class LogMerit(Protocol):
+    """Log of what is sought, and the way to where a pose fits."""
+
+    def __call__(
+        self, Ts_base_hand: FloatArray, prototype: IntArray, needed: FloatArray
+    ) -> FloatArray:
+        """Of poses (k, 4, 4) of prototypes (k,), if above what is needed (k,)."""
+        ...
+
+    def aligned(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
+        """See `ShapeSimilarity.aligned`."""
+        ...
+
+
 _EARLY = 1.5
 """Above 1 the first rounds, of many walkers, are shorter than the last, of few."""
 _IN_ANY_CASE = 4
@@ -42,8 +57,8 @@ def explore(
 
     Prototypes that resemble nothing in the scene show it after a few sweeps, and the
     time goes to the others. Of walkers that came to the same place the best goes on.
-    Then it is solved for the arms, and a walker whose best is out of reach goes back to
-    where it was before.
+    In the end they are solved for the arms, and one whose best is out of reach is worth
+    nothing.
 
     Parameters
     ----------
@@ -57,7 +72,7 @@ def explore(
     """
     Ts, prototype = _starts(quality, jump, len(gripper_of), config, rng)
     walkers = Walkers.at(Ts, quality(Ts, prototype, np.full(len(Ts), -np.inf)))
-    settled = postures.unknown(Walkers.at(Ts, np.full(len(Ts), NOTHING)))
+    before = Walkers.at(Ts, np.full(len(Ts), NOTHING))
     shares = np.linspace(0.0, 1.0, config.rounds + 1) ** _EARLY
     ends = (config.schedule.sweeps * shares).round().astype(int)
     left: list[tuple[Settled, IntArray]] = []
@@ -91,8 +106,8 @@ def explore(
         others = np.setdiff1d(np.arange(len(prototype)), kept)
         left.append((postures.unknown(walkers[others]), prototype[others]))
         prototype = prototype[kept]
-        settled = postures.settled(settled[kept], walkers[kept], prototype)
-        walkers = settled.walkers
+        walkers, before = walkers[kept], before[kept]
+    settled = postures.settled(postures.unknown(before), walkers, prototype)
     left.append((settled, prototype))
     states, places = zip(*left, strict=True)
     return Settled.together(states), np.concatenate(places)
@@ -142,8 +157,7 @@ def refine(
     settled
         States whose value is merit already.
     merit
-        Maps poses (k, 4, 4), prototypes (k,) and the least values that matter (k,) to
-        the log of what is sought (k,).
+        What is sought.
     """
     sweeps, (many, few) = config.refinement_sweeps, config.refined
     sizes = np.geomspace(many, few, sweeps).round().astype(int)
@@ -166,6 +180,9 @@ def refine(
         Ts = config.refinement.moved(
             walkers.best_Ts_base_hand[every], index / sweeps, rng
         )
+        # Every other one is fitted to the surface again: long steps along it are free.
+        fitted = every[::2]
+        Ts[::2] = merit.aligned(Ts[::2], prototype[fitted])
         value = merit(Ts, prototype[every], walkers.best_log_quality[every])
         best = value.reshape(len(rows), tries).argmax(axis=1)
         best += tries * np.arange(len(rows))

@@ -249,21 +249,73 @@ class PackedSpaces:
             flat += cell.ravel()[found].astype(np.int64)
         return self.flags.take(flat + self.first[which][pose]), pose, point
 
-    def at(self, points_hand: Float32Array, which: IntArray) -> np.ndarray:
-        """Look up the flags at points (k, 3, n) in the palm frames of hands (k,)."""
-        flat = np.zeros((len(which), points_hand.shape[2]), dtype=np.int32)
+    def hits(
+        self,
+        points: Float32Array,
+        Ts_hand: FloatArray,
+        which: IntArray,
+        ways: FloatArray,
+        steps: FloatArray,
+        solid: HandSpace,
+    ) -> IntArray:
+        """Count points that are met by hands that are moved back along straight ways.
+
+        Parameters
+        ----------
+        points
+            [m], shape (3, n).
+        Ts_hand, which
+            Poses of the hands in the frame of the points (k, 4, 4), and grid of each.
+        ways
+            Unit vectors in the frames of the hands, shape (k, d, 3).
+        steps
+            Places along them [m], shape (s,).
+        solid
+            What counts as met.
+
+        Returns
+        -------
+        IntArray
+            Shape (k, d, s).
+        """
+        k, d, s = *ways.shape[:2], len(steps)
+        per_cell = 1.0 / self.spacing
+        to_hand = (Ts_hand[:, :3, :3].swapaxes(1, 2) * per_cell).astype(np.float32)
+        begin = (to_hand @ Ts_hand[:, :3, 3:].astype(np.float32))[..., 0]
+        begin += self.origin[which] * np.float32(per_cell) - np.float32(0.5)
+        shape = self.shape[which].astype(np.float32)
+        moves = (ways * per_cell).astype(np.float32)
+        last = np.float32(steps[-1])
+        # A point is met where it is as far ahead as the hand has been moved back.
+        low = np.minimum(moves.min(axis=1) * last, 0.0)
+        high = np.maximum(moves.max(axis=1) * last, 0.0) + shape
+        is_in = np.ones((k, points.shape[1]), dtype=bool)
+        cells = []
         for axis in range(3):
-            # The outermost layer is empty and takes whatever lies farther out.
-            n = self.shape[which, axis, None].astype(np.float32)
-            cell = points_hand[:, axis] - self.origin[which, axis, None]
-            cell *= np.float32(1.0 / self.spacing)
-            cell += np.float32(0.5)
-            np.clip(cell, 0, n - 1, out=cell)
-            flat *= n.astype(np.int32)
-            flat += cell.astype(np.int32)
-        flat += self.first[which, None].astype(np.int32)
-        found: np.ndarray = self.flags.take(flat)
-        return found
+            cell = to_hand[:, axis] @ points - begin[:, axis, None]
+            is_in &= cell > low[:, axis, None]
+            is_in &= cell < high[:, axis, None]
+            cells.append(cell)
+        hand, point = np.nonzero(is_in)
+        found = np.zeros((d, s, k), dtype=np.int64)
+        flags = np.empty((s, len(hand)), dtype=self.flags.dtype)
+        for way in range(d):
+            flat = np.zeros((s, len(hand)), dtype=np.int32)
+            for axis, cell in enumerate(cells):
+                n = self.shape[which, axis].astype(np.int32)[hand]
+                move = moves[hand, way, axis]
+                place = cell[hand, point] - steps[:, None].astype(np.float32) * move
+                # The outermost layer is empty and takes whatever lies farther out.
+                np.maximum(place, 0, out=place)
+                np.minimum(place, n - np.float32(1), out=place)
+                flat *= n
+                flat += place.astype(np.int32)
+            flat += self.first[which].astype(np.int32)[hand]
+            self.flags.take(flat, out=flags, mode="clip")
+            step, row = np.nonzero(flags & solid)
+            met = np.bincount(step * k + hand[row], minlength=s * k)
+            found[way] = met.reshape(s, k)
+        return np.moveaxis(found, 2, 0)
 
 
 def _sweep(

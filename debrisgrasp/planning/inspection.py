@@ -7,7 +7,7 @@ would close on is counted by object.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -101,6 +101,9 @@ class Inspection:
         }
         return counts.get(reason)
 
+    def __getitem__(self, rows: BoolArray) -> Inspection:
+        return Inspection(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
     def with_free_approach(self, rows: IntArray) -> Inspection:
         """Return the same counts, but nothing on the way in for some poses."""
         hits = self.approach_hits.copy()
@@ -112,7 +115,7 @@ class Inspector:
     """Looks closely at poses of the hands of a dictionary in one scene."""
 
     def __init__(self, scene: GraspScene, hands: PackedHands) -> None:
-        self._scene, self._hands = scene, hands
+        self._ground_plane, self._hands = scene.ground_plane, hands
         # In the order of x, so that a slice holds all points of a range.
         order = np.argsort(scene.cloud.points[:, 0], kind="stable")
         points = np.ones((4, len(order)), dtype=np.float32)
@@ -183,7 +186,7 @@ class Inspector:
 
         The ground is solid also where something hides it from the camera.
         """
-        plane = self._scene.ground_plane
+        plane = self._ground_plane
         if plane is None:
             return np.zeros(len(Ts), dtype=bool)
         up = plane[:3] @ Ts[:, :3, :3]

@@ -15,6 +15,7 @@ from scipy.special import expit, log_expit
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
 from .approach import Ways
+from .borders import missing
 from .clearance import HandClearance
 from .contacts import PadContacts
 from .inspection import Inspection, Inspector
@@ -26,7 +27,7 @@ from .states import Modes
 from .success import success_terms
 from .tools import Burden, Tools, blurred
 
-__all__ = ["Merit"]
+__all__ = ["Looks", "Merit"]
 
 _FLAWED = 5.0
 """What a pose that an inspection would rule out loses [log-odds]: a search may pass
@@ -43,6 +44,28 @@ _FAINT = 1e-3
 """S below this adds nothing to a mean, so that C is not asked."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Looks:
+    """Close looks into a scene that many searches share; they don't hold the scene."""
+
+    ways: Ways
+    inspector: Inspector
+    contacts: PadContacts
+    missing: float
+    """See `missing` [m]."""
+
+    @classmethod
+    def into(cls, scene: GraspScene, tools: Tools) -> Looks:
+        """Prepare them."""
+        config = tools.config
+        return cls(
+            Ways(scene, tools.hands, config.approach, config.inspection),
+            Inspector(scene, tools.hands),
+            PadContacts(scene, tools.zones, config.contact),
+            missing(scene),
+        )
+
+
 class Merit:
     """Probability that a grasp holds, in one scene.
 
@@ -50,8 +73,8 @@ class Merit:
     ----------
     burden
         Load over limit of poses.
-    ways
-        Ways into the scene.
+    looks
+        Into the same scene.
     may_reach
         Maps poses (k, 4, 4) and prototypes (k,) to whether an arm may get there.
     """
@@ -61,7 +84,7 @@ class Merit:
         scene: GraspScene,
         tools: Tools,
         burden: Burden,
-        ways: Ways,
+        looks: Looks,
         may_reach: Callable[[FloatArray, IntArray], BoolArray],
     ) -> None:
         config = tools.config
@@ -69,14 +92,14 @@ class Merit:
         self._burden, self._may_reach = burden, may_reach
         self.fine = ShapeSimilarity(scene, tools.fine, config.similarity)
         self.clearance = HandClearance(scene, tools.hands, config.clearance)
-        self.contacts = PadContacts(scene, tools.zones, config.contact)
+        self.contacts = looks.contacts
         self._coarse = ShapeSimilarity(scene, tools.coarse, config.similarity)
-        self._inspector = Inspector(scene, tools.hands)
-        self._ways = ways
+        self._inspector, self._ways = looks.inspector, looks.ways
+        self._missing = np.full(1, looks.missing)
         zero, one = np.zeros(1), np.ones(1)
         self._lightest = success_terms(
             expected=one, contact=one, demand=zero, lever=zero, margin=zero, slack=one,
-            sight=one,
+            sight=one, unseen=zero, missing=zero,
         )  # fmt: skip
         wide, soft = blurred(config)
         self.quick = GraspQuality(
@@ -115,6 +138,8 @@ class Merit:
             margin=0.0 * full,
             slack=self._tools.hands.slack[prototype],
             sight=full,
+            unseen=0.0 * full,
+            missing=0.0 * full,
         )
         weights = self._tools.success.weights
         odds = (terms - self._lightest) @ weights / self._steepness
@@ -182,8 +207,11 @@ class Merit:
         known = self._left(known, needed)
         expected = self._cleared(known.S, known.Ts, known.prototype, few)
         known = self._left(replace(known, expected=expected), needed)
-        look = self.inspection(known.Ts, known.prototype)
+        look = self._inspector(known.Ts, known.prototype)
         known = replace(known, margin=look.margin)
+        kept = self._may_matter(known, needed)
+        known = known[kept]
+        look = self._ways.relieved(look[kept], known.Ts, known.prototype)
         passes, known = self._passes(look, known)
         odds = self._odds(known)
         odds[~passes] -= _FLAWED
@@ -208,7 +236,8 @@ class Merit:
         """
         config = self._config
         S, coverage = (term.astype(np.float64) for term in self.fine(Ts, prototype))
-        C = self.clearance.exposure(Ts, prototype)
+        unseen = self.clearance.unseen(Ts, prototype)
+        C = 1.0 - config.clearance.unknown_cost * unseen
         pads = self.contacts.look(Ts, prototype)
         sight, is_guess = self.sight(Ts, prototype, pads.is_seen)
         look = self.inspection(Ts, prototype)
@@ -237,6 +266,7 @@ class Merit:
             contact=pads.probability,
             margin=look.margin,
             sight=sight,
+            unseen=unseen,
         )
         modes = Modes(
             Ts=Ts,
@@ -248,14 +278,24 @@ class Merit:
             contact=pads.probability,
             margin=look.margin,
             sight=sight,
+            unseen=unseen,
+            missing=np.repeat(self._missing, len(S)),
             score=expit(self._odds(known)),
             support=np.zeros(len(S), dtype=np.int64),
         )
         return modes, ok
 
+    def aligned(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
+        """See `ShapeSimilarity.aligned`."""
+        return self._coarse.aligned(Ts_base_hand, prototype)
+
     def _left(self, known: _Known, needed: FloatArray) -> _Known:
         """Go on with the poses that may still come up to what is needed."""
-        return known[log_expit(self._odds(known)) > needed[known.rows]]
+        return known[self._may_matter(known, needed)]
+
+    def _may_matter(self, known: _Known, needed: FloatArray) -> BoolArray:
+        """Which poses may still come up to what is needed."""
+        return np.asarray(log_expit(self._odds(known)) > needed[known.rows])
 
     def _odds(self, known: _Known) -> FloatArray:
         terms = success_terms(
@@ -266,11 +306,13 @@ class Merit:
             margin=known.margin,
             slack=self._tools.hands.slack[known.prototype],
             sight=known.sight,
+            unseen=known.unseen,
+            missing=self._missing,
         )
         return self._tools.success.log_odds(terms)
 
     def _passes(self, look: Inspection, known: _Known) -> tuple[BoolArray, _Known]:
-        """Which poses nothing rules out, shape (k,), and their sight too."""
+        """Which poses nothing rules out, shape (k,), and what they see, too."""
         config = self._config
         ok = known.contact >= config.contact.least
         for applies in look.reasons(config.inspection).values():
@@ -278,12 +320,13 @@ class Merit:
         rows = np.flatnonzero(ok)
         Ts, prototype = known.Ts[rows], known.prototype[rows]
         S, _ = self.fine(Ts, prototype)
-        C = self.clearance.exposure(Ts, prototype)
+        sight, unseen = np.ones(len(ok)), np.zeros(len(ok))
+        unseen[rows] = self.clearance.unseen(Ts, prototype)
+        C = 1.0 - config.clearance.unknown_cost * unseen[rows]
         ok[rows] = config.minimum_score <= S * C
-        sight = np.ones(len(ok))
         sight[rows], is_guess = self.sight(Ts, prototype, known.is_seen[rows])
         ok[rows] &= ~is_guess
-        return ok, replace(known, sight=sight)
+        return ok, replace(known, sight=sight, unseen=unseen)
 
     def _around(
         self, Ts: FloatArray, prototype: IntArray, offsets: FloatArray
@@ -319,6 +362,7 @@ class _Known:
     contact: FloatArray = field(default_factory=lambda: np.ones(1))
     margin: FloatArray = field(default_factory=lambda: np.ones(1))
     sight: FloatArray = field(default_factory=lambda: np.ones(1))
+    unseen: FloatArray = field(default_factory=lambda: np.zeros(1))
     is_seen: BoolArray = field(default_factory=lambda: np.ones(1, dtype=bool))
 
     def __getitem__(self, kept: BoolArray) -> _Known:

@@ -27,6 +27,14 @@ __all__ = ["GraspPlanner", "SearchResult"]
 
 _SPARE = 10
 """So many more poses than grasps are wanted are tried on the arms at once."""
+_LIFT = 0.15
+"""How far the hand goes up with the object [m]: there too it has to give way."""
+_LEEWAY = 0.9
+"""Share of the pushes that a posture has to give way to; other postures of the same
+grasp give way to the last few."""
+_STIFF = "no room to give way to a push"
+_LEAST_CHANCE = 0.1
+"""What is less likely to hold is no grasp: another object, or a no, serves better."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +106,7 @@ class GraspPlanner:
         """
         if not len(scene.target):
             return SearchResult((), {"the object's surface has no normals": 1})
-        search_rng, arm_rng = rng.spawn(2)
+        search_rng, arm_rng, leeway_rng = rng.spawn(3)
         ledger = Ledger()
         model = LoadModel(self._weighed(scene, mass), self._config.load)
         found = self._search.run(scene, model, arms, watch, ledger, rng=search_rng)
@@ -106,6 +114,7 @@ class GraspPlanner:
             loads = model(found.Ts, found.prototype, self._search.tools.levers)
             grasps = self._ranked(found, loads, arms, distance, arm_rng, ledger)
             grasps = self._approached(scene, grasps)
+            grasps = self._yielding(grasps, arms, leeway_rng, ledger)
         ruled_out = ledger.closed()
         return SearchResult(
             grasps,
@@ -181,6 +190,32 @@ class GraspPlanner:
             for grasp, offset in zip(grasps, offsets, strict=True)
         )
 
+    def _yielding(
+        self, grasps: tuple[Grasp, ...], arms: Sequence[Arm], rng: Rng, ledger: Ledger
+    ) -> tuple[Grasp, ...]:
+        """Leave out grasps in which the arm can't give way, unless that leaves none.
+
+        A controller that is compliant would refuse their approach or their lift.
+        """
+        yields = np.ones(len(grasps), dtype=bool)
+        for arm in arms:
+            rows = [i for i, grasp in enumerate(grasps) if grasp.arm == arm.name]
+            if rows:
+                mine = [grasps[i] for i in rows]
+                share = arm.leeway(*_way_of(mine, arm.joint_names), rng=rng)
+                yields[rows] = share >= _LEEWAY
+        if not yields.any():
+            return grasps
+        for arm in arms:
+            stiff = [
+                grasp
+                for grasp, gives in zip(grasps, yields, strict=True)
+                if grasp.arm == arm.name and not gives
+            ]
+            every = np.ones(len(stiff), dtype=bool)
+            ledger.add(f"{arm.name} arm: {_STIFF}", *self._placed(stiff), every)
+        return tuple(grasps[i] for i in np.flatnonzero(yields))
+
     def _ranked(
         self,
         found: Modes,
@@ -199,7 +234,9 @@ class GraspPlanner:
             heavy,
             loads.demand[:, 0],
         )
-        rows = np.flatnonzero(~heavy)
+        poor = ~heavy & (found.score < _LEAST_CHANCE)
+        ledger.add("it would hardly hold", found.Ts, found.prototype, poor, found.score)
+        rows = np.flatnonzero(~heavy & ~poor)
         if not arms:
             grasps = [self._grasp(found, loads, i) for i in rows.tolist()]
             return self._chosen(grasps)
@@ -305,6 +342,8 @@ class GraspPlanner:
                 margin=found.margin[index],
                 slack=self._search.tools.hands.slack[found.prototype[index]],
                 sight=found.sight[index],
+                unseen=found.unseen[index],
+                missing=found.missing[index],
             )
         )
         return Grasp(
@@ -325,3 +364,15 @@ class GraspPlanner:
             load=loads.forecast(index),
             success=success,
         )
+
+
+def _way_of(
+    grasps: Sequence[Grasp], joint_names: Sequence[str]
+) -> tuple[FloatArray, SE3, SE3]:
+    """Joints (k, d) and poses (k,) of grasps, and pre-grasp and lift (k, 2)."""
+    joints = [[(grasp.joints or {})[name] for name in joint_names] for grasp in grasps]
+    hand = np.array([grasp.T_base_hand.matrix for grasp in grasps])
+    away = np.array([grasp.T_base_pregrasp.matrix for grasp in grasps])
+    lifted = hand.copy()
+    lifted[:, 2, 3] += _LIFT
+    return np.array(joints), SE3(hand), SE3(np.stack([away, lifted], axis=1))

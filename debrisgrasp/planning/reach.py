@@ -72,6 +72,16 @@ class Arm(Protocol):
         """
         ...
 
+    def leeway(
+        self, joints: FloatArray, T_base_hand: SE3, Ts_base_away: SE3, *, rng: Rng
+    ) -> FloatArray:
+        """Share of the pushes that the hand can give way to, in [0, 1], (k,).
+
+        In postures (k, d) at palm poses (k,), and at places (k, w) that the hand comes
+        from or goes to in a straight line.
+        """
+        ...
+
     def reach(self, T_base_hand: SE3, distance: Distance, *, rng: Rng) -> ReachAnswer:
         """Find a posture for each of k palm poses."""
         ...

@@ -63,7 +63,7 @@ class SceneConfig:
         require_range("SceneConfig.max_target_points", self.max_target_points, 1)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class GraspScene:
     """What grasps are matched against, in the base frame."""
 
@@ -173,19 +173,20 @@ class GraspScene:
             thinned.normals[usable],
             config.tangent_radius,
         )
+        clearance = _with_ground(field, ground_plane, config.ground_roughness)
+        nearest = field.nearest.copy()
+        nearest[field.space == Space.UNKNOWN] |= UNKNOWN_FLAG
+        # Kept in `clearance` alone: a grid of them takes megabytes.
+        field.__dict__.pop("gap", None)
         return cls(
             cloud=thinned,
             is_target=is_target,
             is_cut=cloud.at_rim(kept),
             region=region,
             field=field,
-            clearance=_with_ground(field, ground_plane, config.ground_roughness),
+            clearance=clearance,
             ground_plane=ground_plane,
-            nearest=np.where(
-                field.space == Space.UNKNOWN,
-                field.nearest | UNKNOWN_FLAG,
-                field.nearest,
-            ),
+            nearest=nearest,
             table=table,
             target=usable,
             tangents=tangents,

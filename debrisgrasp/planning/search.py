@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from .config import PlannerConfig
 from .exploration import exchanged, explore, refine
 from .ledger import Ledger
 from .load import LoadModel
-from .merit import Merit
+from .merit import Looks, Merit
 from .modes import count_near, distinct
 from .postures import Postures, Settled
 from .proposals import GlobalMove, own_frames
@@ -61,19 +62,22 @@ class GraspSearch:
         self._frames = own_frames(self._packed)
         self.tools = Tools.of(library, config)
         self._config = config
-        self._ways: tuple[GraspScene, Ways] | None = None
+        self._looks: WeakKeyDictionary[GraspScene, Looks] = WeakKeyDictionary()
 
     def similarity(self, scene: GraspScene) -> ShapeSimilarity:
         """S of a scene, with every point that the final score uses."""
         return ShapeSimilarity(scene, self.tools.fine, self._config.similarity)
 
     def ways(self, scene: GraspScene) -> Ways:
-        """Ways to and from grasps in a scene; those of the last one are kept."""
-        config, kept = self._config, self._ways
-        if kept is None or kept[0] is not scene:
-            ways = Ways(scene, self.tools.hands, config.approach, config.inspection)
-            kept = self._ways = scene, ways
-        return kept[1]
+        """Ways to and from grasps in a scene."""
+        return self._looks_into(scene).ways
+
+    def _looks_into(self, scene: GraspScene) -> Looks:
+        """Close looks into a scene, kept as long as the scene itself."""
+        kept = self._looks.get(scene)
+        if kept is None:
+            kept = self._looks[scene] = Looks.into(scene, self.tools)
+        return kept
 
     def run(
         self,
@@ -119,7 +123,7 @@ class GraspSearch:
             scene,
             self.tools,
             burden,
-            self.ways(scene),
+            self._looks_into(scene),
             lambda Ts, prototype: self._may_reach(arms, Ts, prototype),
         )
 
@@ -256,18 +260,19 @@ class GraspSearch:
         config = self._config
         if not len(found.Ts):
             return Modes.none()
-        modes, ok = merit.judged(found.Ts, found.prototype, ledger)
-        modes = modes[ok]
         gripper = self.tools.gripper_of
         best = distinct(
-            modes.Ts,
-            gripper[modes.prototype],
-            modes.score,
+            found.Ts,
+            gripper[found.prototype],
+            found.score,
             distance=config.mode_distance,
             angle=config.mode_angle,
             limit=config.max_ranked,
         )
-        modes = modes[best]
+        found = found[best]
+        modes, ok = merit.judged(found.Ts, found.prototype, ledger)
+        modes = modes[ok]
+        modes = modes[np.argsort(-modes.score, kind="stable")]
         support = count_near(
             modes.Ts,
             gripper[modes.prototype],

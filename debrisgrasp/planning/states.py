@@ -68,6 +68,10 @@ class Modes:
     """Probability that both sides press within their friction cones."""
     margin: FloatArray
     """How far the hand may be off before it touches something [m]."""
+    unseen: FloatArray
+    """Share of palm or fingers of a side in space that was never seen."""
+    missing: FloatArray
+    """How much of the object may not have been seen [m]."""
     sight: FloatArray
     """How much tells that the object lies between the fingers, and no farther, in
     [0, 1]."""
@@ -91,6 +95,8 @@ class Modes:
             expected=empty,
             contact=empty,
             margin=empty,
+            unseen=empty,
+            missing=empty,
             sight=empty,
             score=empty,
             support=index,

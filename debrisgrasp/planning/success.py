@@ -1,6 +1,6 @@
 """How likely a grasp holds: a logistic model fitted to grasps flown in physics.
 
-What the planner measures of a grasp are six numbers of different kinds. How much each
+What the planner measures of a grasp are numbers of different kinds. How much each
 of them matters was not guessed but fitted to flights of whole plans on debris of known
 shape and mass; the file of coefficients says which, and when.
 """
@@ -20,7 +20,10 @@ from debrisgrasp.errors import ConfigError
 __all__ = ["SUCCESS_TERMS", "SuccessForecast", "SuccessModel", "success_terms"]
 
 SCHEMA = "debrisgrasp.success/1"
-SUCCESS_TERMS = ("fit", "contact", "load", "lever", "margin", "slack", "sight")
+SUCCESS_TERMS = (
+    "fit", "contact", "load", "lever", "margin", "slack", "sight", "view",
+    "whole",
+)  # fmt: skip
 """What success depends on, in the order of `success_terms`."""
 _LEAST = 1e-3
 """Qualities below this are as bad as this."""
@@ -33,8 +36,16 @@ _ENOUGH_MARGIN = 0.024
 _ENOUGH_SLACK = 0.020
 """Wider gaps between fingers and prototype don't help [m]."""
 
+_LITTLE_UNSEEN = 0.3
+"""Less of palm or fingers in space that was never seen doesn't hurt."""
+_LARGEST_PART = 0.2
+"""What falls short of a whole object by more hurts no more [m]."""
 _GUESSED = -0.5
 """With less sight than this a grasp is called a guess."""
+_PART = -0.05
+"""With less of it in sight an object is said to be a part."""
+_BLIND = -0.35
+"""With less view than this the hand is said to go where nothing was seen."""
 
 
 def success_terms(
@@ -46,6 +57,8 @@ def success_terms(
     margin: FloatArray,
     slack: FloatArray,
     sight: FloatArray,
+    unseen: FloatArray,
+    missing: FloatArray,
 ) -> FloatArray:
     """Put what is known of k grasps into the terms of the model.
 
@@ -69,11 +82,17 @@ def success_terms(
         How much tells that the object lies between the fingers and no farther, in
         [0, 1], shape (k,): 1 where both sides were seen, 0 where neither a side nor
         what joins the two was, so that only the prototype says so.
+    unseen
+        Share of palm or fingers of a side in space that was never seen, in [0, 1],
+        shape (k,): something may stand there.
+    missing
+        How much smaller than debris mostly is what was seen of the object is, where
+        that meets other things [m], shape (k,): it is part of something larger.
 
     Returns
     -------
     FloatArray
-        Shape (k, 7), see `SUCCESS_TERMS`.
+        Shape (k, 9), see `SUCCESS_TERMS`.
     """
     columns = (
         np.log(np.maximum(expected, _LEAST)),
@@ -83,6 +102,8 @@ def success_terms(
         np.clip(margin, 0.0, _ENOUGH_MARGIN),
         np.clip(slack, 0.0, _ENOUGH_SLACK),
         np.clip(sight, 0.0, 1.0) - 1.0,
+        -np.clip(unseen - _LITTLE_UNSEEN, 0.0, 1.0 - _LITTLE_UNSEEN),
+        -np.clip(missing, 0.0, _LARGEST_PART),
     )
     return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
@@ -103,8 +124,13 @@ class SuccessForecast:
     def in_words(self) -> str:
         """Say it, and how far it can be trusted."""
         said = f"holds with a probability of {self.probability:.0%}"
-        if len(self.terms) == len(SUCCESS_TERMS) and self.terms[-1] < _GUESSED:
+        told = dict(zip(SUCCESS_TERMS, self.terms, strict=False))
+        if told.get("sight", 0.0) < _GUESSED:
             said += ", a guess at sides that were not seen"
+        if told.get("view", 0.0) < _BLIND:
+            said += ", the hand in space that was not seen"
+        if told.get("whole", 0.0) < _PART:
+            said += ", of what may be part of something larger"
         if self.outside:
             said += f", extrapolated in {' and '.join(self.outside)}"
         return said
@@ -115,12 +141,12 @@ class SuccessModel:
     """Log-odds of success, linear in the terms of a grasp."""
 
     weights: FloatArray
-    """Shape (7,), in the order of `SUCCESS_TERMS`."""
+    """Shape (9,), in the order of `SUCCESS_TERMS`."""
     intercept: float
     lower: FloatArray
-    """Least value of each term in the flights, shape (7,)."""
+    """Least value of each term in the flights, shape (9,)."""
     upper: FloatArray
-    """Greatest one, shape (7,)."""
+    """Greatest one, shape (9,)."""
     date: str = ""
     """When it was fitted."""
     campaign: str = ""
@@ -166,17 +192,17 @@ class SuccessModel:
         )
 
     def probability(self, terms: FloatArray) -> FloatArray:
-        """Probability of success of grasps with these terms (k, 7), shape (k,)."""
+        """Probability of success of grasps with these terms (k, 9), shape (k,)."""
         found: FloatArray = expit(self.log_odds(terms))
         return found
 
     def log_odds(self, terms: FloatArray) -> FloatArray:
-        """Log-odds of success of grasps with these terms (k, 7), shape (k,)."""
+        """Log-odds of success of grasps with these terms (k, 9), shape (k,)."""
         found: FloatArray = terms @ self.weights + self.intercept
         return found
 
     def forecast(self, terms: FloatArray) -> SuccessForecast:
-        """Probability for one grasp (7,), and whether it is extrapolated."""
+        """Probability for one grasp (9,), and whether it is extrapolated."""
         is_off = (terms < self.lower) | (terms > self.upper)
         names = tuple(
             name for name, off in zip(SUCCESS_TERMS, is_off, strict=True) if off

@@ -1,11 +1,9 @@
-"""How good the search is: against a long run, over seeds, and piece by piece.
+"""How good the search is: against a long run, and over seeds.
 
 ``python -m tests.benchmarks.plan_quality [--json FILE]``
 
 - the best score of a usual search against that of one with twenty times the work, and
   its spread over seeds, on the piles of `plan` (scores as the list is sorted by);
-- what each piece of evidence buys: grasps held against the true geometry of fresh
-  piles, as in `truth`, with one piece switched off at a time;
 - how the time grows with points, prototypes and hands, as an exponent: 1 is linear;
 - the same poses scored by nearest neighbours from a KD-tree.
 
@@ -15,7 +13,6 @@ Times are CPU times of one thread.
 from __future__ import annotations
 
 import time
-from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,24 +23,19 @@ from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp.cli.tables import columns
 from debrisgrasp.pipeline import Perception, PipelineConfig, choose_targets
 from debrisgrasp.planning import (
-    ClearanceConfig,
     GraspPlanner,
     GraspScene,
     PlannerConfig,
-    PoseUncertainty,
     SceneConfig,
     Schedule,
-    SimilarityConfig,
 )
 from debrisgrasp.planning.proposals import GlobalMove
 from debrisgrasp.planning.similarity import ShapeSimilarity
 from debrisgrasp.planning.surfaces import VisibleSurfaces
 from debrisgrasp.prototypes import PrototypeLibrary
 
-from .piles import fresh_piles
 from .plan import captures
 from .report import arguments, publish
-from .truth import intended, verdict
 
 SEEDS = 20
 LONG_SEEDS = 2
@@ -59,8 +51,6 @@ LONG = PlannerConfig(
     max_ranked=400,
 )
 """Twenty times the moves."""
-PILES = range(9000, 9010)
-N_BEST = 5
 TARGETS = {
     "best_of_long_worst": "0.98 or more",
     "spread_worst": "0.03 or less",
@@ -68,29 +58,6 @@ TARGETS = {
     "exponent_prototypes": "1 or less",
 }
 DEFAULT = PlannerConfig()
-ABLATIONS: dict[str, PlannerConfig] = {
-    "all of it": DEFAULT,
-    "no normals": replace(DEFAULT, similarity=SimilarityConfig(normal_sigma=10.0)),
-    "no coverage": replace(DEFAULT, similarity=SimilarityConfig(full_coverage=0.01)),
-    "no gate beside points": replace(
-        DEFAULT, similarity=SimilarityConfig(tangential_gate=0.1)
-    ),
-    "unknown space is free": replace(
-        DEFAULT, clearance=ClearanceConfig(unknown_cost=0.0)
-    ),
-    "no evidence of thickness": replace(DEFAULT, minimum_evidence=0.0),
-    "no clearance in the search": replace(
-        DEFAULT,
-        clearance=ClearanceConfig(
-            allowance=0.028, softness=0.0015, approach_steps=1, unknown_cost=0.0
-        ),
-    ),
-    "no error of the pose": replace(
-        DEFAULT, uncertainty=PoseUncertainty(position=0.0, rotation=0.0)
-    ),
-    "no alignment": replace(DEFAULT, alignments=0),
-    "reach after the search": replace(DEFAULT, reach="after"),
-}
 
 
 @dataclass(frozen=True)
@@ -176,46 +143,6 @@ def search_figures(
         "spread_worst": max(spreads),
         "search_cpu_s": float(np.median(seconds)),
     }
-
-
-def ablation_figures(piles: range = PILES) -> dict[str, float]:
-    """Top grasps held against the truth, one piece of evidence missing at a time."""
-    pipelines = {
-        name: debrisgrasp.Pipeline(config=PipelineConfig(planner=config))
-        for name, config in ABLATIONS.items()
-    }
-    verdicts = {name: Counter() for name in ABLATIONS}
-    empty = Counter()
-    for pile in fresh_piles(piles):
-        seen = next(iter(pipelines.values())).perceive(pile.noisy)
-        labels = np.zeros(pile.labels.size, dtype=int)
-        labels[seen.cloud.pixels] = seen.segmentation.labels
-        labels = labels.reshape(pile.labels.shape)
-        for name, pipeline in pipelines.items():
-            plan = pipeline.plan(seen).plan
-            body = intended(pile, labels, plan.object_label)
-            empty[name] += not plan.grasps
-            verdicts[name].update(
-                verdict(pile, pipeline.grippers[g.gripper], g, body).split(" ")[0]
-                for g in plan.grasps[:N_BEST]
-            )
-    rows, figures = [], {}
-    for name, found in verdicts.items():
-        share = found["right"] / max(found.total(), 1)
-        figures[f"right_{name.replace(' ', '_')}"] = share
-        rows.append(
-            [
-                name,
-                f"{share:.2f}",
-                str(found.total()),
-                str(found["hand"]),
-                str(found["holds"] + found["nothing"]),
-                str(empty[name]),
-            ]
-        )
-    header = ["evidence", "right", "of", "hand in solid", "wrong content", "no grasp"]
-    print(columns(header, rows) + "\n")
-    return figures
 
 
 def growth(sizes: list[float], seconds: list[float]) -> float:
@@ -341,7 +268,6 @@ def main() -> None:
     figures = search_figures(pipeline, found)
     figures |= scaling_figures(pipeline, found)
     figures |= tree_figures(found[0])
-    figures |= ablation_figures()
     targets = [[k, t, f"{figures[k]:.4g}"] for k, t in TARGETS.items()]
     print(columns(["target", "wanted", "measured"], targets) + "\n")
     publish(figures, options.json)

@@ -161,10 +161,10 @@ def main() -> None:
             f"seeds {min(seeds)} to {max(seeds)}, weights drawn to those of "
             f"{before.date}",
             "held": int(held.sum()),
-            "intercept": round(intercept, 4),
+            "intercept": round(intercept, 2),
             "terms": {
                 name: {
-                    "weight": round(float(weights[k]), 4),
+                    "weight": float(f"{weights[k]:.3g}"),
                     "least": round(float(terms[:, k].min()), 4),
                     "greatest": round(float(terms[:, k].max()), 4),
                 }

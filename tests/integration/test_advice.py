@@ -11,6 +11,7 @@ from debrisgrasp.cli.tables import plan_summary
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, Box
 from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.planning.success import SuccessModel
 from tests.scenes import capture_of, lying_pipe
 
 FAR = capture_of([lying_pipe(length=0.5, position=(1.75, 0.0, 0.3))])
@@ -61,6 +62,16 @@ def test_what_is_too_heavy_says_what_could_be_lifted(heavy, floating):
     found = floating.plan(capture_of([lying_pipe()]), mass=lighter).plan
     assert found.grasps
     assert all(grasp.load.margins[1] >= 1.0 for grasp in found.grasps)
+
+
+def test_what_would_hardly_hold_is_no_grasp(dictionary, monkeypatch):
+    shipped = SuccessModel.load()
+    gloomy = replace(shipped, intercept=shipped.intercept - 4.5)
+    monkeypatch.setattr(SuccessModel, "load", lambda: gloomy)
+    floating = Pipeline(robot="none", prototypes=dictionary)
+    plan = floating.plan(capture_of([lying_pipe()])).plan
+    assert plan.rejections["it would hardly hold"]
+    assert all(grasp.success_probability >= 0.1 for grasp in plan.grasps)
 
 
 def test_a_good_plan_has_advice_only_on_wish(floating):

@@ -63,12 +63,12 @@ def depth_in_body(result, grasp, body) -> float:
 )
 def test_a_marked_object_is_gripped_by_its_own_prototype(few, kind, prototypes):
     capture, _, body = seen(kind)
-    result = few.plan(capture)
-    own = [g for g in result.plan.grasps if g.prototype in prototypes]
-    assert own, [g.prototype for g in result.plan.grasps]
-    best = own[0]
-    assert max(grasp.S for grasp in own) > 0.5
-    assert depth_in_body(result, best, body) < 0.008
+    results = [few.plan(capture, seed=seed) for seed in range(3)]
+    found = [[g for g in r.plan.grasps if g.prototype in prototypes] for r in results]
+    assert max(grasp.S for own in found for grasp in own) > 0.55
+    for result, own in zip(results, found, strict=True):
+        for grasp in own:
+            assert depth_in_body(result, grasp, body) < 0.008
 
 
 def test_without_a_mark_specific_prototypes_are_not_tried(few):

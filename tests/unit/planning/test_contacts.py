@@ -191,3 +191,23 @@ def test_what_the_image_cuts_off_may_go_on_to_the_finger_beyond(column, goes_on)
     look = found.look(np.eye(4)[None], FIRST)
     assert look.room[0, 0] > 0.01
     assert look.is_too_wide[0] == goes_on
+
+
+@pytest.mark.parametrize(("height", "may_go_on"), [(0.0, True), (0.05, False)])
+def test_what_vanishes_behind_something_nearer_may_go_on(height, may_go_on):
+    across, beside = np.meshgrid(np.linspace(-0.03, 0.02, 26), 0.004 * np.arange(3))
+    flat = np.stack([across, PADS[:, 1].mean() + beside, 0.0 * across], axis=-1)
+    target = flat.reshape(-1, 3) + np.array([0.0, 0.0, 0.06])
+    hiding = flat.reshape(-1, 3) + np.array([0.05, 0.0, height])
+    cloud = PointCloud(
+        np.concatenate([target, hiding]),
+        np.tile([0.0, 0.0, -1.0], (2 * len(target), 1)),
+        np.array([0.0, 0.0, -1.0]),
+    )
+    scene = scene_of(cloud)
+    scene.is_target[len(target) :] = False
+    found = PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
+    look = found.look(np.eye(4)[None], FIRST)
+    assert (look.room[0] > 0.01).tolist() == [True, not may_go_on]
+    assert (look.probability[0] < 0.5) == may_go_on
+    assert not look.is_too_wide[0]

@@ -12,22 +12,27 @@ from tests.unit.planning.test_postures import HANDS, SlidingArm, at
 CONFIG = PlannerConfig(refinement_sweeps=40, refined=(10, 10), mode_distance=0.0)
 
 
-def hill(top: float):
-    """Log of a score in (0, 1] that is highest at x = top."""
+class Hill:
+    """Log of a score in (0, 1] that is highest at x = top, on a surface that is flat
+    along x: nothing to align to."""
 
-    def score(
-        Ts: np.ndarray, _prototype: np.ndarray, _needed: np.ndarray
+    def __init__(self, top: float) -> None:
+        self.top = top
+
+    def __call__(
+        self, Ts: np.ndarray, _prototype: np.ndarray, _needed: np.ndarray
     ) -> np.ndarray:
-        return -0.5 * ((Ts[:, 0, 3] - top) / 0.1) ** 2
+        return -0.5 * ((Ts[:, 0, 3] - self.top) / 0.1) ** 2
 
-    return score
+    def aligned(self, Ts: np.ndarray, _prototype: np.ndarray) -> np.ndarray:
+        return Ts
 
 
 def climbed(top: float, arms, rng) -> np.ndarray:
     x = np.linspace(0.9, 0.99, 10)
     which = np.ones(10, dtype=int)
     postures = Postures(arms, HANDS, rng)
-    score = hill(top)
+    score = Hill(top)
     start = at(x, score(at(x, 0.0).Ts_base_hand, which, x))
     found = refine(
         postures.unknown(start),

@@ -8,13 +8,12 @@ import pytest
 from debrisgrasp.geometry import SE3
 from debrisgrasp.planning import PlannerConfig
 from debrisgrasp.planning.annealing import Walkers
-from debrisgrasp.planning.approach import Ways
 from debrisgrasp.planning.clearance import SPHERE_RADIUS, ClearanceConfig
 from debrisgrasp.planning.exploration import exchanged
 from debrisgrasp.planning.ledger import Ledger
 from debrisgrasp.planning.load import GripLevers, LoadModel
 from debrisgrasp.planning.mass import LoadConfig, ObjectMass
-from debrisgrasp.planning.merit import Merit
+from debrisgrasp.planning.merit import Looks, Merit
 from debrisgrasp.planning.postures import Postures
 from debrisgrasp.planning.robustness import PoseUncertainty
 from debrisgrasp.planning.tools import Burden, Tools, blurred
@@ -35,6 +34,11 @@ def tools() -> Tools:
 
 @pytest.fixture(scope="module")
 def merit(tools) -> Merit:
+    return merit_of(tools)
+
+
+def merit_of(tools: Tools, mass: float | None = None) -> Merit:
+    """Return the merit of grasps of a pipe that weighs so much [kg]."""
     scene = scene_of(capture_of([PIPE]))
     cloud, config = scene.cloud, tools.config
     what = ObjectMass.from_surface(
@@ -43,10 +47,11 @@ def merit(tools) -> Merit:
         cloud.viewpoint,
         config.load,
         spacing=0.01,
+        mass=mass,
     )
     burden = Burden.on((), LoadModel(what, config.load), tools)
-    ways = Ways(scene, tools.hands, config.approach, config.inspection)
-    return Merit(scene, tools, burden, ways, lambda Ts, _: np.ones(len(Ts), dtype=bool))
+    looks = Looks.into(scene, tools)
+    return Merit(scene, tools, burden, looks, lambda Ts, _: np.ones(len(Ts), bool))
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +89,13 @@ def test_what_is_ruled_out_is_worth_less(merit, Ts):
     climbed = np.exp(merit(Ts, WHICH, NOTHING))
     assert (climbed[~ok] < climbed[ok].min()).all()
     assert (modes.score[ok] > 0).all()
+
+
+def test_unseen_space_costs_by_its_share(merit, Ts):
+    unseen = merit.clearance.unseen(Ts, WHICH)
+    assert ((unseen >= 0.0) & (unseen <= 1.0)).all()
+    cost = ClearanceConfig().unknown_cost
+    assert merit.clearance.exposure(Ts, WHICH) == pytest.approx(1.0 - cost * unseen)
 
 
 def test_bounds_never_lose_a_pose_that_matters(merit, Ts):

@@ -247,7 +247,14 @@ def test_flags_of_the_hand_agree_with_its_solids(library, hands, rng):
     solids = gripper.solids(prototype.preshape, prototype.opening)
     points = rng.uniform([-0.15, -0.12, -0.14], [0.15, 0.12, 0.14], (20000, 3))
     depth = -np.min([s.signed_distance(points) for s in solids], axis=0)
-    flags = hands.spaces.at(points.T[None].astype(np.float32), np.zeros(1, int))[0]
+    homogeneous = np.append(points, np.ones((len(points), 1)), axis=1)
+    met, _, row = hands.spaces.marked(
+        homogeneous.T.astype(np.float32),
+        np.eye(4, dtype=np.float32)[None],
+        np.zeros(1, int),
+    )
+    flags = np.zeros(len(points), dtype=np.uint8)
+    flags[row] = met
     is_inside = (flags & (HandSpace.PALM | HandSpace.FINGER)) > 0
     half_diagonal = 0.0035
     assert is_inside[depth > 0.004 + half_diagonal].all()

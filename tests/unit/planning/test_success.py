@@ -17,11 +17,12 @@ from debrisgrasp.planning.success import success_terms
 MODEL = SuccessModel.load()
 GOOD = {
     "expected": 0.5, "contact": 1.0, "demand": 0.2, "lever": 0.3, "margin": 0.02,
-    "slack": 0.015, "sight": 0.8,
+    "slack": 0.015, "sight": 0.8, "unseen": 1.0,
+    "missing": 0.1,
 }  # fmt: skip
 BETTER = {
     "expected": 1, "contact": 1, "demand": -1, "lever": -1, "margin": 1, "slack": 1,
-    "sight": 1,
+    "sight": 1, "unseen": -1, "missing": -1,
 }  # fmt: skip
 """Sign of what is good."""
 
@@ -53,11 +54,15 @@ def test_whatever_is_known_of_a_grasp_gives_a_probability(a, b, c, d, e):
 
 
 def test_what_no_flight_covered_is_said_to_be_extrapolated():
-    usual = MODEL.forecast(np.clip(terms_of(), MODEL.lower, MODEL.upper))
+    seen = terms_of(unseen=0.1, missing=0.0)
+    usual = MODEL.forecast(np.clip(seen, MODEL.lower, MODEL.upper))
     assert usual.outside == ()
     assert "extrapolated" not in usual.in_words
     assert "guess" not in usual.in_words
     assert "guess" in MODEL.forecast(terms_of(sight=0.1)).in_words
+    assert "not seen" in MODEL.forecast(terms_of()).in_words
+    assert "part of" in MODEL.forecast(terms_of()).in_words
+    assert "not seen" not in usual.in_words
     heavy = MODEL.forecast(terms_of(demand=1e4))
     assert "load" in heavy.outside
     assert "extrapolated in load" in heavy.in_words
