@@ -18,8 +18,9 @@ from debrisgrasp.motion import MotionPlan, MotionPlanner, MotionSpace, UnknownSp
 from .context import Context, Held, LimbState
 from .drag import drag
 from .drive import Drive
-from .dropoff import drop_postures
-from .moves import carrying, free_share, is_folded, planned, space_of
+from .dropoff import drop_postures, may_lie
+from .hanging import looked_at
+from .moves import box_around, carrying, free_share, is_folded, planned, space_of
 from .pacing import careful
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
@@ -117,6 +118,7 @@ def verify_hold(context: Context) -> StepResult:
     held, settings = context.held, context.settings
     assert held is not None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
+    n_seen = looked_at(context, held) if held.is_lifted else 0
     readings = drive.stand(_STANDING)
     if isinstance(readings, FaultFound):
         return readings
@@ -142,7 +144,10 @@ def verify_hold(context: Context) -> StepResult:
     held.payload = payload
     # What lay on it during the lift is gone: from now on a loss is one of this weight.
     held.state = held.state._replace(most_carried=weight, slipping=0.0)
-    return Done({"mass": round(payload.mass, 3)})
+    facts: dict[str, object] = {"mass": round(payload.mass, 3), "points": n_seen}
+    if n_seen:
+        facts["size"] = np.round(box_around(held.points_hand).size, 2).tolist()
+    return Done(facts)
 
 
 def _middle_ft(limb: LimbState, held: Held) -> FloatArray:
@@ -162,8 +167,12 @@ def transport(context: Context) -> StepResult:
     held = context.held
     assert held is not None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
-    found: MotionPlan | FaultFound | None = _way(context, limb, held)
-    if found is None:
+    is_again = sum(state is context.state for state in context.cycle.reached) > 1
+    if is_again and _is_beside(context, limb, held):
+        context.is_in_pile = None
+        return Done({"seconds": 0.0})  # what it touched bears it
+    found = _way(context, limb, held)
+    if isinstance(found, FaultFound) and found.fault == "plan_collision":
         # What it hangs over may be in the way of the box around it.
         q, up = context.posture(limb), np.array([0.0, 0.0, _HIGHER])
         share = 0.0 if is_folded(limb, q) else free_share(limb, q, up)
@@ -173,9 +182,9 @@ def transport(context: Context) -> StepResult:
             )
             if isinstance(end, FaultFound):
                 return end
-        found = _way(context, limb, held)
+            found = _way(context, limb, held)
     pace = context.settings.carry_speed * context.cycle.speed
-    if found is None:
+    if isinstance(found, FaultFound):
         found, pace = _bare_way(context, limb, held), _CAREFUL * pace
     if isinstance(found, FaultFound):
         return found
@@ -191,19 +200,40 @@ def transport(context: Context) -> StepResult:
     return Done({"seconds": round(context.now() - begun, 3)})
 
 
-def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | None:
-    """Plan to over the drop-off with a box around what is held."""
+def _is_beside(context: Context, limb: LimbState, held: Held) -> bool:
+    """Whether what is held hangs outside of the way, where it may be put down."""
+    T = limb.pose(context.posture(limb))
+    points = T.apply(held.points_hand)
+    is_low = float(points[:, 2].min(initial=1.0)) < _HIGHER + _AROUND
+    return (
+        is_low
+        and not context.is_in_way(points).any()
+        and may_lie(context, limb, held.points_hand, T)
+    )
+
+
+def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFound:
+    """Plan to over the drop-off with a box around what is held.
+
+    Through what was not seen only if there is no other way.
+    """
     planner, label = carrying(context, limb), context.cycle.label
-    stands = limb, context.posture(limb)
-    hidden, ignored = UnknownSpace.HIDDEN, UnknownSpace.IGNORED
-    for unknown, standing in ((hidden, None), (ignored, None), (ignored, stands)):
-        space = space_of(context, label, unknown=unknown, stands=standing)
-        goals = _goals(context, limb, held, space, planner)
-        if len(goals):
-            found = planned(context, limb, goals, space, planner)
-            if not isinstance(found, FaultFound):
-                return found
-    return None
+    q, ignored = context.posture(limb), UnknownSpace.IGNORED
+    space = space_of(context, label, unknown=ignored)
+    if not planner.stands_free(q, space):
+        space = space_of(context, label, unknown=ignored, stands=(planner, q))
+    if not planner.stands_free(q, space):
+        words = "the box around what is held touches something where it hangs"
+        return FaultFound("plan_collision", words, limb.name)
+    goals = _goals(context, limb, held, space, planner)
+    if not len(goals):
+        return _nowhere(context, limb)
+    strict = space_of(context, label, unknown=UnknownSpace.HIDDEN)
+    if planner.stands_free(q, strict):
+        found = planned(context, limb, goals, strict, planner)
+        if not isinstance(found, FaultFound):
+            return found
+    return planned(context, limb, goals, space, planner)
 
 
 def _bare_way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFound:
@@ -211,10 +241,14 @@ def _bare_way(context: Context, limb: LimbState, held: Held) -> MotionPlan | Fau
     space = space_of(context, context.cycle.label, unknown=UnknownSpace.IGNORED)
     goals = _goals(context, limb, held, space, limb.planner)
     if not len(goals):
-        x, y = context.settings.drop_off[held.arm]
-        words = f"no posture holds it over the drop-off at ({x:g}, {y:g})"
-        return FaultFound("unreachable", words, held.arm)
+        return _nowhere(context, limb)
     return planned(context, limb, goals, space)
+
+
+def _nowhere(context: Context, limb: LimbState) -> FaultFound:
+    x, y = context.settings.drop_off[limb.name]
+    words = f"no posture holds it over the drop-off at ({x:g}, {y:g})"
+    return FaultFound("unreachable", words, limb.name)
 
 
 def _goals(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +36,8 @@ _ALIKE, _ALIKE_TURN = 0.03, 0.35
 """Grasps nearer to each other than this are one [m], [rad]."""
 _PREFERRED = 0.05
 """By so much likelier to hold the grasp of another hand must be."""
+_REPEATED = 0.2
+"""By so much likelier must a prototype be that failed on an object, each time."""
 _SEARCHES = 3
 """So often at most grasps are sought on an object that was not got the last time."""
 _SPECK = 20
@@ -212,7 +215,7 @@ def plan_grasp(context: Context) -> StepResult:
         )
         return FaultFound(name, why)
     cycle.plan = replace(
-        found, plan=replace(found.plan, grasps=_ordered(grasps, cycle.triage))
+        found, plan=replace(found.plan, grasps=_ordered(grasps, cycle.triage, failed))
     )
     best = cycle.plan.plan.grasps[0]
     return Done({"seed": seed, "grasps": len(grasps), "best": _grasp_facts(best)})
@@ -245,14 +248,22 @@ def _mostly(rejections: Mapping[str, int]) -> bool:
     return 2 * rejections.get("out of reach", 0) > sum(rejections.values())
 
 
-def _ordered(grasps: list[Grasp], triage: Triage) -> tuple[Grasp, ...]:
-    """Put the preferred hand first among grasps that are about as good."""
+def _ordered(
+    grasps: list[Grasp], triage: Triage, failed: Sequence[Grasp] = ()
+) -> tuple[Grasp, ...]:
+    """Put the preferred hand first among grasps that are about as good.
+
+    What failed on the object once is likely to fail elsewhere on it: a grip with
+    another prototype comes before.
+    """
     if not triage.arms:
         return tuple(grasps)
     preferred = triage.arms[0]
+    n_failed = Counter({id(grasp): grasp.prototype for grasp in failed}.values())
 
     def worth(grasp: Grasp) -> float:
-        return grasp.score + (_PREFERRED if grasp.arm == preferred else 0.0)
+        liked = _PREFERRED if grasp.arm == preferred else 0.0
+        return grasp.score + liked - _REPEATED * n_failed[grasp.prototype]
 
     return tuple(sorted(grasps, key=worth, reverse=True))
 

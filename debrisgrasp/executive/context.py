@@ -105,7 +105,8 @@ class Held:
     """Whether a loss counts as a fault; not while it is put back for one."""
     payload: Body = field(default_factory=Body)
     points_hand: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
-    """Visible points of the object, in the frame of the palm [m], shape (n, 3)."""
+    """Surface of the object, in the frame of the palm [m], shape (2 n, 3): what was
+    seen of it, and then its underside."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -120,6 +121,9 @@ class Cycle:
     triage: Triage | None = None
     plan: PlanningResult | None = None
     motion: GraspMotion | None = None
+    around: FloatArray | None = None
+    """All but the object, as it was seen when that had been lifted, base frame [m],
+    shape (n, 3); None: nobody looked."""
     is_removed: bool = False
     is_marked: bool = False
     """Whether it has been counted as a try in vain."""

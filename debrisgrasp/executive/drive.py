@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import hypot
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,6 +40,10 @@ __all__ = ["Drive", "LegEnd"]
 _SAFETY = SafetyConfig()
 _CARRYING = replace(_SAFETY, motion_force=30.0, motion_torque=8.0)
 """What is carried should touch nothing ..."""
+_TOUCH, _MORE = (45.0, 12.0), (15.0, 4.0)
+"""An empty hand that is taken elsewhere touches something when it bears so much, or
+more than at first by so much [N, N m]: it is as fast as the plan lets it, and what it
+bears grows until it stands."""
 _UNSURE_COM = 0.15
 """... but how high its centre of mass lies was only seen, to this [m]: as the hand
 leans, the torque changes by so much times the weight."""
@@ -143,7 +148,9 @@ class Drive(Senses):
         engaged = self.engage()
         if engaged is not None:
             return engaged
-        supervisor, begun = self.supervised()
+        # Before the first baseline nobody knows what the sensor is worth.
+        is_free = self.context.held is None and self.limb.baseline_time > 0.0
+        supervisor, begun = self.supervised(is_free=is_free)
         if isinstance(begun, FaultFound):
             return begun
         state, gap = begun, float(np.abs(np.array(begun.q) - trajectory.q[0]).max())
@@ -205,14 +212,18 @@ class Drive(Senses):
         engaged = self.engage()
         if engaged is not None:
             return engaged
-        for attempt in range(4):
-            pace = speed * 0.5**attempt
+        pace = speed
+        for _ in range(4):
             found = self._begun(goal, pace, guard, compliance, tare, limits)
             if isinstance(found, FaultFound):
                 if "brake" not in found.message:
                     break
-            elif found[0].braking_time(found[1].servo) <= _BRAKES_WITHIN:
+                pace *= 0.5
+                continue
+            time = found[0].braking_time(found[1].servo)
+            if time <= _BRAKES_WITHIN:
                 break
+            pace *= max(0.95 * _BRAKES_WITHIN / time, 0.125)
         if isinstance(found, FaultFound):
             return found
         controller, state = found
@@ -316,18 +327,32 @@ class Drive(Senses):
         turn = 9.81 * held.payload.mass * _UNSURE_COM
         return replace(_CARRYING, motion_torque=(_CARRYING.motion_torque or 0.0) + turn)
 
-    def supervised(self) -> tuple[Supervisor, SafetyState | FaultFound]:
-        """Begin to watch the arm: who watches, and its state, or why not."""
-        limb = self.limb
+    def supervised(
+        self, *, is_free: bool = False
+    ) -> tuple[Supervisor, SafetyState | FaultFound]:
+        """Begin to watch the arm: who watches, and its state, or why not.
+
+        Parameters
+        ----------
+        is_free
+            The hand is empty, and should touch nothing more than it does now.
+        """
+        limb, safety, reading = self.limb, self._safety, self.read()
+        if is_free:
+            force, torque = hypot(*self.weighed()[:3]), hypot(*self.load[3:])
+            safety = replace(
+                safety,
+                motion_force=max(_TOUCH[0], force + _MORE[0]),
+                motion_torque=max(_TOUCH[1], torque + _MORE[1]),
+            )
         supervisor = Supervisor(
             limb.kinematics,
             self.limits,
             limb.loads,
             self.period,
-            self._safety,
+            safety,
             limb.baseline_time,
         )
-        reading = self.read()
         try:
             return supervisor, supervisor.start(reading)
         except InputError as error:

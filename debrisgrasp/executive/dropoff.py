@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from debrisgrasp.kinematics import solve, solve_distinct
 from .context import Context, LimbState
 from .moves import lying
 
-__all__ = ["drop_postures", "object_in_hand"]
+__all__ = ["drop_postures", "may_lie", "object_in_hand", "with_underside"]
 
 _YAWS = 16
 """Attitudes tried: the object as it was lifted, turned about the vertical."""
@@ -23,6 +23,8 @@ _PLACES = (
     *((0.2, 0.12), (-0.4, 0.12), (-0.3, -0.1), (0.0, -0.08)),
 )
 """Places around a drop-off, ahead and outward, tried in turn as it fills [m]."""
+_BESIDE = 0.03
+"""So far from the base [m]."""
 _FROM_REST, _FEW = 0.03, 200
 """So far from the arm at rest is what is put down [m], by so many of its points."""
 _LEANING = 3
@@ -35,6 +37,8 @@ _THICKEST = 0.1
 """What is not seen to be thicker than a hand spans [m]."""
 _ENOUGH = 12
 """Postures to plan to; any of them may end the motion."""
+_AT_ONCE = 8
+"""Postures looked at together; often the first few will do."""
 _LOWERED = 0.05
 """By so much the hand should be able to go down from there [m] ..."""
 _PARTLY = 0.6
@@ -44,8 +48,7 @@ _PARTLY = 0.6
 def object_in_hand(context: Context, T_base_hand: SE3, width: float) -> FloatArray:
     """Surface of the chosen object in the frame of a hand at a pose [m], shape (n, 3).
 
-    Of its underside nothing was seen: it is as far below as the object is wide, but not
-    lower than the grip (``width`` [m]) below the lowest that was seen of it.
+    Of its underside nothing was seen; see `with_underside`.
     """
     seen, label = context.cycle.seen, context.cycle.label
     assert seen is not None
@@ -53,13 +56,22 @@ def object_in_hand(context: Context, T_base_hand: SE3, width: float) -> FloatArr
     points = seen.cloud.points[seen.segmentation.points_of(label)]
     points = points[voxel_downsample(points, 0.01)]
     middle = float(np.sort(seen.segmentation.segment(label).extents)[1])
+    return T_base_hand.inverse().apply(with_underside(points, width, middle))
+
+
+def with_underside(points: FloatArray, width: float, middle: float) -> FloatArray:
+    """Points of an object seen from above (n, 3), with its underside, (2 n, 3) [m].
+
+    It is as far below as the object is wide (``middle``), and at least as far as the
+    grip (``width``), but not lower than that below the lowest that was seen of it.
+    """
     thin = min(width, _THICKEST)
     lowest = float(np.quantile(points[:, 2], 0.02)) - thin
     under = points.copy()
     under[:, 2] = np.minimum(
         points[:, 2] - thin, np.maximum(points[:, 2] - middle, lowest)
     )
-    return T_base_hand.inverse().apply(np.concatenate([points, under]))
+    return np.concatenate([points, under])
 
 
 def drop_postures(
@@ -96,9 +108,9 @@ def drop_postures(
             goals = goals[~_is_met(rest, body, goals)]
             if not len(goals.p):
                 continue
-            for row, goal in _solved(context, limb, goals, q):
-                if limits.violation(row) or not is_free(row[None])[0]:
-                    continue
+            solved = _solved(context, limb, goals, q)
+            rows = [pair for pair in solved if not limits.violation(pair[0])]
+            for row, goal in _free(rows, is_free):
                 down = CartesianLeg.along(goal, (0.0, 0.0, -_LOWERED)).goal
                 share = legs.plan(row, down).share
                 if share >= _PARTLY:
@@ -108,6 +120,31 @@ def drop_postures(
         if found or partly:
             break
     return np.array(found or partly[:enough]).reshape(-1, len(q))
+
+
+def _free(
+    rows: list[tuple[FloatArray, SE3]], is_free: Callable[[FloatArray], BoolArray]
+) -> Iterator[tuple[FloatArray, SE3]]:
+    """Those of some postures, each with its pose, that touch nothing."""
+    for k in range(0, len(rows), _AT_ONCE):
+        chunk = rows[k : k + _AT_ONCE]
+        free = is_free(np.array([row for row, _ in chunk]))
+        yield from (pair for pair, is_ok in zip(chunk, free, strict=True) if is_ok)
+
+
+def may_lie(
+    context: Context, limb: LimbState, points_hand: FloatArray, T_base_hand: SE3
+) -> bool:
+    """Whether what is held at a pose may be put down there: not onto the robot."""
+    if _is_met(_at_rest(context, limb), points_hand, SE3(T_base_hand.matrix[None]))[0]:
+        return False
+    across, tree = T_base_hand.apply(points_hand)[:, :2], context.model.tree
+    for link, solid in context.model.links_solids():
+        if all(joint.kind == "fixed" for joint in tree.joints_above(link)):
+            low, high = solid.bounds.lower[:2], solid.bounds.upper[:2]
+            if ((across > low - _BESIDE) & (across < high + _BESIDE)).all(axis=1).any():
+                return False
+    return True
 
 
 def _at_rest(context: Context, limb: LimbState) -> FloatArray:

@@ -65,25 +65,25 @@ def run_grip(
 
 
 def open_hand(drive: Drive, preshape: str, opening: float) -> FaultFound | None:
-    """Open to a preshape, and see that the fingers got there.
+    """Open an empty hand to a preshape, and see that the fingers got there.
 
-    Whatever presses on the hand, opening it is the way out; no load forbids it.
+    Where they press against something they stop: there is no room for the preshape.
     """
     gripper = drive.devices.gripper
     gripper.preshape(preshape, opening)
     n = len(gripper.read().openings)
     gripper.command(GripCommand((opening,) * n, _OPENING_FORCE))
-    end = drive.clock.now() + 6.0
-    widest: tuple[float, ...] = ()
-    while drive.clock.now() < end:
-        openings = gripper.read().openings
-        if len(openings) and min(openings) >= opening - 0.006:
+    end, pressed = drive.clock.now() + 6.0, hypot(*drive.weighed()[:3])
+    widest, most_force = tuple(gripper.read().openings), pressed + _MORE
+    while drive.clock.now() < end and not pressed > most_force:
+        if len(widest) and min(widest) >= opening - 0.006:
             drive.context.is_closed = False
             return None
-        drive.context.wait(FINGER_TICKS * drive.period)
-        widest = openings
+        drive.context.wait(drive.period)
+        widest, pressed = gripper.read().openings, hypot(*drive.weighed()[:3])
+    gripper.command(GripCommand(tuple(widest), _OPENING_FORCE))
     words = f"fingers at {', '.join(f'{1e3 * x:.0f}' for x in widest)} mm of "
-    words += f"{1e3 * opening:.0f} mm after 6 s"
+    words += f"{1e3 * opening:.0f} mm, {pressed:.0f} N on the hand"
     return FaultFound("finger_jammed", words, drive.limb.name)
 
 

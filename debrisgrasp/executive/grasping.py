@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
@@ -140,7 +142,9 @@ def approach(context: Context) -> StepResult:
         aim = SE3.from_parts(goal.R, goal.p + shift)
         end = drive.leg(aim, speed=speed, guard=_GUARD)
         if isinstance(end, FaultFound):
-            return end
+            # Still pressed too hard by what it met before to go on.
+            is_pressed = n_aside > 0 and end.fault == "ratchet"
+            return replace(end, fault="early_contact") if is_pressed else end
         if end.outcome is LegOutcome.DONE or end.left <= _AT_GRASP:
             facts = {"outcome": end.outcome.value, "left": round(end.left, 4)}
             return Done({**facts, "shift_mm": np.round(1e3 * shift, 1).tolist()})

@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.control import CartesianLeg, LegPlanner, TarePolicy
 from debrisgrasp.control._rigid import Wrench
-from debrisgrasp.geometry import SE3, PointCloud
+from debrisgrasp.geometry import SE3, PointCloud, Solid
 from debrisgrasp.kinematics import ArmReach, Trajectory
 from debrisgrasp.kinematics.urdf import UrdfShape
 from debrisgrasp.motion import (
     MotionPlan,
     MotionPlanner,
     MotionSpace,
-    MotionStatus,
     UnknownSpace,
 )
 
 from .context import Context, LimbState
 from .drive import Drive, LegEnd
-from .fingers import loosen, open_hand
+from .fingers import loosen
 from .pacing import careful, hand_corners
 from .result import FaultFound
 
 __all__ = [
+    "are_near",
     "back_out",
+    "box_around",
     "carrying",
     "free_share",
     "is_folded",
@@ -46,7 +48,7 @@ _BACK = 0.12
 _SPARE = 0.02
 """Before the last bit of a way that an arm can't go it could hardly go back [m]."""
 _UP = 0.12
-"""Where it stands too near to something to plan from, a hand rises so far [m] ..."""
+"""Where it finds no way from, a hand rises so far [m] ..."""
 _RISES = 3
 """... and so often."""
 _FIRST = 10
@@ -76,7 +78,7 @@ def space_of(
     without: int | None = None,
     *,
     unknown: UnknownSpace,
-    stands: tuple[LimbState, FloatArray] | None = None,
+    stands: tuple[MotionPlanner, FloatArray] | None = None,
 ) -> MotionSpace:
     """Obstacles by the last look, and what was put down since.
 
@@ -85,25 +87,40 @@ def space_of(
     without
         Label of an object that is no obstacle, because the hand holds it.
     stands
-        An arm and its posture (d,): points so near to where it stands are left out.
+        Of an arm, and its posture (d,): points so near to where it stands are left out.
     """
     seen = context.cycle.seen or context.last_seen
     if seen is None:
         return MotionSpace(measured=None, unknown=None, ground_plane=_BARE)
-    cloud = seen.cloud
-    if without is not None:
-        cloud = cloud.selected(np.flatnonzero(seen.segmentation.labels != without))
-    points = np.concatenate([cloud.points, *context.dropped, *context.fallen])
+    points = seen.cloud.points
+    if context.cycle.around is not None:
+        points = context.cycle.around
+    elif without is not None:
+        points = points[seen.segmentation.labels != without]
+    points = np.concatenate([points, *context.dropped, *context.fallen])
     if stands is not None:
-        balls = stands[0].planner.balls_at(stands[1], _STANDS_FREE)
+        balls = stands[0].balls_at(stands[1], _STANDS_FREE)
         rows = cKDTree(points).query_ball_point(balls[:, :3], balls[:, 3])
         points = np.delete(points, np.unique(np.concatenate(rows)).astype(int), axis=0)
+        links = context.model.links_solids(context.joint_values())
+        robot = [solid for _, solid in links]  # the arms that stand still, too
+        points = points[~are_near(points, robot, _STANDS_FREE)]
     normals = np.full(points.shape, np.nan)
-    everything = PointCloud(points, normals, cloud.viewpoint)
+    everything = PointCloud(points, normals, seen.cloud.viewpoint)
     plane = seen.ground_plane
     return MotionSpace.build(
         everything, seen.sight, _BARE if plane is None else plane, unknown=unknown
     )
+
+
+def are_near(points: FloatArray, solids: Sequence[Solid], within: float) -> BoolArray:
+    """Which points (n, 3) are so near to a solid [m], shape (n,)."""
+    found = np.zeros(len(points), dtype=bool)
+    for solid in solids:
+        low, high = solid.bounds.lower - within, solid.bounds.upper + within
+        rows = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+        found[rows] |= solid.signed_distance(points[rows]) < within
+    return found
 
 
 def planned(
@@ -127,9 +144,7 @@ def planned(
     plan = planner.plan(q, goal, space, rng=context.rng)
     if plan.is_solved:
         return plan
-    is_at_start = plan.status is MotionStatus.START_IN_COLLISION
-    values = {"at_start": 1.0} if is_at_start else {}
-    return FaultFound("plan_collision", plan.reason, limb.name, values)
+    return FaultFound("plan_collision", plan.reason, limb.name)
 
 
 def _inside(limb: LimbState, q: FloatArray) -> FloatArray | str:
@@ -148,7 +163,7 @@ def carrying(context: Context, limb: LimbState) -> MotionPlanner:
         return limb.planner
     spec = model.arm(limb.name)
     shapes = dict(model.tree.shapes)
-    shapes[spec.tip] = (*shapes[spec.tip], _box_around(held.points_hand))
+    shapes[spec.tip] = (*shapes[spec.tip], box_around(held.points_hand))
     loaded = replace(model, tree=replace(model.tree, shapes=shapes))
     arm = ArmReach(loaded, limb.name)
     return MotionPlanner.of_arm(arm, limits=limb.limits.planner)
@@ -159,7 +174,7 @@ def lying(T_base_hand: SE3, points_hand: FloatArray) -> FloatArray:
 
     A box around all of it, for little of it was seen, a bit larger than that.
     """
-    box = _box_around(points_hand)
+    box = box_around(points_hand)
     half = 0.5 * np.array(box.size) + _UNSURE
     sides = [np.linspace(-h, h, int(np.ceil(2.0 * h / _GRAIN)) + 1) for h in half]
     grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -167,7 +182,7 @@ def lying(T_base_hand: SE3, points_hand: FloatArray) -> FloatArray:
     return (T_base_hand @ box.T_link_shape).apply(surface)
 
 
-def _box_around(points: FloatArray) -> UrdfShape:
+def box_around(points: FloatArray) -> UrdfShape:
     """Box along the principal axes of points (n, 3), in their frame."""
     middle = points.mean(axis=0)
     _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
@@ -254,7 +269,7 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
             return _followed(context, drive, reversed_motion(reach))
     found = _way_to(context, limb, q_rest)
     for _ in range(_RISES):
-        if not (isinstance(found, FaultFound) and "at_start" in found.values):
+        if not isinstance(found, FaultFound) or found.fault != "plan_collision":
             break
         q, up = context.posture(limb), np.array([0.0, 0.0, _UP])
         way, speed = free_share(limb, q, up) * up, context.settings.lift_speed
@@ -290,7 +305,7 @@ def _way_to(
         space = space_of(context, unknown=UnknownSpace.IGNORED)
         found = planned(context, limb, goal, space)
     if isinstance(found, FaultFound):
-        stands = limb, context.posture(limb)
+        stands = limb.planner, context.posture(limb)
         space = space_of(context, unknown=UnknownSpace.IGNORED, stands=stands)
         found = planned(context, limb, goal, space)
     return found
@@ -340,16 +355,9 @@ def let_go(context: Context, opening: float | None = None) -> FaultFound | None:
     held = context.held
     if held is None:
         return None
-    drive = Drive(context, held.arm)
-    motion = context.cycle.motion
-    preshape = next(iter(drive.limb.hand.preshapes))
-    if motion is not None and motion.arm == held.arm:
-        preshape = motion.grasp.preshape
     context.held = None
-    if opening is None:
-        fault = loosen(drive, held.grip.config.opening)
-    else:
-        fault = open_hand(drive, preshape, opening)
+    most = held.grip.config.opening if opening is None else opening
+    fault = loosen(Drive(context, held.arm), most)
     if fault is not None:
         context.held = held
     return fault

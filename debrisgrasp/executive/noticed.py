@@ -16,7 +16,6 @@ _NAMES = {
     Fault.WRENCH_FROZEN: "wrench_frozen",
     Fault.WRENCH_SATURATED: "sensor_saturated",
     Fault.WRENCH_JUMP: "bias_jump",
-    Fault.MOTION_OVERLOAD: "ratchet",
     Fault.JOINT_STUCK: "joint_stuck",
     Fault.ENCODER_JUMP: "encoder_jump",
     Fault.ENCODER_INVALID: "encoder_jump",
@@ -35,8 +34,8 @@ def fault_of_stop(stop: Stop, reading: Reading, state: State, arm: str) -> Fault
         name = "clock_disorder" if is_number else "wrench_nan"
     elif stop.fault is Fault.OVERLOAD:
         name = _overload(stop, state)
-    elif stop.fault is Fault.MOTION_OVERLOAD and state is State.TRANSPORT:
-        name = "plan_collision"  # what is carried touched something
+    elif stop.fault is Fault.MOTION_OVERLOAD:
+        name = "plan_collision"  # hand, or what is carried, touched something
     else:
         name = _NAMES[stop.fault]
     return FaultFound(name, stop.message, arm, {"time": stop.time})

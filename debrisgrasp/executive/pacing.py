@@ -25,6 +25,8 @@ _BRAKES = 0.6
 _LEAST = 0.02
 """Of the pace."""
 _MOST_POINTS = 400
+_GROUND = 0.02
+"""Points no higher are the ground, which bounds the gap by itself [m]."""
 
 
 def times_at(trajectory: Trajectory, paces: FloatArray, period: float) -> FloatArray:
@@ -69,8 +71,8 @@ def careful(
 ) -> FloatArray:
     """Paces at which what moves with a hand is slow near all that was seen.
 
-    The old place of what is held included: what lay under or behind it was never seen,
-    and is near there.
+    Until it was seen how large what is held is, its old place included: what lay under
+    or behind it was never seen, and is near there.
 
     Parameters
     ----------
@@ -81,7 +83,11 @@ def careful(
     seen = context.cycle.seen
     if seen is None or not len(points):
         return np.full(n, pace)
-    others = seen.cloud.points[seen.segmentation.labels != 0]
+    if context.cycle.around is not None:
+        others = context.cycle.around
+        others = others[others[:, 2] > _GROUND]
+    else:
+        others = seen.cloud.points[seen.segmentation.labels != 0]
     others = np.concatenate([others, *context.dropped, *context.fallen])
     points = points[:: max(1, len(points) // _MOST_POINTS)]
     rows = trajectory.at(np.linspace(0.0, trajectory.duration, n))[0]

@@ -16,7 +16,7 @@ from debrisgrasp.robot import DepthFrame
 from .context import Context
 from .result import Done, FaultFound, StepResult
 
-__all__ = ["capture", "look_of", "segment", "turn_head"]
+__all__ = ["capture", "image", "look_of", "segment", "turn_head"]
 
 _OLDEST = 0.2
 """An image may be so much older than the wish for it [s]."""
@@ -29,7 +29,27 @@ _DROP_ROOM = 0.2
 
 def capture(context: Context) -> StepResult:
     """Take an image, and refuse what is old, empty or full of holes."""
-    turned = turn_head(context, look_of(context))
+    taken = image(context, f"capture_{context.cycle.number:03d}")
+    if isinstance(taken, FaultFound):
+        return taken
+    taken = _marked(context, taken)
+    context.cycle.capture = taken
+    context.record.keep(taken, taken.name)
+    share = float(np.mean(np.isfinite(np.asarray(taken.depth))))
+    return Done({"measured_share": round(share, 4)})
+
+
+def image(
+    context: Context, name: str, look: Mapping[str, float] | None = None
+) -> Capture | FaultFound:
+    """Look at the workspace: an image that can be believed, or why it can't.
+
+    Parameters
+    ----------
+    look
+        Joints of the head; None: as for every capture.
+    """
+    turned = turn_head(context, look_of(context) if look is None else look)
     if turned is not None:
         return turned
     wanted = context.now()
@@ -39,22 +59,17 @@ def capture(context: Context) -> StepResult:
     if wrong is not None:
         return wrong
     try:
-        taken = Capture(
+        return Capture(
             depth=frame.depth,
             intrinsics=frame.intrinsics,
             T_base_camera=T_base_camera,
             rgb=None if frame.rgb is None else np.asarray(frame.rgb, dtype=np.uint8),
-            name=f"capture_{context.cycle.number:03d}",
+            name=name,
         )
     except DriverError:
         raise
     except DebrisGraspError as error:
         return FaultFound("stale_cloud", f"the image can't be used: {error}")
-    taken = _marked(context, taken)
-    context.cycle.capture = taken
-    context.record.keep(taken, taken.name)
-    share = float(np.mean(np.isfinite(np.asarray(taken.depth))))
-    return Done({"time": frame.time, "measured_share": round(share, 4)})
 
 
 def look_of(context: Context) -> Mapping[str, float]:

@@ -12,7 +12,7 @@ from .context import Context, Held
 from .drag import drive_back
 from .drive import Drive
 from .faults import Action
-from .fingers import loosen, open_hand
+from .fingers import loosen
 from .moves import back_out, let_go, lying, put_down, to_rest
 from .outcome import FaultEvent
 from .relief import relieve
@@ -123,7 +123,7 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
     preshape = next(iter(limb.hand.preshapes))
     if motion is not None and motion.arm == arm:
         preshape = motion.grasp.preshape
-    fault = open_hand(drive, preshape, limb.hand.preshape(preshape).widths[1])
+    fault = loosen(drive, limb.hand.preshape(preshape).widths[1])
     stood = drive.stand(_LOOK)
     if fault is not None or isinstance(stood, FaultFound):
         return fault or (stood if isinstance(stood, FaultFound) else None)

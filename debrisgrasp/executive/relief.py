@@ -24,8 +24,8 @@ _EASED = 0.5
 _STEP = 0.002
 """Of the hand, after which the load is looked at again [m]."""
 _STEPS = 30
-_SPEED = 0.01
-"""[m/s]."""
+_SPEED = 0.03
+"""Without a load [m/s]; near its limit a leg has a tenth of it."""
 _FALLS = 0.99
 """A step that leaves more than this share of the load was the wrong way."""
 _NOISE = (4.0, 0.4)

@@ -71,8 +71,9 @@ class TaskSettings:
     """Share of the planned speed while something is carried."""
     compliance: tuple[float, float] = (5e-5, 3e-4)
     """How far the hand gives way while it lifts, [m/N] and [rad/(N m)]."""
-    clamp: DeflectionLimits = DeflectionLimits(translation=0.03, rotation=0.10)
-    """How far at most; planned for, and given to the controller."""
+    clamp: DeflectionLimits = DeflectionLimits(translation=0.015, rotation=0.03)
+    """How far at most; planned for, and given to the controller. At the largest load
+    that a hand bears, 150 N and 40 N m, half of it is used."""
     empty_load: float = 6.0
     """A hand that carries less is empty [N]."""
     camera_shift: float = 0.02

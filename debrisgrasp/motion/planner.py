@@ -146,6 +146,12 @@ class MotionPlanner:
             return query.failed(MotionStatus.NO_GOAL_POSTURE, reason)
         return query.solved(goals)
 
+    def stands_free(self, q_start: ArrayLike, space: MotionSpace) -> bool:
+        """Whether a motion could begin in a posture (d,): nothing is touched there."""
+        start = self._checked_start(q_start)
+        test = self.exact_test(self._opened(space, start))
+        return bool(test.is_free(start[None])[0])
+
     def exact_test(self, space: MotionSpace, *, with_hand: bool = True) -> ExactTest:
         """Return the test of the final check, by the links' solids.
 

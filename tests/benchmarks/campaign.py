@@ -1,6 +1,6 @@
 """Campaigns: an attack with random faults, the paper's two re-enacted, and scaling.
 
-``python -m tests.benchmarks.campaign [--json FILE] [--n RUNS] [--out DIR]``
+``python -m tests.benchmarks.campaign [--json FILE] [--n RUNS] [--seed S] [--out DIR]``
 
 The attack injects one or two random faults at any state into each run. The paper's
 campaigns are re-enacted with the rates of ``data/campaigns/paper_*.yaml``: what is
@@ -67,8 +67,8 @@ Source = Callable[[Rng], tuple[Injection, ...]] | None
 class Bench:
     """Runs campaigns into folders, so that an interrupted benchmark goes on."""
 
-    def __init__(self, out: Path, workers: int, tier: str) -> None:
-        self.out, self.workers, self.tier = out, workers, tier
+    def __init__(self, out: Path, workers: int, tier: str, seed: int = SEED) -> None:
+        self.out, self.workers, self.tier, self.seed = out, workers, tier, seed
 
     def run(
         self,
@@ -81,7 +81,7 @@ class Bench:
     ) -> tuple[RunRecord, ...]:
         specs = draw_specs(
             n,
-            seed=SEED,
+            seed=self.seed,
             tier=self.tier,
             faults=faults,
             recovery=recovery,
@@ -114,6 +114,7 @@ def attack(bench: Bench, n: int) -> dict[str, float]:
             print(f"run {record.name} ({', '.join(faults)}): {broken} {' '.join(last)}")
     figures = {name: float(count) for name, count in tables.checks}
     figures["unclassified"] = float(sum(r.outcome == UNCLASSIFIED for r in records))
+    print(runs_violating(records), end="\n\n")
     figures["one_class_share"] = 1.0 - figures["unclassified"] / n
     stopped = [r for r in records if r.end in ("stopped", "interrupted")]
     latched = sum(not r.checks.get("stops_not_latched") for r in stopped)
@@ -123,6 +124,18 @@ def attack(bench: Bench, n: int) -> dict[str, float]:
     figures["attack_struck"] = float(sum(bool(r.injected) for r in records))
     figures["cpu_seconds_per_run"] = sum(r.seconds for r in records) / n
     return figures
+
+
+def runs_violating(records: Sequence[RunRecord]) -> str:
+    """Say in how many runs each thing happened that never must, with intervals."""
+    counts = {name: sum(bool(r.checks.get(name)) for r in records) for name in CHECKS}
+    counts["unclassified"] = sum(r.outcome == UNCLASSIFIED for r in records)
+    rows = []
+    for name, count in counts.items():
+        low, high = Share(count, len(records)).interval
+        shown = f"{100 * low:.1f} to {100 * high:.1f}"
+        rows.append([name, f"{count} of {len(records)}", shown])
+    return columns(["never", "runs", "95 % interval, %"], rows)
 
 
 def by_fault(records: Sequence[RunRecord]) -> str:
@@ -185,7 +198,7 @@ def scaling(bench: Bench, n: int) -> dict[str, float]:
     rates, costs, shares = [], [], []
     with tempfile.TemporaryDirectory() as folder:
         for workers in (1, 2):
-            fresh = Bench(Path(folder) / str(workers), workers, bench.tier)
+            fresh = Bench(Path(folder) / str(workers), workers, bench.tier, bench.seed)
             start = time.perf_counter()
             records = fresh.run("scaling", n)
             spent, wall = sum(r.seconds for r in records), time.perf_counter() - start
@@ -214,12 +227,13 @@ def main() -> None:
     parser.add_argument("--paper-n", type=int, default=200, help="runs of each other")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--tier", default="single")
+    parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--scaling-n", type=int, default=24, help="0: not measured")
     parser.add_argument("--out", type=Path, help="keep the records here, and go on")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         out = options.out or Path(folder)
-        bench = Bench(out, options.workers, options.tier)
+        bench = Bench(out, options.workers, options.tier, options.seed)
         figures = attack(bench, options.n) if options.n else {}
         if options.paper_n:
             for name in PAPER:

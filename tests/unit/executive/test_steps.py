@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from debrisgrasp.control import (
 )
 from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.calibrated import calib_check
+from debrisgrasp.executive.carrying import _is_beside
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drag import drag, drive_back
 from debrisgrasp.executive.drive import Drive, LegEnd
@@ -23,17 +26,20 @@ from debrisgrasp.executive.dropoff import (
     drop_postures,
     object_in_hand,
 )
-from debrisgrasp.executive.moves import lying, reversed_motion
+from debrisgrasp.executive.fingers import open_hand
+from debrisgrasp.executive.moves import lying, planned, reversed_motion, space_of
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.releasing import verify_release
 from debrisgrasp.executive.reposition import repositioned
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import FakeConfig, fake_robot
 from debrisgrasp.worlds import World, make_body
+from tests.unit.robot.rigs import CHAINS, posture
 
 
 @pytest.fixture(scope="module")
@@ -41,12 +47,12 @@ def pipeline():
     return Pipeline()
 
 
-def executive(pipeline, **config):
+def executive(pipeline, *bodies, **config):
     sizes = {"length": 0.2, "width": 0.1, "height": 0.06}
     brick = make_body("brick", sizes, 2.0).at(SE3.from_parts(p=[1.3, 0.0, 0.03]))
     fake = fake_robot(
         pipeline.robot,
-        World((brick,)),
+        World((brick, *bodies)),
         rng=np.random.default_rng(0),
         config=FakeConfig(is_initialised=True, **config),
     )
@@ -212,6 +218,24 @@ def test_nothing_is_put_down_where_the_arm_rests(pipeline):
     assert _is_met(balls, points, poses).tolist() == [True, False]
 
 
+def test_what_hangs_low_beside_the_way_may_be_put_down_there(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    grip = GripController(GripConfig(opening=0.1, width=0.05))
+    state = grip.preshape(Drive(context, "right").fingers())
+    T = limb.pose(context.posture(limb))
+    for place, expected in (
+        ((0.2, -0.9, 0.1), True),
+        ((0.2, -0.9, 0.6), False),  # too high
+        ((1.0, 0.0, 0.1), False),  # in the way
+        ((0.2, -0.25, 0.15), False),  # over a track
+    ):
+        point = T.inverse().apply(np.array([place]))
+        held = Held(arm="right", grip=grip, watch=grip, state=state, points_hand=point)
+        assert _is_beside(context, limb, held) is expected
+
+
 def test_postures_over_a_drop_off_hold_the_object_over_the_ground_and_are_free(
     pipeline,
 ):
@@ -227,7 +251,7 @@ def test_postures_over_a_drop_off_hold_the_object_over_the_ground_and_are_free(
     points = np.array(np.meshgrid([-0.1, 0.1], [-0.05, 0.05], [0.1, 0.2])).T
     found = drop_postures(context, limb, points.reshape(-1, 3), q, is_free, 2)
     assert len(found) == 2
-    assert len(asked) == 5
+    assert len(asked) == 4  # some at once
     for row in found:
         where = limb.pose(row).apply(points.reshape(-1, 3))
         assert where[:, 2].min() == pytest.approx(
@@ -287,3 +311,53 @@ def test_a_joint_at_the_end_of_its_range_may_read_a_little_beyond_it(pipeline):
     assert drive._stands_at(reading._replace(q=q))[0] == drive.limits.upper[0]
     q[0] += 0.1
     assert drive._stands_at(reading._replace(q=q))[0] == q[0]
+
+
+def over_a_block(pipeline, height=0.2):
+    """Right hand, open and looking down, over a block that nothing moves."""
+    start = {"right": CHAINS["right"].named(posture("right", (0.8, -0.3, 0.5)))}
+    sizes = {"length": 0.3, "width": 0.3, "height": height}
+    block = make_body("brick", sizes, 500.0, name="block").at(
+        SE3.from_parts(p=[0.8, -0.3, 0.5 * height])
+    )
+    fake, task = executive(pipeline, block, start=start)
+    return fake, task, Drive(task.context, "right")
+
+
+@pytest.mark.parametrize("speed", [0.03, 0.06])
+def test_an_empty_hand_on_a_planned_way_stops_at_what_nobody_saw(pipeline, speed):
+    fake, task, drive = over_a_block(pipeline)
+    limb, bare = drive.limb, space_of(task.context, unknown=UnknownSpace.IGNORED)
+    task.context.wait(0.1)
+    limb.baseline_time = task.context.now()
+    goal = SE3.from_parts(p=[0.0, 0.0, -0.3]) @ limb.pose(task.context.posture(limb))
+    way = planned(task.context, limb, goal, bare).trajectory
+    heights = limb.reach.chain.fk(way.at(np.linspace(0.0, way.duration, 200))[0]).p
+    steps = np.linalg.norm(np.diff(heights, axis=0), axis=1)
+    found = drive.follow(way, pace=speed / (steps.max() * 199 / way.duration))
+    assert found.fault == "plan_collision"
+    force = fake.truth().peak_force["right"]
+    assert 40.0 < force < limb.limits.hardware.force
+    assert fake.truth().violations == ()
+
+
+def test_a_hand_that_is_pressed_as_it_opens_opens_no_farther(pipeline):
+    wall = make_body(
+        "brick", {"length": 0.02, "width": 0.3, "height": 0.6}, 500.0, name="wall"
+    )
+    walls = [
+        replace(wall, name=f"wall {y}").at(
+            SE3.from_parts(so3.exp(np.array([0.0, 0.0, np.pi / 2])), [0.8, y, 0.3])
+        )
+        for y in (-0.4, -0.2)
+    ]
+    start = {"right": CHAINS["right"].named(posture("right", (0.8, -0.3, 0.4)))}
+    fake, task = executive(pipeline, *walls, start=start)
+    drive = Drive(task.context, "right")
+    hand = fake.hands["right"]
+    shape = next(iter(hand.model.preshapes))
+    hand.openings = hand._goals = [0.03] * 3
+    task.context.wait(0.1)
+    found = open_hand(drive, shape, hand.model.preshape(shape).widths[1])
+    assert found is None or found.fault == "finger_jammed"
+    assert fake.truth().peak_force["right"] < 0.5 * drive.limb.limits.hardware.force

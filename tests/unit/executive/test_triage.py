@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive import TaskSettings
+from debrisgrasp.executive.choose import _ordered
 from debrisgrasp.executive.marks import Marks
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.triage import Way, judge
@@ -128,3 +131,16 @@ def test_a_drop_off_in_millimetres_is_refused():
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError):
         TaskSettings(**wrong)
+
+
+def test_what_failed_on_an_object_comes_after_other_prototypes_about_as_likely():
+    def grasp(prototype, score, arm="left"):
+        return SimpleNamespace(prototype=prototype, score=score, arm=arm)
+
+    span, rim, other = grasp("span", 0.6), grasp("rim", 0.5), grasp("other", 0.1)
+    triage = SimpleNamespace(arms=("right", "left"))
+    assert _ordered([other, rim, span], triage) == (span, rim, other)
+    failed = grasp("span", 0.7)
+    # A grasp is noted at each fault of one try; it failed once.
+    assert _ordered([span, rim, other], triage, [failed, failed]) == (rim, span, other)
+    assert _ordered([span, grasp("rim", 0.56, "right")], triage)[0].prototype == "rim"

@@ -69,6 +69,7 @@ def test_a_start_in_contact_says_which_link_touches_what(arm, planner, q_goal):
     space = MotionSpace.from_points(palm[None], ground_plane=GROUND)
     found = plan(planner, arm.q_present, q_goal, space)
     assert found.status is MotionStatus.START_IN_COLLISION
+    assert not planner.stands_free(arm.q_present, space)
     assert found.is_infeasible
     assert "right_robotiq_palm_link touches a measured surface" in found.reason
     assert {c.what for c in found.contacts} == {"a measured surface"}
@@ -136,6 +137,7 @@ def test_unknown_space_is_free_only_where_the_arm_starts(arm, planner, q_goal):
         hidden = replace(space, measured=far_from(cell))
         found = plan(planner, arm.q_present, q_goal, hidden)
         assert found.status is status, found.reason
+        assert planner.stands_free(arm.q_present, hidden)
     assert "unknown space" in found.reason
 
 

@@ -1,0 +1,220 @@
+"""A second look at what was lifted: its true size, and the pile without it.
+
+Before the lift an object is known by what stood out of the pile. Hanging in the hand it
+is seen as a whole, and so is what it covered. Whatever moved since the last look, and
+hangs together with what is held, belongs to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp.geometry import SE3, DepthSight, LineOfSight, voxel_downsample
+from debrisgrasp.io import Capture
+
+from .context import Context, Held
+from .dropoff import with_underside
+from .moves import are_near
+from .perceive import image, look_of
+from .result import FaultFound
+
+__all__ = ["looked_at"]
+
+_TRIED = 31
+"""Values of each joint of the head."""
+_INSIDE, _SHY = 0.45, 0.1
+"""So far from the middle of the picture [rad] a place is seen well enough, and this
+share of an angle between this look and the last is as bad as missing it by so much."""
+_SHOWN = 0.01
+"""A look that loses no more is good [rad]."""
+_MOVED = 0.025
+"""Depth that changed by less is noise [m]."""
+_ROBOT = 0.02
+"""What is so near to the robot is the robot [m]."""
+_FINGERS = 0.06
+"""The same of an idle hand [m]."""
+_CELL = 0.01
+"""Spacing of the points of what hangs in a hand [m]."""
+_TOGETHER = 0.03
+"""Points nearer than this hang together [m]."""
+_BRIDGED = 0.12
+"""Parts no farther apart may belong together behind an arm [m]."""
+_SKIN = 0.015
+"""What is so near to an object is taken for the object itself [m]."""
+_FEW = 20
+"""Fewer points than this are noise."""
+_LOW = 0.03
+"""What is no higher lies on the ground [m]."""
+
+
+def looked_at(context: Context, held: Held) -> int:
+    """See how large what is held is, and what lies around it.
+
+    Returns
+    -------
+    int
+        Points seen of it [count]; 0: it is not in the picture, or hidden by the hand,
+        or the image is none to go by, and it remains what it was taken for.
+    """
+    before, label = context.cycle.seen, context.cycle.label
+    motion = context.cycle.motion
+    if before is None or label is None or motion is None or not len(held.points_hand):
+        return 0
+    limb = context.limbs[held.arm]
+    T_base_hand = limb.pose(context.posture(limb))
+    known = T_base_hand.apply(held.points_hand)
+    assert before.capture.T_base_camera is not None
+    T_base_before = before.capture.T_base_camera
+    look = _look_towards(context, known.mean(axis=0), T_base_before)
+    taken = image(context, "hanging", look)
+    if isinstance(taken, FaultFound):
+        return 0
+    is_own = before.segmentation.labels == label
+    old = before.cloud.points
+
+    points, sight = _cloud(taken)
+    gap = _clearance(before.sight, points)
+    is_near = _near(old[is_own], points, _TOGETHER)
+    is_new = ~(np.abs(gap) <= _MOVED) | is_near  # without depth before: new
+    grasp, is_robot = motion.grasp, np.zeros(len(points), dtype=bool)
+    is_robot[is_new] = _is_robot(
+        context, held, grasp.preshape, grasp.width, points[is_new]
+    )
+    points, gap, is_new = points[~is_robot], gap[~is_robot], is_new[~is_robot]
+    of_held, is_noise = _divided(points, gap, is_new, known)
+    seen = points[of_held]
+    seen = seen[voxel_downsample(seen, _CELL)] if len(seen) >= _FEW else seen[:0]
+    if len(seen):
+        kept = known[: len(known) // 2]  # the rest is the underside, as it was guessed
+        whole = np.concatenate([kept[~(_clearance(sight, kept) > _MOVED)], seen])
+        body = with_underside(whole, grasp.width, 0.0)
+        held.points_hand = T_base_hand.inverse().apply(body)
+    pile = context.cycle.around
+    if pile is None:
+        pile = old[~_near(old[is_own], old, _SKIN)]
+    others = points[~(of_held | is_noise)]
+    others = others[~_near(np.concatenate([known, seen]), others, _SKIN)]
+    # Of what was seen before, what is out of sight now.
+    pile = pile[~(_clearance(sight, pile) > -_MOVED)]
+    context.cycle.around = np.concatenate([pile, others])
+    return len(seen)
+
+
+def _divided(
+    points: FloatArray, gap: FloatArray, is_new: BoolArray, known: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Which points (n, 3) are those of what is held, and which are noise, (n,) each.
+
+    Parameters
+    ----------
+    gap
+        How far they lie in front of what was seen before [m], shape (n,).
+    is_new
+        Which were not seen before, or only as the object, shape (n,).
+    known
+        What is known of it already [m], shape (k, 3).
+    """
+    of_held, is_noise = np.zeros((2, len(points)), dtype=bool)
+    rows = np.flatnonzero(is_new & (points[:, 2] > _LOW))
+    if not len(rows):
+        return of_held, is_noise
+    part, cells = _parts(points[rows])
+    away = np.asarray(cKDTree(known).query(points[rows])[0])
+    nearest = np.full(len(cells), np.inf)
+    np.minimum.at(nearest, part, away)
+    # What came into space that was free, and hangs there, hangs on the hand: the arm
+    # may hide what is between.
+    moved = np.bincount(part, weights=gap[rows] > _MOVED) / np.bincount(part)
+    is_held = nearest < _TOGETHER
+    is_held |= (cells >= _FEW) & (moved > 0.5) & (nearest < _BRIDGED)
+    of_held[rows] = is_held[part]
+    is_noise[rows] = (cells < _FEW)[part]  # flying pixels
+    return of_held, is_noise
+
+
+def _look_towards(
+    context: Context, place: FloatArray, T_base_before: SE3
+) -> Mapping[str, float]:
+    """Joints of the head that show a place (3,), and else what was seen before.
+
+    The arm may have turned what carries the head.
+    """
+    look = {**look_of(context)}
+    if context.robot.head is None:
+        return look
+    values = context.joint_values()
+
+    def loss(name: str, value: float) -> float:
+        T = context.model.T_base_camera({**values, **look, name: value})
+        x, y, z = T.inverse().apply(place)
+        away = float(np.arctan2(np.hypot(x, y), z))
+        turned = float(np.arccos(np.clip(T.R[:, 2] @ T_base_before.R[:, 2], -1, 1)))
+        return max(away - _INSIDE, 0.0) + _SHY * turned
+
+    for name in context.robot.head.joint_names:
+        joint, first = context.model.tree.joints[name], look.get(name, 0.0)
+        tried = [first, *np.linspace(joint.lower, joint.upper, _TRIED)]
+        if loss(name, first) > _SHOWN:
+            look[name] = float(min(tried, key=lambda value: loss(name, value)))
+    return look
+
+
+def _cloud(taken: Capture) -> tuple[FloatArray, DepthSight]:
+    """Measured points in base (n, 3), and the lines of sight to them."""
+    assert taken.depth is not None
+    assert taken.intrinsics is not None
+    assert taken.T_base_camera is not None
+    points = taken.intrinsics.deproject(taken.depth)[np.isfinite(taken.depth)]
+    depth = taken.depth.astype(np.float32)
+    sight = DepthSight(depth, taken.intrinsics, taken.T_base_camera)
+    return taken.T_base_camera.apply(points), sight
+
+
+def _clearance(sight: LineOfSight, points: FloatArray) -> FloatArray:
+    """How far points (n, 3) lie in front of what was measured, NaN for nothing [m]."""
+    x, y, z = points.T.astype(np.float32)
+    return np.asarray(sight.clearance(x, y, z), dtype=np.float64)
+
+
+def _near(points: FloatArray, others: FloatArray, within: float) -> BoolArray:
+    """Which of others (n, 3) are so near to some points [m], shape (n,)."""
+    if not len(points):
+        return np.zeros(len(others), dtype=bool)
+    away = cKDTree(points).query(others, distance_upper_bound=within)[0]
+    is_near: BoolArray = np.isfinite(away)
+    return is_near
+
+
+def _parts(points: FloatArray) -> tuple[IntArray, IntArray]:
+    """Divide points (n, 3) into what hangs together: parts (n,), and their cells."""
+    kept = voxel_downsample(points, _CELL)
+    if not len(kept):
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+    tree = cKDTree(points[kept])
+    a, b = tree.query_pairs(_TOGETHER, output_type="ndarray").T
+    links = coo_array((np.ones(len(a)), (a, b)), shape=(len(kept),) * 2)
+    part = connected_components(links, directed=False)[1]
+    return part[tree.query(points)[1]], np.bincount(part)
+
+
+def _is_robot(
+    context: Context, held: Held, preshape: str, opening: float, points: FloatArray
+) -> BoolArray:
+    """Which points (n, 3) are of the robot as it stands, its hand closed, (n,)."""
+    model, limb, tree = context.model, context.limbs[held.arm], context.model.tree
+    links = model.links_solids(context.joint_values())
+    hands = {arm: tree.links_below(model.arm(arm).hand) for arm in context.limbs}
+    idle = frozenset[str]().union(*hands.values())
+    T_base_hand = limb.pose(context.posture(limb))
+    closed = limb.hand.solids(preshape, opening)
+    rigid = [solid.moved(T_base_hand) for solid in closed]
+    rigid += [solid for link, solid in links if link not in idle]
+    # Fingers of an idle hand may stand otherwise than in the model.
+    loose = [s for link, s in links if link in idle and link not in hands[held.arm]]
+    return are_near(points, rigid, _ROBOT) | are_near(points, loose, _FINGERS)

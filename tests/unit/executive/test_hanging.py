@@ -1,0 +1,134 @@
+"""The second look at what was lifted, on the robot in memory."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import GripConfig, GripController
+from debrisgrasp.executive import Executive, TaskSettings
+from debrisgrasp.executive.context import Held
+from debrisgrasp.executive.drive import Drive
+from debrisgrasp.executive.hanging import _divided, looked_at
+from debrisgrasp.executive.moves import space_of
+from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.result import Done
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import FakeConfig, fake_robot
+from debrisgrasp.worlds import World, make_body
+
+LENGTH, UP = 0.5, 0.3
+WALL = {"length": 0.1, "width": 0.4, "height": 0.3}
+BEAM = SE3.from_parts(so3.from_rpy(np.array([0.0, np.pi / 2, 0.0])), [1.2, 0.0, 0.25])
+BLOCK = SE3.from_parts(p=[1.0, 0.0, 0.15])
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+@pytest.fixture
+def lifted(pipeline):
+    """A beam that stood behind a block, whose top was seen and gripped, is lifted."""
+    beam = make_body("brick", {"length": LENGTH, "width": 0.08, "height": 0.08}, 2.0)
+    block = make_body("brick", WALL, 5.0, name="wall")
+    before = World((beam.at(BEAM), block.at(BLOCK)))
+    fake = fake_robot(
+        pipeline.robot,
+        before,
+        rng=np.random.default_rng(0),
+        config=FakeConfig(is_initialised=True),
+    )
+    task = Executive(
+        fake.robot, TaskSettings(), pipeline=pipeline, rng=np.random.default_rng(0)
+    )
+    context = task.context
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    seen, top = context.cycle.seen, BEAM.p + np.array([0.0, 0.0, 0.2])
+    context.cycle.label = min(
+        seen.segmentation.segments, key=lambda s: np.linalg.norm(s.centroid - top)
+    ).label
+    points = seen.cloud.points[seen.segmentation.points_of(context.cycle.label)]
+    assert np.ptp(points[:, 2]) < 0.35  # the rest is behind the block
+    hand = context.limbs["right"].hand
+    grasp = SimpleNamespace(preshape=next(iter(hand.preshapes)), width=0.08)
+    context.cycle.motion = SimpleNamespace(arm="right", grasp=grasp)
+    grip = GripController(GripConfig(opening=0.1, width=0.05))
+    held = Held(
+        arm="right",
+        grip=grip,
+        watch=grip,
+        state=grip.preshape(Drive(context, "right").fingers()),
+        points_hand=T_base_hand(context).inverse().apply(points + np.array([0, 0, UP])),
+    )
+    context.held = held
+    rises = SE3.from_parts(p=[0.0, 0.0, UP])
+    assert fake.change_world(
+        lambda w: World((w.bodies[0].at(rises @ BEAM), w.bodies[1]), w.ground)
+    )
+    return fake, context, held
+
+
+def T_base_hand(context):
+    limb = context.limbs["right"]
+    return limb.pose(context.posture(limb))
+
+
+def test_what_hangs_in_the_hand_is_seen_in_its_whole_length(lifted):
+    _, context, held = lifted
+    assert looked_at(context, held) > 50
+    points = T_base_hand(context).apply(held.points_hand)
+    assert points[:, 2].max() == pytest.approx(LENGTH + UP, abs=0.03)
+    assert UP - 0.12 < points[:, 2].min() < UP + 0.03  # and some underside
+    assert np.all(np.abs(points[:, :2] - BEAM.p[:2]) < 0.1)
+
+
+def test_the_pile_around_it_is_seen_anew_without_it(lifted):
+    _, context, held = lifted
+    looked_at(context, held)
+    space = space_of(context, context.cycle.label, unknown=UnknownSpace.IGNORED)
+    points = space.measured_points
+    beside = np.abs(points[:, :2] - BEAM.p[:2]).max(axis=1) < 0.08
+    assert np.count_nonzero(beside & (points[:, 2] > 0.35)) < 5  # flying pixels
+    face = np.abs(points - BLOCK.p - np.array([0, 0, 0.15])).max(axis=1) < 0.06
+    assert np.count_nonzero(face) > 20
+
+
+def test_what_is_out_of_the_picture_remains_what_it_was_taken_for(lifted):
+    fake, context, held = lifted
+    away = SE3.from_parts(p=[-5.0, 0.0, 0.0])
+    fake.change_world(
+        lambda w: World((w.bodies[0].at(away @ BEAM), w.bodies[1]), w.ground)
+    )
+    known = held.points_hand.copy()
+    assert looked_at(context, held) == 0
+    np.testing.assert_array_equal(held.points_hand, known)
+    above = context.cycle.around[:, 2] > 0.35
+    assert np.count_nonzero(above) < 5  # nothing stands there any more
+
+
+def test_what_the_arm_divides_in_the_picture_belongs_together_if_it_moved():
+    def patch(x, y):
+        grid = np.linspace(-0.05, 0.05, 11)
+        return np.stack(np.meshgrid(x + grid, y + grid, [0.5]), -1).reshape(-1, 3)
+
+    held, beyond, lying, far = (
+        patch(0, 0),
+        patch(0.2, 0),
+        patch(0, 0.2),
+        patch(0.6, 0),
+    )
+    points = np.concatenate([held, beyond, lying, far, [[0.1, 0.1, 0.7]]])
+    # What lies beside it was uncovered; the others came into free space.
+    gap = np.where(np.arange(len(points)) // len(held) == 2, -0.1, 0.1)
+    of_held, is_noise = _divided(points, gap, np.ones(len(points), bool), held)
+    parts = of_held[:-1].reshape(4, -1)
+    assert parts.all(axis=1).tolist() == [True, True, False, False]
+    assert parts.any(axis=1).tolist() == [True, True, False, False]
+    assert np.flatnonzero(is_noise).tolist() == [len(points) - 1]
