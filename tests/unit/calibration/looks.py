@@ -24,6 +24,8 @@ PLACES = np.array(
     ]
 )
 """Spread well over the workspace."""
+REST = np.array([0.0, 0.75])
+"""Pan and tilt at rest [rad]."""
 
 
 def head() -> Head:
