@@ -53,7 +53,7 @@ def assembled(
         upper=np.empty(0, dtype=np.int32),
         score=np.empty(0),
     )
-    certainty = np.ones(1)
+    certainty, kinship = np.ones(1), None
     if graph is not None:
         object_label = _numbered_by_size(points[is_candidate], graph, min_points)
         patch_label = object_label[graph.patch_object]
@@ -62,6 +62,7 @@ def assembled(
         patches[is_candidate] = graph.point_patch + 1
         edges = _segment_edges(graph, patch_label)
         certainty = _certainty(graph, patch_label, object_label)
+        kinship = _kinship(graph, object_label)
     return Segmentation(
         labels=frozen(labels, "labels", (None,), np.int32),
         segments=measured_segments(points, labels, certainty),
@@ -69,6 +70,7 @@ def assembled(
         patches=frozen(patches, "patches", (None,), np.int32),
         ground=ground,
         method=method,
+        kinship=kinship,
     )
 
 
@@ -107,6 +109,18 @@ def _certainty(
         for weights in (length, convex)
     )
     return np.where(total > 0, share / np.maximum(total, 1e-12), certainty)
+
+
+def _kinship(graph: PatchGraph, object_label: IntArray) -> FloatArray | None:
+    """See `Segmentation.kinship`."""
+    if graph.pairs is None or graph.pair_scores is None:
+        return None
+    ends = object_label[graph.pairs]
+    kept = (ends > 0).all(axis=1)
+    a, b = ends[kept].T - 1
+    kinship = np.zeros((int(object_label.max(initial=0)),) * 2)
+    kinship[a, b] = kinship[b, a] = graph.pair_scores[kept]
+    return frozen(kinship, "kinship", kinship.shape)
 
 
 def _segment_edges(graph: PatchGraph, patch_label: IntArray) -> SegmentEdges:

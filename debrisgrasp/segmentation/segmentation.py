@@ -144,6 +144,10 @@ class Segmentation:
     ground: GroundReport
     method: Literal["singulation", "lccp"]
     """Which method divided what stood on the ground."""
+    kinship: FloatArray | None = None
+    """Probability that pairs of segments are one object, whether they touch or not, in
+    [0, 1], symmetric, shape (s, s); zero for pairs that nothing joins. None if the
+    method doesn't tell."""
 
     def segment(self, label: int) -> Segment:
         """Look up a segment by its label.
@@ -162,6 +166,31 @@ class Segmentation:
         """Find the indices of the points of a segment, ascending, shape (m,)."""
         self.segment(label)
         return np.flatnonzero(self.labels == label)
+
+    def belonging(self, label: int) -> FloatArray:
+        """Probability that each segment is part of the object that one is part of.
+
+        Parts may be joined by others between them: it is the product of the kinships
+        along the best chain.
+
+        Returns
+        -------
+        FloatArray
+            By label from 0 on, shape (s + 1,): 1 for the segment itself, 0 for label 0.
+
+        Raises
+        ------
+        UnknownNameError
+            If no segment has the label.
+        """
+        self.segment(label)
+        best = (np.arange(1, len(self.segments) + 1) == label).astype(np.float64)
+        while self.kinship is not None:
+            longer = (best[:, None] * self.kinship).max(axis=0)
+            if (longer <= best).all():
+                break
+            best = np.maximum(best, longer)
+        return np.append(0.0, best)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -189,6 +218,11 @@ class PatchGraph:
     the method only decides by convexity."""
     certainty: FloatArray | None = None
     """Score of the weakest join within each object, shape (o,); None likewise."""
+    pairs: IntArray | None = None
+    """Pairs of objects that were compared, touching or not, shape (k, 2); None
+    likewise."""
+    pair_scores: FloatArray | None = None
+    """Probability that each of these pairs is one object, shape (k,)."""
 
 
 def measured_segments(

@@ -43,6 +43,10 @@ class Merged:
     object, in [0, 1]: when they were joined, or at last if they weren't, shape (e,)."""
     certainty: FloatArray
     """Score of the weakest join of notable parts of each object, shape (o,)."""
+    pairs: IntArray
+    """Pairs of objects that were compared, touching or not, shape (k, 2)."""
+    pair_scores: FloatArray
+    """Probability that each pair is one object all the same, shape (k,)."""
 
 
 def merged_regions(
@@ -182,4 +186,6 @@ class _State:
         size = self.graph.regions[self.joined, RegionSum.CELLS]
         notable = self.joins[:, 0] >= _NOTABLE * size
         np.minimum.at(certainty, self.joined[notable], self.joins[notable, 1])
-        return Merged(self.region, self.patch_scores, certainty)
+        return Merged(
+            self.region, self.patch_scores, certainty, self.graph.edges, self.score
+        )

@@ -158,4 +158,6 @@ def _described(
         rise=border[:, BorderSum.RISE] / count,
         score=merged.scores[touches],
         certainty=merged.certainty,
+        pairs=merged.pairs,
+        pair_scores=merged.pair_scores,
     )
