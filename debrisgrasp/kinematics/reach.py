@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng, require_trailing
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, so3
 
 from .chain import KinematicChain
 from .collision import ArmCollision, Distance
@@ -172,11 +172,20 @@ class ArmReach:
             config=self.config.ik,
         )
 
-    def reach(self, T_base_hand: SE3, distance: Distance, *, rng: Rng) -> ReachResult:
+    def reach(
+        self,
+        T_base_hand: SE3,
+        distance: Distance,
+        *,
+        q_known: FloatArray | None = None,
+        rng: Rng,
+    ) -> ReachResult:
         """Find a collision-free posture for each palm pose.
 
-        Of the postures found, those free of collision with scene and robot are kept,
-        and of them the one nearest to the present posture and far from limits.
+        The posture that a descent from the present one leads to is looked at first, and
+        the one that is known; others only where neither is free. Of those free of
+        collision with scene and robot the one nearest to the present posture and far
+        from limits is taken.
 
         Parameters
         ----------
@@ -185,11 +194,14 @@ class ArmReach:
         distance
             Distance of points in base to the nearest obstacle; see `Distance`. The
             hand's own links are not tested against it.
+        q_known
+            Postures that take the poses, collision aside, shape (k, d); rows of NaN
+            where none is known. One that doesn't take its pose counts as not known.
         rng
             Source of the random seeds.
         """
         require_trailing(T_base_hand.matrix, "palm poses", (None, 4, 4))
-        found = self._look(T_base_hand, distance, 0, rng)
+        found = self._look(*self._first(T_base_hand, q_known, rng), distance)
         for round_ in range(1, self.config.rounds):
             # What collides may have another posture that doesn't; what can't be
             # reached at all has none.
@@ -200,7 +212,9 @@ class ArmReach:
             ]
             if not open_poses:
                 break
-            again = self._look(T_base_hand[open_poses], distance, round_, rng)
+            again = self._look(
+                *self._others(T_base_hand[open_poses], round_, rng), distance
+            )
             found = found.improved(np.array(open_poses), again)
         for step in range(self.config.slides if self.chain.n_joints > 6 else 0):
             found = self._slid(found, T_base_hand, distance, 0.4 * 0.5**step, rng)
@@ -242,11 +256,11 @@ class ArmReach:
         all_clearance[rows[better]] = clearance[better, choice[better]]
         return replace(found, joints=joints, clearance=all_clearance)
 
-    def _look(
-        self, T_base_hand: SE3, distance: Distance, round_: int, rng: Rng
-    ) -> ReachResult:
-        """Try ``n_postures`` postures of each pose (k,), others in every round."""
-        q, status = self._postures(T_base_hand, round_, rng)
+    def _look(self, q: FloatArray, status: IntArray, distance: Distance) -> ReachResult:
+        """Choose from postures (k, n, d) with `IkStatus` (k, n).
+
+        The first says why there is none.
+        """
         is_solved = status == IkStatus.SOLVED
         clearance = np.full(is_solved.shape, -np.inf)
         clearance[is_solved] = self.collision.scene_clearance(q[is_solved], distance)
@@ -267,44 +281,46 @@ class ArmReach:
             clearance=np.where(np.isfinite(best), best, np.nan),
         )
 
-    def _postures(
-        self, T_base_hand: SE3, round_: int, rng: Rng
+    def _first(
+        self, T_base_hand: SE3, q_known: FloatArray | None, rng: Rng
     ) -> tuple[FloatArray, IntArray]:
-        """Postures (k, n, d) and their `IkStatus` (k, n); the best status first."""
-        config, chain, n = self.config, self.chain, self.config.n_postures
-        if round_:
-            others = solve_distinct(
-                chain,
-                T_base_hand,
-                n,
-                reach_map=self.reach_map,
-                n_seeds_used=round_ * n,
-                rng=rng,
-                config=config.ik,
-            )
-            return others.q, others.status
+        """Postures that are looked at first, (k, n, d), and their `IkStatus` (k, n)."""
+        config = self.config.ik
         near = solve(
-            chain,
+            self.chain,
             T_base_hand,
             q_seed=self.q_present,
             reach_map=self.reach_map,
             rng=rng,
+            config=config,
+        )
+        if q_known is None:
+            return near.q[:, None], near.status[:, None]
+        known, takes = self.chain.clipped(q_known), np.zeros(len(near.q), dtype=bool)
+        rows = np.flatnonzero(np.isfinite(q_known).all(axis=1))
+        left = self.chain.fk(known[rows]).inverse() @ T_base_hand[rows]
+        takes[rows] = np.linalg.norm(left.p, axis=-1) <= config.position_tolerance
+        turned = np.linalg.norm(so3.log(left.R), axis=-1)
+        takes[rows] &= turned <= config.rotation_tolerance
+        known = np.where(takes[:, None], known, near.q)
+        status = np.where(takes, IkStatus.SOLVED, IkStatus.STALLED)
+        return np.stack([near.q, known], axis=1), np.stack([near.status, status], 1)
+
+    def _others(
+        self, T_base_hand: SE3, round_: int, rng: Rng
+    ) -> tuple[FloatArray, IntArray]:
+        """Further postures, other ones in every round; see `_first`."""
+        config, n = self.config, self.config.n_postures
+        others = solve_distinct(
+            self.chain,
+            T_base_hand,
+            n,
+            reach_map=self.reach_map,
+            n_seeds_used=(round_ - 1) * n,
+            rng=rng,
             config=config.ik,
         )
-        q = np.repeat(near.q[:, None], n, axis=1)
-        status = np.repeat(near.status[:, None], n, axis=1)
-        again = np.flatnonzero(near.is_solved)
-        if n > 1 and len(again):
-            others = solve_distinct(
-                chain,
-                T_base_hand[again],
-                n - 1,
-                reach_map=self.reach_map,
-                rng=rng,
-                config=config.ik,
-            )
-            q[again, 1:], status[again, 1:] = others.q, others.status
-        return q, status
+        return others.q, others.status
 
     def _cheapest(
         self,

@@ -19,9 +19,11 @@ class ReachConfig:
     """How hard to look for a posture, and which to prefer."""
 
     n_postures: int = 6
-    """Postures looked at for each pose; more find a collision-free one more often."""
+    """Further postures looked at in each round; more find a collision-free one more
+    often."""
     rounds: int = 2
-    """How often the poses without a free posture are looked at again."""
+    """How often poses are looked at: first the posture nearest to the present one, and
+    where that isn't free, others."""
     margin: float = 0.01
     """Clearance from the scene that the links keep [m]."""
     self_margin: float = 0.005

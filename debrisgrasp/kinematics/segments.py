@@ -22,6 +22,7 @@ class SegmentLanes:
 
     def __init__(self, chain: KinematicChain, q: FloatArray) -> None:
         lanes = np.ascontiguousarray(q.T, dtype=np.float32)
+        self.n_postures = len(q)
         self._frames = chain.single_form.frames(lanes)
         self._known: dict[int, tuple[Lanes, Lanes]] = {}
 

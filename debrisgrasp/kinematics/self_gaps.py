@@ -2,14 +2,15 @@
 
 Parts that move are covered by spheres, and every sphere is tested against the solids
 that it may meet. A gap found this way is never more than the true one, so no contact is
-missed. Parts of one segment are tested together, first by one sphere around all of
-them.
+missed. Parts of one segment are tested together, and first of all by balls around them
+and around what they may meet: most are far apart.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,6 +30,8 @@ _GROUP_RADIUS = 0.2
 """Groups of parts larger than this are divided [m]."""
 _CHUNK = 2048
 """Postures treated at once; keeps the work in the cache."""
+_SOME = 128
+"""Of these, so many at once where all pairs are compared."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +85,53 @@ class _Group:
     others: tuple[_Still, ...]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Balls:
+    """Balls around groups and around what they may meet."""
+
+    middles: tuple[Lanes, ...]
+    """Centres of the balls of each segment, in its frame, shape (3, b) [m]."""
+    one: IntArray
+    """Ball of the group of each pair of balls, shape (m,)."""
+    other: IntArray
+    """Ball of what it may meet, shape (m,)."""
+    radii: Lanes
+    """Sum of the radii of both, shape (m, 1) [m]."""
+
+    @classmethod
+    def around(cls, groups: Sequence[_Group]) -> _Balls:
+        """Collect them, the pairs in the order of the groups and of their others."""
+        pairs = [(group, other) for group in groups for other in group.others]
+        balls = [[ball.segment, *ball.middle[:, 0]] for pair in pairs for ball in pair]
+        known, place = np.unique(
+            np.reshape(balls, (-1, 4)), axis=0, return_inverse=True
+        )
+        one, other = place.reshape(-1, 2).T
+        ends = np.cumsum(np.bincount(known[:, 0].astype(np.intp)))[:-1]
+        middles = np.split(known[:, 1:].T.astype(np.float32), ends, axis=1)
+        radii = [[group.radius + other.radius] for group, other in pairs]
+        return cls(
+            tuple(middles), one, other, np.reshape(radii, (-1, 1)).astype(np.float32)
+        )
+
+    def may_meet(self, poses: SegmentLanes, limit: float) -> list[bool]:
+        """Whether the balls of each pair come nearer than ``limit`` in any posture."""
+        still, *moved = self.middles
+        placed = [np.repeat(still[..., None], poses.n_postures, axis=2)]
+        for segment, middles in enumerate(moved, 1):
+            placed.append(carried(*poses.pose(segment), middles))
+        places = np.concatenate(placed, axis=1)
+        far = np.square(self.radii + np.float32(limit))
+        found = np.zeros(len(far), dtype=bool)
+        for first in range(0, poses.n_postures, _SOME):
+            x, y, z = places[:, :, first : first + _SOME]
+            square = np.square(x[self.one] - x[self.other])
+            square += np.square(y[self.one] - y[self.other])
+            square += np.square(z[self.one] - z[self.other])
+            found |= (square <= far).any(axis=1)
+        return found.tolist()
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SelfModel:
     """Spheres and solids of one robot body."""
@@ -118,11 +168,16 @@ class SelfModel:
             pair_gap=np.concatenate([part.pair_gap for part in found]),
         )
 
+    @cached_property
+    def _balls(self) -> _Balls:
+        return _Balls.around(self.groups)
+
     def _chunk(
         self, q: FloatArray, limit: float, horizon: float, first: int
     ) -> SelfGaps:
         poses = SegmentLanes(self.body.chain, q)
         least = np.full(len(q), max(horizon, limit), dtype=np.float32)
+        may_meet = iter(self._balls.may_meet(poses, float(least.max(initial=0.0))))
         is_hit = np.zeros(len(q), dtype=bool)
         nothing = np.zeros(0, dtype=np.intp)
         doubtful: list[tuple[IntArray, IntArray, Lanes]] = [
@@ -131,16 +186,13 @@ class SelfModel:
         for group in self.groups:
             segment = -1
             for other in group.others:
+                if not next(may_meet):
+                    continue
                 if other.segment != segment:
                     segment = other.segment
                     R, p = poses.relative(group.segment, segment)
                     middle = carried(R, p, group.middle)[:, 0]
                 reach = np.maximum(least, np.float32(limit)) + group.radius
-                # Most are far off, which a ball around the solid tells at once.
-                apart = middle - other.middle
-                far = reach + other.radius
-                if (np.einsum("in,in->n", apart, apart) > far * far).all():
-                    continue
                 near = np.flatnonzero(other.gap(middle) < reach)
                 if not len(near):
                     continue

@@ -119,8 +119,20 @@ class Perception:
                 self.sight,
                 self.scene_config,
                 ground_plane=self.ground_plane,
+                belongs=self._belongs(target),
             )
         return self._scenes[key]
+
+    def _belongs(self, target: Target) -> FloatArray | None:
+        """How likely each point that planning sees is of one object with a target.
+
+        None for what somebody marked or cut out: that is what they want.
+        """
+        if not target.label or self.is_marked is not None:
+            return None
+        belonging = self.segmentation.belonging(target.label)
+        found: FloatArray = belonging[self.segmentation.labels[self._thinned]]
+        return found
 
     @cached_property
     def _thin_cloud(self) -> PointCloud:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -304,15 +304,16 @@ class Pipeline:
         self,
         planner: GraspPlanner,
         seen: Perception,
-        targets: Sequence[Target],
+        targets: Iterable[Target],
         seed: int,
         watch: Stopwatch,
         mass: float | None,
     ) -> BestSoFar:
         """Try the targets in turn until one offers a grasp that is not doubtful."""
         best, n_tried = BestSoFar(self.config.doubtful, self.config.max_further), 0
-        rngs = np.random.default_rng(seed).spawn(max(1, len(targets)))
-        for target, rng in zip(targets, rngs, strict=False):
+        root = np.random.default_rng(seed)
+        for target in targets:
+            (rng,) = root.spawn(1)
             is_late, is_enough = watch.is_late(), n_tried == self.config.max_objects
             if best.is_sure or (best.is_found and (is_late or is_enough)):
                 break

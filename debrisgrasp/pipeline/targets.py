@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,8 +37,8 @@ def choose_targets(
     object_label: int | None,
     is_marked: BoolArray | None,
     margin: float,
-) -> list[Target]:
-    """List the targets, first choice first.
+) -> Iterable[Target]:
+    """List the targets, first choice first, each worked out when its turn comes.
 
     A label or a region that the caller gives is the only one. Marked points are one
     object, however they were segmented: a handle is always divided from what it sits
@@ -77,7 +77,7 @@ def choose_targets(
         box = region_of_interest(cloud.points[is_marked], margin=margin)
         return [Target(label, box, is_marked)]
     else:
-        return [
+        return (
             Target(
                 candidate.label,
                 region_of_interest(
@@ -88,7 +88,7 @@ def choose_targets(
                 candidate.cost,
             )
             for candidate in order
-        ]
+        )
     if is_marked is None:
         return targets
     return [replace(t, is_object=t.is_object & is_marked) for t in targets]

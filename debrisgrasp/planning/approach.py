@@ -98,10 +98,9 @@ class Ways:
 
         Poses that fail for other reasons too are not worth the effort.
         """
-        blocked = np.flatnonzero(look.approach_hits > self._max_hits)
-        others = look.with_free_approach(blocked).reasons(self._inspection)
-        is_lost = np.any(list(others.values()), axis=0)
-        blocked = blocked[~is_lost[blocked]][:_MOST_RELIEVED]
+        is_blocked = look.approach_hits > self._max_hits
+        blocked = np.flatnonzero(is_blocked & ~look.is_stuck(self._inspection))
+        blocked = blocked[:_MOST_RELIEVED]
         if not len(blocked):
             return look
         offsets = self.approaches(Ts_base_hand[blocked], prototype[blocked])

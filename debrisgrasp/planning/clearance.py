@@ -30,6 +30,7 @@ _ALL = slice(None)
 _FEW = 4
 """Every so many of the spheres are looked at first."""
 _UNKNOWN = np.uint8(Space.UNKNOWN)
+_FREE = np.int8(Space.FREE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,10 +150,11 @@ class HandClearance:
         return self._unseen(self._placed(Ts, prototype), prototype)
 
     def is_blind(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
-        """Whether a finger ends where the camera saw nothing, shape (k,)."""
+        """Whether a finger ends where the camera didn't see through, shape (k,)."""
         is_finger = self._hands.parts[prototype] > 0
         placed = self._placed(Ts_base_hand.astype(np.float32), prototype)
-        return np.asarray((self._is_unknown(placed) & is_finger).any(axis=1))
+        is_open = self._scene.field.space.take(self._cell(placed)) == _FREE
+        return np.asarray((~is_open & is_finger).any(axis=1))
 
     def _unseen(self, placed: Float32Array, prototype: IntArray) -> FloatArray:
         """See `unseen`, for spheres that are placed already."""

@@ -89,6 +89,11 @@ class Inspection:
             is_open &= ~applies
         return first
 
+    def is_stuck(self, config: InspectionConfig) -> BoolArray:
+        """Which poses something rules out whatever way the hand comes in, (k,)."""
+        free = replace(self, approach_hits=np.zeros_like(self.approach_hits))
+        return np.asarray(np.any(list(free.reasons(config).values()), axis=0))
+
     def amount(self, reason: str) -> IntArray | None:
         """How many points a reason is about, shape (k,); None if it isn't about any."""
         counts = {

@@ -6,6 +6,7 @@ All loads are proportional to the mass, which is known to about an order of magn
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -179,10 +180,30 @@ def _margin(demand: FloatArray) -> list[float]:
 
 
 class LoadModel:
-    """Forecasts the loads of grasps of one object."""
+    """Forecasts the loads of grasps of one object.
 
-    def __init__(self, what: ObjectMass, config: LoadConfig) -> None:
-        self._object, self._config = what, config
+    Parameters
+    ----------
+    objects
+        What it may be, see `likely_objects`: what is expected is the mean over them,
+        and bounds are those of all.
+    """
+
+    def __init__(self, objects: Sequence[ObjectMass], config: LoadConfig) -> None:
+        self._config = config
+        self._build = objects[0].build
+        share = np.array([each.probability for each in objects])
+        self._share = share / share.sum()
+        self._mass = np.array(
+            [(each.mass[0], each.expected_mass, each.mass[1]) for each in objects]
+        )
+        self._com = np.array([each.com for each in objects])
+        self._com_error = np.array([each.com_error for each in objects])
+        self._level_error = np.array([each.level_error for each in objects])
+        # Torque per weight that half of each axis of the ellipsoid of error stands for:
+        # an ellipsoid holds two standard deviations.
+        half = 0.5 * np.array([each.spread for each in objects])
+        self._sway = np.stack([-half[:, 1], half[:, 0], 0.0 * half[:, 0]], axis=1)
 
     def __call__(
         self, Ts_base_hand: FloatArray, which: IntArray, levers: GripLevers
@@ -198,37 +219,54 @@ class LoadModel:
         levers
             The hands.
         """
-        what, config = self._object, self._config
+        config, weight = self._config, self._mass * self._config.gravity
         R, p = Ts_base_hand[:, :3, :3], Ts_base_hand[:, :3, 3]
         grip = (R @ levers.middle[which][..., None])[..., 0] + p
-        mass = np.array([what.mass[0], what.expected_mass, what.mass[1]])
-        weight = mass * config.gravity
         down = -R[:, 2]
-        arm_palm = ((what.com - p)[:, None] @ R)[:, 0]
-        arm_grip = ((what.com - grip)[:, None] @ R)[:, 0]
-        level = np.linalg.norm((what.com - p)[:, :2], axis=1)
-        error = what.level_error
-        reach = np.stack([np.maximum(level - error, 0.0), level, level + error], 1)
-        torque = reach * weight
+        # One row for each object, then one for each grasp.
+        to_com = self._com[:, None] - p
+        arm_palm = (to_com[..., None, :] @ R)[..., 0, :]
+        arm_grip = ((self._com[:, None] - grip)[..., None, :] @ R)[..., 0, :]
+        level = np.linalg.norm(to_com[..., :2], axis=-1)
+        error = self._level_error[:, None]
+        reach = np.stack([np.maximum(level - error, 0.0), level, level + error], -1)
+        torque = self._over_all(reach * weight[:, None])
         grip_force = _grip_needed(
-            down, np.cross(arm_grip, down), what.com_error, levers.lever[which], config
+            down,
+            np.cross(arm_grip, down),
+            np.stack([_spread(sway, R) for sway in self._sway]),
+            self._com_error[:, None, None],
+            levers.lever[which],
+            config,
         )
-        grip_force = grip_force * weight
-        expected = np.concatenate([down, np.cross(arm_palm, down)], axis=1)
-        loads = Loads(
+        grip_force = self._over_all(grip_force * weight[:, None])
+        pull = (self._share * weight[:, 1]) @ np.cross(arm_palm, down).swapaxes(0, 1)
+        mass = self._over_all(self._mass)
+        return Loads(
             mass=mass,
-            build=what.build,
+            build=self._build,
             torque=torque,
             grip=grip_force,
             demand=grip_force / levers.max_force[which, None],
             limit=np.full(len(p), "grip", dtype=object),
-            lever=np.linalg.norm((what.com - grip)[:, :2], axis=1),
-            lever_error=error,
+            lever=self._distance(grip),
+            lever_error=self._lever_error,
             tilt=np.arccos(np.clip(down[:, 2], -1.0, 1.0)),
-            weight=weight,
-            wrench=expected * weight[1],
+            weight=mass * config.gravity,
+            wrench=np.concatenate([down * mass[1] * config.gravity, pull], axis=1),
         )
-        return loads
+
+    def _over_all(self, bounds: FloatArray) -> FloatArray:
+        """Least, expected and greatest (h, ..., 3) of all objects, shape (..., 3)."""
+        low, high = bounds[..., 0].min(axis=0), bounds[..., 2].max(axis=0)
+        expected = np.tensordot(self._share, bounds[..., 1], axes=1)
+        return np.stack([low, expected, high], axis=-1)
+
+    @property
+    def _lever_error(self) -> float:
+        """How far the middle of mass may be off horizontally, for all objects [m]."""
+        apart = np.linalg.norm((self._com - self._share @ self._com)[:, :2], axis=1)
+        return float(np.sqrt(self._share @ (apart**2 + self._level_error**2)))
 
     def expected_demand(
         self,
@@ -247,18 +285,22 @@ class LoadModel:
             Largest force [N] and torque [N m] at the wrist of each row of ``levers``,
             shape (p, 2).
         """
-        what, config = self._object, self._config
-        R, weight = Ts_base_hand[:, :3, :3], what.expected_mass * config.gravity
-        to_com = what.com - Ts_base_hand[:, :3, 3]
-        down = -R[:, 2]
-        x, y, z = ((to_com[:, None] @ R)[:, 0] - levers.middle[which]).T
-        a, b, c = down.T
-        moment = np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
-        turn = np.abs(moment) / levers.lever[which]
-        grip = _squeeze(down, turn, _middle(*config.friction)) / levers.max_force[which]
-        torque = np.hypot(to_com[:, 0], to_com[:, 1]) / wrists[which, 1]
-        most = np.maximum(np.maximum(grip, torque), 1.0 / wrists[which, 0])
-        found: FloatArray = weight * most
+        config = self._config
+        weight = self._share * self._mass[:, 1] * config.gravity
+        R, friction = Ts_base_hand[:, :3, :3], _middle(*config.friction)
+        down, a, b, c = -R[:, 2], *-R[:, 2].T
+        grip, torque = np.zeros(len(R)), np.zeros(len(R))
+        for com, sway, own in zip(self._com, self._sway, weight, strict=True):
+            to_com = com - Ts_base_hand[:, :3, 3]
+            x, y, z = ((to_com[:, None] @ R)[:, 0] - levers.middle[which]).T
+            moment = np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
+            turn = np.hypot(moment, _spread(sway, R)) / levers.lever[which]
+            grip += own * _squeeze(down, turn, friction)
+            torque += own * np.hypot(to_com[:, 0], to_com[:, 1])
+        found: FloatArray = np.maximum(
+            np.maximum(grip / levers.max_force[which], torque / wrists[which, 1]),
+            weight.sum() / wrists[which, 0],
+        )
         return found
 
     def distance(
@@ -266,11 +308,19 @@ class LoadModel:
     ) -> FloatArray:
         """Horizontal distance from the middle of the grip to that of mass [m], (k,).
 
-        The same as ``lever`` of `Loads`.
+        What is expected of it, with the error of the middle of mass. The same as
+        ``lever`` of `Loads`.
         """
         R, p = Ts_base_hand[:, :2, :3], Ts_base_hand[:, :2, 3]
         grip = (R @ levers.middle[which][..., None])[..., 0] + p
-        found: FloatArray = np.linalg.norm(self._object.com[:2] - grip, axis=1)
+        return self._distance(grip)
+
+    def _distance(self, grip: FloatArray) -> FloatArray:
+        """Mean horizontal distance of grips (k, 2) or (k, 3) from it [m], (k,)."""
+        away = self._com[:, None, :2] - grip[:, :2]
+        error = 0.5 * self._level_error[:, None]
+        square = np.square(away).sum(axis=-1) + error**2
+        found: FloatArray = self._share @ np.sqrt(square)
         return found
 
 
@@ -278,22 +328,44 @@ def _middle(low: float, high: float) -> float:
     return float(np.sqrt(low * high))
 
 
+def _spread(sway: FloatArray, R: FloatArray) -> FloatArray:
+    """Tell how far the torque per weight may be off in hands turned by R (k, 3, 3).
+
+    Parameters
+    ----------
+    sway
+        Columns are independent torques in base, of one standard deviation each [m],
+        shape (3, 3).
+
+    Returns
+    -------
+    FloatArray
+        Standard deviation about the axes of the palm frame [m], shape (k, 3).
+    """
+    found: FloatArray = np.sqrt(np.square(sway.T @ R).sum(axis=1))
+    return found
+
+
 def _squeeze(down: FloatArray, turn: FloatArray, friction: float) -> FloatArray:
-    """Squeeze per weight that holds it, and turns in units of the levers, (k,)."""
+    """Squeeze per weight that holds it, and turns (..., k, 3) in units of the levers.
+
+    Returns shape (..., k).
+    """
     across = np.hypot(down[:, 1], np.maximum(down[:, 2], 0.0))
-    held = np.hypot(across, turn[:, 0]) / (2.0 * friction)
-    found: FloatArray = held + np.abs(down[:, 0]) + turn[:, 1] + turn[:, 2]
+    held = np.hypot(across, turn[..., 0]) / (2.0 * friction)
+    found: FloatArray = held + np.abs(down[:, 0]) + turn[..., 1] + turn[..., 2]
     return found
 
 
 def _grip_needed(
     down: FloatArray,
     moment: FloatArray,
-    error: float,
+    spread: FloatArray,
+    error: FloatArray,
     lever: FloatArray,
     config: LoadConfig,
 ) -> FloatArray:
-    """Squeeze per weight: least, expected and greatest, shape (k, 3).
+    """Squeeze per weight: least, expected and greatest, shape (h, k, 3).
 
     Force across the closing axis and torque about it are held by friction, whose limit
     surface is taken as an ellipsoid; the rest by one side pressing harder. The least
@@ -304,9 +376,12 @@ def _grip_needed(
     down
         Direction of the weight, palm frame, shape (k, 3).
     moment
-        Torque per weight about the middle of the grip, palm frame [m], shape (k, 3).
+        Torque per weight about the middle of the grip, palm frame [m], shape
+        (h, k, 3).
+    spread
+        Its standard deviation [m], shape (h, k, 3).
     error
-        How far the torque may be off [m].
+        How far the torque may be off [m], shape (h, 1, 1).
     lever
         See `GripLevers`, shape (k, 3).
     """
@@ -315,10 +390,13 @@ def _grip_needed(
     along = np.abs(down[:, 0])
     low, high = config.friction
     columns = [
-        _squeeze(down, (np.abs(moment) + off) / lever, friction)
-        for off, friction in ((0.0, _middle(low, high)), (error, low))
+        _squeeze(down, turn / lever, friction)
+        for turn, friction in (
+            (np.hypot(moment, spread), _middle(low, high)),
+            (np.abs(moment) + error, low),
+        )
     ]
     turn = np.maximum(np.abs(moment) - error, 0.0) / lever
     held = np.hypot(down[:, 1] / (2.0 * high), out / (2.0 * max(high, 1.0)))
-    least = np.maximum(np.maximum(held, along), turn[:, 2])
-    return np.stack([least, *columns], axis=1)
+    least = np.maximum(np.maximum(held, along), turn[..., 2])
+    return np.stack([least, *columns], axis=-1)

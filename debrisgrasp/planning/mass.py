@@ -7,7 +7,7 @@ the mass to about one order of magnitude.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 from debrisgrasp._arrays import FloatArray, require_finite, require_range
 from debrisgrasp.errors import ConfigError, InputError
 
-__all__ = ["Build", "LoadConfig", "ObjectMass"]
+__all__ = ["Build", "LoadConfig", "ObjectMass", "SeenSurface", "likely_objects"]
 
 Interval = tuple[float, float]
 """Lower and upper bound."""
@@ -25,6 +25,12 @@ _OUTLIERS = 0.02
 """Share of the points at each end of an axis that the extent leaves out."""
 _FLOOR = 1e-9
 """Keeps quotients finite; far below every length."""
+_MOST_PARTS = 4
+"""So many likely parts of an object are told apart, the likeliest first."""
+_SEEN_IN_PART = 2.0
+"""So much wider than by its seen surface alone the mass is spread [of the log]."""
+_UNLIKELY = 0.1
+"""What is less likely than this to be part of an object is left out."""
 
 
 class Build(Enum):
@@ -78,6 +84,19 @@ class LoadConfig:
             require_range(f"LoadConfig.{name}", getattr(self, name), 1e-6, 1e6)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenSurface:
+    """What was seen of an object, and of what may be part of it; one row a cell."""
+
+    points: FloatArray
+    """[m], shape (n, 3)."""
+    normals: FloatArray
+    """Unit vectors, or NaN, shape (n, 3)."""
+    belongs: FloatArray
+    """Probability that each is part of the object, in [0, 1], shape (n,); 1 for what
+    certainly is."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ObjectMass:
     """Mass and centre of mass of one object, each with bounds."""
@@ -92,6 +111,8 @@ class ObjectMass:
     spread: FloatArray
     """How far it may be off: columns are the half axes of an ellipsoid [m], base
     frame, shape (3, 3)."""
+    probability: float = 1.0
+    """That the object is this one; see `likely_objects`."""
 
     @classmethod
     def from_surface(
@@ -135,18 +156,20 @@ class ObjectMass:
         middle, extents = mean + axes @ (low + high) / 2, high - low
         build = _build(points - middle, normals, float(extents[2]), config)
         if mass is not None:
-            bounds = (float(mass), float(mass))
+            bounds, expected = (float(mass), float(mass)), float(mass)
         else:
             inside = ((along >= low) & (along <= high)).all(axis=1)
             area = len(points) * spacing**2
             bounds = _mass_bounds(build, points[inside], extents, area, config, spacing)
+            expected = _expected(bounds, config.typical)
+            bounds = min(bounds[0], expected), max(bounds[1], expected)
         # The side that was not seen is farther from the camera.
         sight = middle - viewpoint
         sight = sight / max(float(np.linalg.norm(sight)), _FLOOR)
         return cls(
             build=build,
             mass=bounds,
-            expected_mass=_expected(bounds, config.typical),
+            expected_mass=expected,
             com=middle + 0.2 * extents[2] * sight,
             spread=axes * (np.array([0.15, 0.2, 0.35]) * extents + 0.01),
         )
@@ -160,6 +183,56 @@ class ObjectMass:
     def level_error(self) -> float:
         """How far it may be off horizontally [m]."""
         return float(np.linalg.norm(self.spread[:2], 2))
+
+
+def likely_objects(
+    surface: SeenSurface,
+    viewpoint: FloatArray,
+    config: LoadConfig,
+    *,
+    spacing: float,
+    mass: float | None = None,
+) -> tuple[ObjectMass, ...]:
+    """Estimate what an object may be: alone, or with more and more of its likely parts.
+
+    Segmentation rather divides one object than joins two, and knows how likely it was
+    wrong. Parts are taken to go together: what is less likely to belong to the object
+    only does if all that is likelier does.
+
+    Parameters
+    ----------
+    viewpoint, spacing, mass
+        See `ObjectMass.from_surface`.
+
+    Returns
+    -------
+    tuple of ObjectMass
+        One at least, the smallest first; their probabilities add up to 1.
+
+    Raises
+    ------
+    InputError
+        As `ObjectMass.from_surface`; and if no point certainly belongs to the object.
+    """
+    levels = np.unique(surface.belongs)[::-1]
+    levels = levels[levels >= _UNLIKELY][: _MOST_PARTS + 1]
+    if not len(levels) or levels[0] < 1.0:
+        raise InputError(
+            "points of the object", got="none that is certain", expected="at least one"
+        )
+    objects = []
+    for level, share in zip(levels, -np.diff(levels, append=0.0), strict=True):
+        kept = surface.belongs >= level
+        found = ObjectMass.from_surface(
+            surface.points[kept],
+            surface.normals[kept],
+            viewpoint,
+            config,
+            spacing=spacing,
+            mass=mass,
+        )
+        objects.append(replace(found, probability=float(share)))
+    return tuple(objects)
 
 
 def _build(
@@ -199,12 +272,15 @@ def _mass_bounds(
 
 
 def _expected(bounds: Interval, typical: Interval) -> float:
-    """Middle of the product of two log-normals, both given by their 95 % bounds."""
+    """Middle of the product of two log-normals, given by their bounds.
+
+    Of those of what was seen, others behind or under it are the greater part of the
+    error: they are trusted half as far.
+    """
     log = np.log([bounds, typical])
     middle, spread = log.mean(axis=1), np.maximum(np.ptp(log, axis=1), _FLOOR)
-    weight = spread**-2.0
-    expected = float(np.exp((weight * middle).sum() / weight.sum()))
-    return min(max(expected, bounds[0]), bounds[1])
+    weight = (spread * [_SEEN_IN_PART, 1.0]) ** -2.0
+    return float(np.exp((weight * middle).sum() / weight.sum()))
 
 
 def _hull_volume(points: FloatArray) -> float:

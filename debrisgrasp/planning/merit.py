@@ -127,20 +127,13 @@ class Merit:
         the log-odds; but S C counts for more than in the model, because what fits
         poorly is ruled out in the end.
         """
-        k = len(prototype)
-        full = np.ones(k)
         demand, lever = self._burden(Ts_base_hand, prototype)
+        zero, one = np.zeros(1), np.ones(1)
         terms = success_terms(
-            expected=full,
-            contact=full,
-            demand=demand,
-            lever=lever,
-            margin=0.0 * full,
-            slack=self._tools.hands.slack[prototype],
-            sight=full,
-            unseen=0.0 * full,
-            missing=0.0 * full,
-        )
+            expected=one, contact=one, demand=demand, lever=lever, margin=zero,
+            slack=self._tools.hands.slack[prototype], sight=one, unseen=zero,
+            missing=zero,
+        )  # fmt: skip
         weights = self._tools.success.weights
         odds = (terms - self._lightest) @ weights / self._steepness
         factor: FloatArray = np.exp(np.minimum(odds, 0.0))
@@ -205,11 +198,14 @@ class Merit:
         pads = self.contacts.look(known.Ts, known.prototype)
         known = replace(known, contact=pads.probability, is_seen=pads.is_seen)
         known = self._left(known, needed)
-        expected = self._cleared(known.S, known.Ts, known.prototype, few)
-        known = self._left(replace(known, expected=expected), needed)
         look = self._inspector(known.Ts, known.prototype)
+        flaw = np.where(look.is_stuck(self._config.inspection), _FLAWED, 0.0)
         known = replace(known, margin=look.margin)
-        kept = self._may_matter(known, needed)
+        kept = self._may_matter(known, needed, flaw)
+        known, look = known[kept], look[kept]
+        expected = self._cleared(known.S, known.Ts, known.prototype, few)
+        known = replace(known, expected=expected)
+        kept = self._may_matter(known, needed, flaw[kept])
         known = known[kept]
         look = self._ways.relieved(look[kept], known.Ts, known.prototype)
         passes, known = self._passes(look, known)
@@ -282,6 +278,7 @@ class Merit:
             missing=np.repeat(self._missing, len(S)),
             score=expit(self._odds(known)),
             support=np.zeros(len(S), dtype=np.int64),
+            joints=np.zeros((len(S), 0)),
         )
         return modes, ok
 
@@ -293,9 +290,11 @@ class Merit:
         """Go on with the poses that may still come up to what is needed."""
         return known[self._may_matter(known, needed)]
 
-    def _may_matter(self, known: _Known, needed: FloatArray) -> BoolArray:
-        """Which poses may still come up to what is needed."""
-        return np.asarray(log_expit(self._odds(known)) > needed[known.rows])
+    def _may_matter(
+        self, known: _Known, needed: FloatArray, flaw: FloatArray | float = 0.0
+    ) -> BoolArray:
+        """Which poses may still come up to what is needed, less some log-odds."""
+        return np.asarray(log_expit(self._odds(known) - flaw) > needed[known.rows])
 
     def _odds(self, known: _Known) -> FloatArray:
         terms = success_terms(

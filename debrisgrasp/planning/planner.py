@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from .choice import choose, is_half_turn_symmetric, turns
 from .config import PlannerConfig
 from .ledger import Ledger, Rejections
 from .load import LoadModel, Loads
-from .mass import ObjectMass
+from .mass import ObjectMass, likely_objects
 from .plan import Grasp
+from .postures import joint_columns
 from .reach import Arm, Distance
 from .scene import GraspScene
 from .search import GraspSearch, Modes, Watch
@@ -76,6 +78,9 @@ class GraspPlanner:
             ]
         )
         self._config = config
+        self._likely: WeakKeyDictionary[GraspScene, tuple[ObjectMass, ...]] = (
+            WeakKeyDictionary()
+        )
 
     def plan(
         self,
@@ -129,17 +134,20 @@ class GraspPlanner:
         similarity = self._search.similarity(situation.scene)
         return self._advisor(situation, similarity, rng=rng)
 
-    def _weighed(self, scene: GraspScene, mass: float | None) -> ObjectMass:
-        """Estimate what the object weighs, and where its middle is."""
-        config, cloud = self._config, scene.cloud
-        return ObjectMass.from_surface(
-            cloud.points[scene.is_target],
-            cloud.normals[scene.is_target],
-            cloud.viewpoint,
-            config.load,
-            spacing=config.scene.spacing,
-            mass=mass,
-        )
+    def _weighed(self, scene: GraspScene, mass: float | None) -> tuple[ObjectMass, ...]:
+        """Estimate what the object may weigh, and where its middle may be."""
+        config, kept = self._config, self._likely.get(scene)
+        if kept is None or mass is not None:
+            kept = likely_objects(
+                scene.surface,
+                scene.cloud.viewpoint,
+                config.load,
+                spacing=config.scene.spacing,
+                mass=mass,
+            )
+            if mass is None:
+                self._likely[scene] = kept
+        return kept
 
     def retreats(
         self,
@@ -245,12 +253,14 @@ class GraspPlanner:
         # The arms are asked for as many as are wanted, and some that may fail.
         step = self._config.n_best + _SPARE
         for some in np.split(rows, range(step, len(rows), step)):
-            for arm, arm_rng in zip(arms, rngs, strict=True):
-                carried = self._search.tools.gripper_of[found.prototype[some]]
+            carried = self._search.tools.gripper_of[found.prototype[some]]
+            for arm, own, arm_rng in zip(arms, joint_columns(arms), rngs, strict=True):
                 mine = some[carried == arm.gripper]
                 if len(mine):
+                    modes = found[mine]
+                    modes = replace(modes, joints=modes.joints[:, own])
                     grasps += self._taken(
-                        found[mine], loads[mine], arm, distance, arm_rng, ledger
+                        modes, loads[mine], arm, distance, arm_rng, ledger
                     )
             chosen = self._chosen(grasps)
             if len(chosen) == self._config.n_best:
@@ -294,7 +304,8 @@ class GraspPlanner:
         found, loads = self._carried(found, loads, arm, ledger)
         if not len(found.Ts):
             return []
-        answer = arm.reach(SE3(found.Ts), distance, rng=rng)
+        known = found.joints if found.joints.shape[1] else None
+        answer = arm.reach(SE3(found.Ts), distance, q_known=known, rng=rng)
         reasons = np.array(answer.reasons, dtype=object)
         for reason in dict.fromkeys(r for r in answer.reasons if r):
             ledger.add(

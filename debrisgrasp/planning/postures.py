@@ -16,7 +16,7 @@ from .annealing import Walkers
 from .quality import NOTHING
 from .reach import Arm
 
-__all__ = ["Postures", "Settled"]
+__all__ = ["Postures", "Settled", "joint_columns"]
 
 _WORTH_ASKING = float(np.log(0.02))
 """Log of the share of the best quality below which a state isn't worth solving."""
@@ -64,11 +64,10 @@ class Postures:
     def __init__(
         self, arms: Sequence[Arm], gripper_of: NDArray[np.str_], rng: Rng
     ) -> None:
-        ends = np.cumsum([0, *(len(arm.joint_names) for arm in arms)]).tolist()
-        self._columns = [slice(first, end) for first, end in pairwise(ends)]
+        self._columns = joint_columns(arms)
         self._arms, self._gripper_of, self._rng = arms, gripper_of, rng
         self._missed: list[tuple[FloatArray, IntArray, FloatArray]] = []
-        self._n_joints = int(ends[-1])
+        self._n_joints = sum(len(arm.joint_names) for arm in arms)
 
     def unknown(self, walkers: Walkers) -> Settled:
         """Take walkers as they are, with no joints known."""
@@ -139,6 +138,12 @@ class Postures:
         nothing = (np.zeros((0, 4, 4)), np.zeros(0, dtype=np.intp), np.zeros(0))
         Ts, prototype, value = zip(nothing, *self._missed, strict=True)
         return np.concatenate(Ts), np.concatenate(prototype), np.concatenate(value)
+
+
+def joint_columns(arms: Sequence[Arm]) -> list[slice]:
+    """Where the joints of each arm are if those of all stand side by side."""
+    ends = np.cumsum([0, *(len(arm.joint_names) for arm in arms)]).tolist()
+    return [slice(first, end) for first, end in pairwise(ends)]
 
 
 def _is_close(a: FloatArray, b: FloatArray) -> BoolArray:

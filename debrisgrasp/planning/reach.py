@@ -82,6 +82,17 @@ class Arm(Protocol):
         """
         ...
 
-    def reach(self, T_base_hand: SE3, distance: Distance, *, rng: Rng) -> ReachAnswer:
-        """Find a posture for each of k palm poses."""
+    def reach(
+        self,
+        T_base_hand: SE3,
+        distance: Distance,
+        *,
+        q_known: FloatArray | None = None,
+        rng: Rng,
+    ) -> ReachAnswer:
+        """Find a posture for each of k palm poses.
+
+        ``q_known`` are postures that take them, collision aside, NaN where there is
+        none, (k, d).
+        """
         ...

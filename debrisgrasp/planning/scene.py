@@ -24,6 +24,8 @@ from debrisgrasp.geometry import (
     voxel_downsample,
 )
 
+from .mass import SeenSurface
+
 __all__ = ["NEAREST_MASK", "UNKNOWN_FLAG", "GraspScene", "SceneConfig"]
 
 UNKNOWN_FLAG = np.int32(1 << 30)
@@ -93,6 +95,8 @@ class GraspScene:
     start."""
     tangents: FloatArray
     """Unit direction in which the object runs at each of ``target``, shape (t, 3)."""
+    surface: SeenSurface
+    """All that was seen of the object, in V and outside, and of its likely parts."""
 
     @classmethod
     def build(
@@ -104,6 +108,7 @@ class GraspScene:
         config: SceneConfig,
         *,
         ground_plane: FloatArray | None = None,
+        belongs: FloatArray | None = None,
     ) -> GraspScene:
         """Prepare a scene.
 
@@ -120,19 +125,21 @@ class GraspScene:
         ground_plane
             (a, b, c, d) with a x + b y + c z + d the height over the ground [m], if
             there is evidence of one: what lies below is solid.
+        belongs
+            Probability that each point is part of what the object is part of, shape
+            (n,); None: what is sought in V is all there is of it.
 
         Raises
         ------
         ShapeError
-            If ``is_object`` is not one value for each point.
+            If ``is_object`` or ``belongs`` are not one value for each point.
         CaptureError
             If no point of the object lies in V.
         """
         cloud.require_frame("base")
-        if is_object.shape != (len(cloud),):
-            raise ShapeError(
-                "object mask", got=is_object.shape, expected=f"({len(cloud)},)"
-            )
+        for name, values in (("object mask", is_object), ("belongs", belongs)):
+            if values is not None and values.shape != (len(cloud),):
+                raise ShapeError(name, got=values.shape, expected=f"({len(cloud)},)")
         around = _above(ground_plane, region.grown(config.hand_reach), config)
         near = np.flatnonzero(around.contains(cloud.points))
         wanted = is_object[near] & region.contains(cloud.points[near])
@@ -161,6 +168,13 @@ class GraspScene:
             spacing=config.spacing,
             truncation=config.truncation,
         )
+        surface = SeenSurface(
+            thinned.points[is_target],
+            thinned.normals[is_target],
+            np.ones(int(is_target.sum())),
+        )
+        if belongs is not None:
+            surface = _seen_surface(cloud, belongs, config.spacing)
         table = np.zeros((len(thinned) + 1, 8), dtype=np.float32)
         table[:, :6] = field.table
         table[:-1, 6] = is_target
@@ -190,6 +204,7 @@ class GraspScene:
             table=table,
             target=usable,
             tangents=tangents,
+            surface=surface,
         )
 
     @property
@@ -197,6 +212,24 @@ class GraspScene:
         """Mean of the object's visible points, one per cell [m], shape (3,)."""
         mean: FloatArray = self.cloud.points[self.is_target].mean(axis=0)
         return mean
+
+
+def _seen_surface(
+    cloud: PointCloud, belongs: FloatArray, spacing: float
+) -> SeenSurface:
+    """Thin what belongs to an object, and what may, each for itself."""
+    parts = [
+        np.flatnonzero(belongs == 1.0),
+        np.flatnonzero((belongs > 0) & (belongs < 1)),
+    ]
+    kept = np.concatenate(
+        [
+            part[voxel_downsample(cloud.points[part], spacing)]
+            for part in parts
+            if len(part)
+        ]
+    )
+    return SeenSurface(cloud.points[kept], cloud.normals[kept], belongs[kept])
 
 
 def _above(plane: FloatArray | None, box: Bounds, config: SceneConfig) -> Bounds:

@@ -271,7 +271,7 @@ class GraspSearch:
         )
         found = found[best]
         modes, ok = merit.judged(found.Ts, found.prototype, ledger)
-        modes = modes[ok]
+        modes = replace(modes, joints=found.joints)[ok]
         modes = modes[np.argsort(-modes.score, kind="stable")]
         support = count_near(
             modes.Ts,

@@ -42,6 +42,8 @@ _LONGEST_STEP = 0.03
 """Of one alignment [m]; farther on, other points are nearest."""
 _STIFFNESS = 0.05
 """Share of the weight of all points that holds a pose back where nothing guides it."""
+_RIGHT_AT = 1.1
+"""On a surface that was seen whole, a point is mostly nearer than this [cells]."""
 _ARM = 0.05
 """Lever over which a turn is weighed against a shift [m]."""
 
@@ -153,10 +155,13 @@ class ShapeSimilarity:
         """Share of the surface facing the palm that was seen and matches, shape (k,).
 
         That surface joins the two sides which the fingers touch. Where it was not seen,
-        nothing tells how thick the object is.
+        nothing tells how thick the object is. A face that the camera looks along shows
+        a few rows of points, between which a finger finds a way into the object: only
+        what lies right at a point was seen.
         """
         look, row = self._look(Ts_base_hand.astype(np.float32), prototype)
         match = self._kernel(look, self._config.sigma)
+        match *= look.beside < np.float32(_RIGHT_AT * self._scene.field.spacing)
         faces_palm = self._surfaces.surface[row, 5] < np.float32(-0.7)
         faces_palm &= self._surfaces.is_used[row]
         confirmed = (faces_palm & (match > np.float32(0.3))).sum(axis=1)

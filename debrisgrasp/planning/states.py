@@ -79,6 +79,8 @@ class Modes:
     """What the list is sorted by."""
     support: IntArray
     """How many walkers ended at each."""
+    joints: FloatArray
+    """See `Postures`; no column where the arms were not asked."""
     effective_samples: float = 0.0
     """Walkers weighted by what they found; few of many is one lucky find."""
 
@@ -100,6 +102,7 @@ class Modes:
             sight=empty,
             score=empty,
             support=index,
+            joints=np.zeros((0, 0)),
         )
 
     def __getitem__(self, keep: BoolArray | IntArray) -> Modes:

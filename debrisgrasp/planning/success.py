@@ -98,14 +98,23 @@ def success_terms(
         np.log(np.maximum(expected, _LEAST)),
         np.log(np.maximum(contact, _LEAST)),
         -np.log1p(demand),
-        -np.clip(lever - _SHORT_LEVER, 0.0, _LONG_LEVER - _SHORT_LEVER),
-        np.clip(margin, 0.0, _ENOUGH_MARGIN),
-        np.clip(slack, 0.0, _ENOUGH_SLACK),
-        np.clip(sight, 0.0, 1.0) - 1.0,
-        -np.clip(unseen - _LITTLE_UNSEEN, 0.0, 1.0 - _LITTLE_UNSEEN),
-        -np.clip(missing, 0.0, _LARGEST_PART),
+        _SHORT_LEVER - _within(lever, _SHORT_LEVER, _LONG_LEVER),
+        _within(margin, 0.0, _ENOUGH_MARGIN),
+        _within(slack, 0.0, _ENOUGH_SLACK),
+        _within(sight, 0.0, 1.0) - 1.0,
+        _LITTLE_UNSEEN - _within(unseen, _LITTLE_UNSEEN, 1.0),
+        -_within(missing, 0.0, _LARGEST_PART),
     )
-    return np.stack(np.broadcast_arrays(*columns), axis=-1)
+    terms = np.empty((*np.broadcast_shapes(*map(np.shape, columns)), len(columns)))
+    for index, column in enumerate(columns):
+        terms[..., index] = column
+    return terms
+
+
+def _within(values: FloatArray, low: float, high: float) -> FloatArray:
+    """Bring values within bounds; a search asks too often for `numpy.clip`."""
+    found: FloatArray = np.minimum(np.maximum(values, low), high)
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

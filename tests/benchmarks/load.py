@@ -76,7 +76,7 @@ def main() -> None:
                 (pipeline.grippers[g.gripper], g.preshape, g.width) for g in grasps
             ]
             Ts = np.stack([g.T_base_hand.matrix for g in grasps])
-            model = LoadModel(truth, CONFIG)
+            model = LoadModel((truth,), CONFIG)
             true = model(Ts, np.arange(len(Ts)), GripLevers.of(hands, CONFIG))
             by_lever = [
                 g.expected / (1 + (g.load.lever / LEVER) ** 2) for g in grasps if g.load

@@ -75,7 +75,7 @@ def tasks(pipeline: debrisgrasp.Pipeline) -> list[Task]:
     for capture in captures():
         seen = pipeline.perceive(capture)
         label = pipeline.plan(seen).plan.object_label
-        target = choose_targets(
+        targets = choose_targets(
             seen.cloud,
             seen.segmentation,
             seen.order(pipeline.policy),
@@ -83,8 +83,9 @@ def tasks(pipeline: debrisgrasp.Pipeline) -> list[Task]:
             object_label=label or None,
             is_marked=None,
             margin=pipeline.config.region_margin,
-        )[0]
-        found.append(Task(capture.name, seen, seen.scene(target)))
+        )
+        scene = seen.scene(next(iter(targets)))
+        found.append(Task(capture.name, seen, scene))
     return found
 
 
@@ -179,7 +180,7 @@ def scaling_figures(
         rough = replace(DEFAULT, scene=scene_config)
         seen = debrisgrasp.Pipeline(config=PipelineConfig(planner=rough))
         again = seen.perceive(task.seen.capture)
-        target = choose_targets(
+        targets = choose_targets(
             again.cloud,
             again.segmentation,
             again.order(pipeline.policy),
@@ -187,8 +188,8 @@ def scaling_figures(
             object_label=None,
             is_marked=None,
             margin=0.0,
-        )[0]
-        scene = again.scene(target)
+        )
+        scene = again.scene(next(iter(targets)))
         sizes.append(len(scene.cloud))
         by_points.append(
             seconds(planner_of(pipeline, rough), Task("", again, scene)),

@@ -22,7 +22,7 @@ PIPE = lying_pipe()
 BLOCK = Box(np.array([0.2, 0.2, 0.15]), SE3.from_parts(p=[0.9, -0.25, 0.15]))
 """Wider than any hand, and nearer to the priority point than the pipe beside it."""
 PIPE_BESIDE = lying_pipe(length=0.4, position=(0.8, 0.35, 0.1))
-DICTIONARY = ("cylinder_060_tip", "cylinder_050_power", "bar_2x4_edge", "handle_025")
+DICTIONARY = ("cylinder_060_tip", "cylinder_090_power", "bar_2x4_edge", "handle_025")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,13 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Intrinsics, so3, voxel_downsample
 from debrisgrasp.io import Capture
 from debrisgrasp.planning.load import GripLevers, LoadModel
-from debrisgrasp.planning.mass import Build, LoadConfig, ObjectMass
+from debrisgrasp.planning.mass import (
+    Build,
+    LoadConfig,
+    ObjectMass,
+    SeenSurface,
+    likely_objects,
+)
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.worlds import World, draw_body, look_at, render
 from tests.strategies import poses
@@ -61,7 +67,8 @@ def ball(mass=(2.0, 8.0), com=(0.9, 0.0, 0.2), spread=0.02) -> ObjectMass:
 
 def loads_of(what, T, levers, hand=0):
     Ts = np.atleast_3d(T.matrix).reshape(-1, 4, 4)
-    return LoadModel(what, CONFIG)(Ts, np.full(len(Ts), hand), levers)
+    objects = what if isinstance(what, tuple) else (what,)
+    return LoadModel(objects, CONFIG)(Ts, np.full(len(Ts), hand), levers)
 
 
 def test_true_masses_and_centres_lie_within_the_bounds(rng):
@@ -126,7 +133,7 @@ def test_a_known_mass_replaces_the_bounds():
 def test_the_expected_mass_is_drawn_to_what_most_pieces_weigh(rng):
     for kind in ("crate", "pallet", "brick"):
         _, points, normals = seen(kind, rng)
-        expected = []
+        expected, bounds = [], []
         for typical in ((0.5, 8.0), (1e-6, 1e6), (7.0, 7.1)):
             config = LoadConfig(typical=typical)
             what = ObjectMass.from_surface(
@@ -134,8 +141,9 @@ def test_the_expected_mass_is_drawn_to_what_most_pieces_weigh(rng):
             )
             assert what.mass[0] <= what.expected_mass <= what.mass[1]
             expected.append(what.expected_mass)
+            bounds.append(what.mass)
         usual, free, sure = np.log(expected)
-        middle = np.log(what.mass).mean()
+        middle = np.log(bounds[1]).mean()
         assert free == pytest.approx(middle, abs=0.2)
         assert abs(usual - np.log(2.0)) <= abs(middle - np.log(2.0)) + 1e-9
         assert sure == pytest.approx(np.log(np.clip(7.05, *what.mass)), abs=0.05)
@@ -225,6 +233,99 @@ def test_bounds_are_in_order(levers, T, hand):
         assert (np.diff(getattr(loads, name)) >= -1e-9).all()
     found = loads.forecast(0)
     assert found.margins[0] <= found.margin <= found.margins[1]
+
+
+def plank(low: float, high: float) -> np.ndarray:
+    """Points of a board along x, 1 cm apart [m]."""
+    x, y = np.meshgrid(np.arange(low, high, 0.01), np.arange(0.0, 0.1, 0.01))
+    return np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.1)], axis=1)
+
+
+def surface_of(*parts: tuple[np.ndarray, float]) -> SeenSurface:
+    points = np.concatenate([own for own, _ in parts])
+    belongs = np.concatenate([np.full(len(own), share) for own, share in parts])
+    return SeenSurface(points, np.tile([0.0, 0.0, 1.0], (len(points), 1)), belongs)
+
+
+def likely(*parts: tuple[np.ndarray, float], mass: float | None = None):
+    return likely_objects(
+        surface_of(*parts), np.array([0.0, 0.0, 1.0]), CONFIG, spacing=0.01, mass=mass
+    )
+
+
+def test_an_object_may_be_more_than_its_segment():
+    """Likelier parts join first, and what hardly belongs to it is left out."""
+    own, near, far, strange = (plank(a, a + 0.2) for a in (0.0, 0.2, 0.4, 0.6))
+    objects = likely((own, 1.0), (far, 0.25), (near, 0.75), (strange, 0.05))
+    assert [each.probability for each in objects] == pytest.approx([0.25, 0.5, 0.25])
+    assert [each.com[0] for each in objects] == pytest.approx([0.1, 0.2, 0.3], abs=0.01)
+    masses = np.array([each.mass for each in objects])
+    assert (np.diff(masses, axis=0) > 0).all()
+
+
+def test_what_is_certain_is_one_object():
+    (alone,) = likely((plank(0.0, 0.3), 1.0))
+    whole = likely((plank(0.0, 0.2), 1.0), (plank(0.2, 0.3), 1.0))
+    assert len(whole) == 1
+    assert whole[0].probability == 1.0
+    assert whole[0].mass == pytest.approx(alone.mass)
+    with pytest.raises(InputError, match="certain"):
+        likely((plank(0.0, 0.3), 0.9))
+
+
+def test_a_known_mass_is_that_of_the_whole_object_whatever_it_is():
+    objects = likely((plank(0.0, 0.2), 1.0), (plank(0.2, 0.4), 0.5), mass=3.0)
+    assert [each.mass for each in objects] == [(3.0, 3.0)] * 2
+
+
+def test_loads_are_the_mean_over_what_the_object_may_be(levers):
+    here, there = ball((2.0, 2.0), spread=0.0), ball((6.0, 6.0), (0.9, 0.4, 0.2), 0.0)
+    both = (replace(here, probability=0.75), replace(there, probability=0.25))
+    T = SE3.from_parts(TOP_DOWN, [0.9, 0.0, 0.35])
+    near, far, mean = (loads_of(what, T, levers) for what in ((here,), (there,), both))
+    for name in ("torque", "grip", "weight", "mass"):
+        alone, other, found = (
+            np.atleast_2d(getattr(loads, name))[0] for loads in (near, far, mean)
+        )
+        assert found[0] == pytest.approx(min(alone[0], other[0]))
+        assert found[1] == pytest.approx(0.75 * alone[1] + 0.25 * other[1])
+        assert found[2] == pytest.approx(max(alone[2], other[2]))
+    assert mean.lever[0] == pytest.approx(0.25 * 0.4)
+    assert mean.lever_error == pytest.approx(0.4 * np.sqrt(0.75 * 0.25))
+    assert mean.wrench == pytest.approx(0.75 * near.wrench + 0.25 * far.wrench)
+
+
+@given(poses, st.sampled_from([0, 1]))
+@few
+def test_a_search_expects_the_same_loads_as_the_forecast(levers, T, hand):
+    objects = (
+        replace(ball(spread=0.05), probability=0.4),
+        replace(ball((3.0, 9.0), (0.6, 0.4, 0.1), 0.1), probability=0.6),
+    )
+    Ts, which = T.matrix[None], np.array([hand])
+    model = LoadModel(objects, CONFIG)
+    wrists = np.array([[150.0, 40.0], [100.0, 20.0]])
+    loads = model(Ts, which, levers)
+    limited = loads.limited(loads.weight, wrists[hand, 0], "wrist force")
+    limited = limited.limited(loads.torque, wrists[hand, 1], "wrist torque")
+    quick = model.expected_demand(Ts, which, levers, wrists)
+    assert quick == pytest.approx(limited.demand[:, 1])
+    assert model.distance(Ts, which, levers) == pytest.approx(loads.lever)
+
+
+def test_an_uncertain_middle_of_mass_loads_like_its_standard_deviation(levers):
+    T = SE3.from_parts(TOP_DOWN, [0.9, 0.0, 0.35])
+    sure = ball(com=(0.9, 0.0, 0.2), spread=0.0)
+    for axis in (0, 1):
+        spread = np.zeros((3, 3))
+        spread[axis, 0] = 0.2
+        unsure = replace(sure, spread=spread)
+        off = np.zeros(3)
+        off[axis] = 0.1
+        moved = replace(sure, com=sure.com + off)
+        found, same = (loads_of(what, T, levers) for what in (unsure, moved))
+        assert found.grip[0, 1] == pytest.approx(same.grip[0, 1])
+        assert found.lever == pytest.approx(same.lever)
 
 
 def test_bad_masses_and_settings_are_refused():

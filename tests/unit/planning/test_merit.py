@@ -49,7 +49,7 @@ def merit_of(tools: Tools, mass: float | None = None) -> Merit:
         spacing=0.01,
         mass=mass,
     )
-    burden = Burden.on((), LoadModel(what, config.load), tools)
+    burden = Burden.on((), LoadModel((what,), config.load), tools)
     looks = Looks.into(scene, tools)
     return Merit(scene, tools, burden, looks, lambda Ts, _: np.ones(len(Ts), bool))
 
@@ -136,7 +136,7 @@ def test_load_of_the_search_is_that_of_the_forecast(rng):
         LoadConfig(),
         spacing=0.01,
     )
-    model = LoadModel(what, LoadConfig())
+    model = LoadModel((what,), LoadConfig())
     Ts = SE3.exp(rng.normal(0.0, 1.0, (200, 6))).matrix
     which = rng.integers(len(levers.middle), size=200)
     loads = model(Ts, which, levers)

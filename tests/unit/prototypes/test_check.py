@@ -44,13 +44,13 @@ def test_shipped_prototypes_have_no_findings(name: str) -> None:
 
 def test_a_shape_in_the_palm_is_found() -> None:
     assert "reaches 20 mm into the shape" in problems(
-        moved("cylinder_050_power", 0, 0, 0.025 - 0.02 - 0.042)
+        moved("cylinder_090_power", 0, 0, 0.045 - 0.02 - 0.07)
     )
 
 
 def test_a_hand_wholly_inside_the_shape_is_found() -> None:
     block = BoxShape(width=0.3, length=0.6, height=0.3)
-    inside = changed("cylinder_050_power", shape=block, T_hand_shape=SE3.identity())
+    inside = changed("cylinder_090_power", shape=block, T_hand_shape=SE3.identity())
     assert "into the shape" in problems(inside)
 
 

@@ -217,7 +217,7 @@ def test_a_copy_is_a_duplicate_and_another_size_is_not():
 def test_half_turns_of_points_are_those_of_the_shape():
     for name in ("bar_2x4_flat_tip", "block_web_035"):
         assert half_turns(as_prototype(name)) == half_turns(LIBRARY[name])
-    assert half_turns(LIBRARY["rim_pipe"]) == ()
+    assert half_turns(LIBRARY["rim_bucket"]) == ()
 
 
 def test_distance_between_surfaces_is_even_and_grows_with_the_shift(rng):
