@@ -40,6 +40,10 @@ FINGER_TICKS = 10
 """Periods between two looks at the fingers while the arm moves."""
 
 
+_APART = 0.15
+"""Postures of a way that are nearer to each other count as one [rad or m]."""
+
+
 class Recorder(Protocol):
     """Takes down what happens."""
 
@@ -71,6 +75,8 @@ class LimbState:
     """Joints when they were read last in a motion."""
     sent: tuple[float, FloatArray] | None = None
     """When joints were commanded last, by the robot's clock [s], and to where (d,)."""
+    trail: list[FloatArray] = field(default_factory=list)
+    """Postures on its way since it was at rest, each (d,); see `went`."""
     is_own_joint: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Which of its joints no other arm moves, shape (d,)."""
 
@@ -78,6 +84,12 @@ class LimbState:
         """Pose of the palm in base."""
         R, p = self.kinematics.pose(q.tolist())
         return SE3.from_parts(np.array(R).reshape(3, 3), np.array(p))
+
+    def went(self, rows: FloatArray) -> None:
+        """Take note of postures (n, d) on the way, but not of those near to others."""
+        for q in rows:
+            if all(np.abs(q - known).max() > _APART for known in self.trail):
+                self.trail.append(np.array(q))
 
     @cached_property
     def planner(self) -> MotionPlanner:

@@ -60,6 +60,8 @@ _OUTSIDE = 1e-3
 """So far outside its limits a joint may read [rad or m]."""
 _BRAKING = 0.1
 """[s]."""
+_STRIDE = 25
+"""Every so many ticks a posture of the way is remembered."""
 _RUN_OUT = 1.5
 """A leg that is done has come to rest within so long [s]."""
 _BLEND = 1.0
@@ -168,12 +170,14 @@ class Drive(Senses):
         fade = 1.0 - share * share * (3.0 - 2.0 * share)
         path = path + fade[:, None] * (np.array(state.q) - trajectory.q[0])
         rows = path.tolist()
-        for q in rows:
+        for i, q in enumerate(rows):
             self._send(q)
             fault, state, _ = self.ticked(supervisor, state, q, is_moving=True)
             if fault is not None:
                 self._halt()
+                self.limb.went(path[: i + 1 : _STRIDE])
                 return fault
+        self.limb.went(np.concatenate([path[::_STRIDE], path[-1:]]))
         return self._settle(supervisor, state, rows[-1] if rows else list(begun.q))
 
     def _settle(
@@ -228,6 +232,7 @@ class Drive(Senses):
             return found
         controller, state = found
         clock = self.clock
+        self.limb.went(np.array([state.servo.q]))
         while True:
             clock.wait_until(clock.now() + self.period)
             reading = self.read()

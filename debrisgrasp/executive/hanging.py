@@ -1,8 +1,9 @@
-"""A second look at what was lifted: its true size, and the pile without it.
+"""Looks at one object on its way: lifted, its true size; put down, how it lies.
 
 Before the lift an object is known by what stood out of the pile. Hanging in the hand it
 is seen as a whole, and so is what it covered. Whatever moved since the last look, and
-hangs together with what is held, belongs to it.
+hangs together with what is held, belongs to it. Put down it may lie otherwise than it
+was held, and the way back leads around it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from .moves import are_near
 from .perceive import image, look_of
 from .result import FaultFound
 
-__all__ = ["looked_at"]
+__all__ = ["looked_after", "looked_at"]
 
 _TRIED = 31
 """Values of each joint of the head."""
@@ -49,6 +50,9 @@ _SKIN = 0.015
 """What is so near to an object is taken for the object itself [m]."""
 _FEW = 20
 """Fewer points than this are noise."""
+_PLACE, _BESIDE = 0.3, 0.8
+"""Around where something was put down the ground must be seen so far, and what lies
+there is looked for [m]."""
 _LOW = 0.03
 """What is no higher lies on the ground [m]."""
 
@@ -72,9 +76,10 @@ def looked_at(context: Context, held: Held) -> int:
     assert before.capture.T_base_camera is not None
     T_base_before = before.capture.T_base_camera
     look = _look_towards(context, known.mean(axis=0), T_base_before)
-    taken = image(context, "hanging", look)
+    taken = image(context, f"hanging_{context.cycle.number:03d}", look)
     if isinstance(taken, FaultFound):
         return 0
+    context.record.keep(taken, taken.name)
     is_own = before.segmentation.labels == label
     old = before.cloud.points
 
@@ -84,7 +89,7 @@ def looked_at(context: Context, held: Held) -> int:
     is_new = ~(np.abs(gap) <= _MOVED) | is_near  # without depth before: new
     grasp, is_robot = motion.grasp, np.zeros(len(points), dtype=bool)
     is_robot[is_new] = _is_robot(
-        context, held, grasp.preshape, grasp.width, points[is_new]
+        context, held.arm, grasp.preshape, grasp.width, points[is_new]
     )
     points, gap, is_new = points[~is_robot], gap[~is_robot], is_new[~is_robot]
     of_held, is_noise = _divided(points, gap, is_new, known)
@@ -104,6 +109,58 @@ def looked_at(context: Context, held: Held) -> int:
     pile = pile[~(_clearance(sight, pile) > -_MOVED)]
     context.cycle.around = np.concatenate([pile, others])
     return len(seen)
+
+
+def looked_after(context: Context, arm: str, opening: float) -> int:
+    """See what lies where a hand put something down, and where nothing does.
+
+    Until then it was taken for a box where the hand let it go, larger than it and
+    perhaps elsewhere, or smaller than what was never seen of it.
+
+    Parameters
+    ----------
+    opening
+        Of the hand, which is empty now [m].
+
+    Returns
+    -------
+    int
+        Points seen there [count]; 0: the image is none to go by, or shows nothing.
+    """
+    motion = context.cycle.motion
+    if motion is None or not context.dropped:
+        return 0
+    place = context.dropped[-1].mean(axis=0)
+    taken = image(
+        context,
+        f"released_{context.cycle.number:03d}",
+        _look_towards(context, place),
+        is_wanted=lambda ground: _away(ground, place) < _PLACE,
+    )
+    if isinstance(taken, FaultFound):
+        return 0
+    context.record.keep(taken, taken.name)
+    points, sight = _cloud(taken)
+    is_near = (_away(points, place) < _BESIDE) & (points[:, 2] > _LOW)
+    points = points[is_near & ~context.is_in_way(points)]
+    preshape = motion.grasp.preshape
+    points = points[~_is_robot(context, arm, preshape, opening, points)]
+    part, cells = _parts(points)
+    points = points[cells[part] >= _FEW]
+    guessed = np.concatenate(context.dropped)
+    guessed = guessed[~(_clearance(sight, guessed) > _MOVED)]
+    # Nor does anything lie where the robot stands.
+    guessed = guessed[~_is_robot(context, arm, preshape, opening, guessed)]
+    lying = np.concatenate([guessed, points])
+    if len(lying):
+        lying = lying[voxel_downsample(lying, _CELL)]
+    context.dropped[:] = [lying]
+    return len(points)
+
+
+def _away(points: FloatArray, place: FloatArray) -> FloatArray:
+    """How far points (n, 3) are from a place across the ground [m], shape (n,)."""
+    return np.asarray(np.hypot(*(points - place)[:, :2].T))
 
 
 def _divided(
@@ -139,11 +196,16 @@ def _divided(
 
 
 def _look_towards(
-    context: Context, place: FloatArray, T_base_before: SE3
+    context: Context, place: FloatArray, T_base_before: SE3 | None = None
 ) -> Mapping[str, float]:
     """Joints of the head that show a place (3,), and else what was seen before.
 
     The arm may have turned what carries the head.
+
+    Parameters
+    ----------
+    T_base_before
+        Pose of the camera then; None: the place comes into the middle of the picture.
     """
     look = {**look_of(context)}
     if context.robot.head is None:
@@ -154,10 +216,12 @@ def _look_towards(
         T = context.model.T_base_camera({**values, **look, name: value})
         x, y, z = T.inverse().apply(place)
         away = float(np.arctan2(np.hypot(x, y), z))
+        if T_base_before is None:
+            return away
         turned = float(np.arccos(np.clip(T.R[:, 2] @ T_base_before.R[:, 2], -1, 1)))
         return max(away - _INSIDE, 0.0) + _SHY * turned
 
-    for name in context.robot.head.joint_names:
+    for name in 2 * context.robot.head.joint_names:
         joint, first = context.model.tree.joints[name], look.get(name, 0.0)
         tried = [first, *np.linspace(joint.lower, joint.upper, _TRIED)]
         if loss(name, first) > _SHOWN:
@@ -204,17 +268,17 @@ def _parts(points: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 def _is_robot(
-    context: Context, held: Held, preshape: str, opening: float, points: FloatArray
+    context: Context, arm: str, preshape: str, opening: float, points: FloatArray
 ) -> BoolArray:
-    """Which points (n, 3) are of the robot as it stands, its hand closed, (n,)."""
-    model, limb, tree = context.model, context.limbs[held.arm], context.model.tree
+    """Which points (n, 3) are of the robot as it stands, a hand open so far, (n,)."""
+    model, limb, tree = context.model, context.limbs[arm], context.model.tree
     links = model.links_solids(context.joint_values())
-    hands = {arm: tree.links_below(model.arm(arm).hand) for arm in context.limbs}
+    hands = {name: tree.links_below(model.arm(name).hand) for name in context.limbs}
     idle = frozenset[str]().union(*hands.values())
     T_base_hand = limb.pose(context.posture(limb))
-    closed = limb.hand.solids(preshape, opening)
-    rigid = [solid.moved(T_base_hand) for solid in closed]
+    solids = limb.hand.solids(preshape, opening)
+    rigid = [solid.moved(T_base_hand) for solid in solids]
     rigid += [solid for link, solid in links if link not in idle]
     # Fingers of an idle hand may stand otherwise than in the model.
-    loose = [s for link, s in links if link in idle and link not in hands[held.arm]]
+    loose = [s for link, s in links if link in idle and link not in hands[arm]]
     return are_near(points, rigid, _ROBOT) | are_near(points, loose, _FINGERS)

@@ -129,6 +129,7 @@ def planned(
     goal: SE3 | FloatArray,
     space: MotionSpace,
     planner: MotionPlanner | None = None,
+    known: FloatArray | None = None,
 ) -> MotionPlan | FaultFound:
     """Plan from where the arm stands.
 
@@ -136,12 +137,14 @@ def planned(
     ----------
     planner
         For an arm with something in its hand; None: for the arm alone.
+    known
+        Postures (k, d) of a way that it has gone.
     """
     planner = planner or limb.planner
     q = _inside(limb, context.posture(limb))
     if isinstance(q, str):
         return FaultFound("start_outside_limits", q, limb.name)
-    plan = planner.plan(q, goal, space, rng=context.rng)
+    plan = planner.plan(q, goal, space, rng=context.rng, known=known)
     if plan.is_solved:
         return plan
     return FaultFound("plan_collision", plan.reason, limb.name)
@@ -258,7 +261,9 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     q_rest = limb.reach.chain.vector(context.model.posture(arm, rest))
     q = context.posture(limb)
     if np.abs(q - q_rest).max() < 0.01:
+        limb.trail.clear()
         return None
+    limb.went(q[None])
     motion = context.cycle.motion
     if motion is not None and motion.arm == arm:
         reach = motion.reach.trajectory
@@ -266,7 +271,7 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
         is_there = np.abs(q - reach.q[-1]).max() < 0.01
         is_from_rest = np.abs(reach.q[0] - q_rest).max() < 0.01
         if is_there and is_from_rest:
-            return _followed(context, drive, reversed_motion(reach))
+            return _back(context, drive, reversed_motion(reach))
     found = _way_to(context, limb, q_rest)
     for _ in range(_RISES):
         if not isinstance(found, FaultFound) or found.fault != "plan_collision":
@@ -280,34 +285,40 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     if isinstance(found, FaultFound):
         return found
     assert found.trajectory is not None
-    return _followed(context, drive, found.trajectory)
+    return _back(context, drive, found.trajectory)
 
 
-def _followed(
-    context: Context, drive: Drive, trajectory: Trajectory
-) -> FaultFound | None:
-    """Follow a motion with an empty hand, slowly near all that it may touch."""
+def _back(context: Context, drive: Drive, trajectory: Trajectory) -> FaultFound | None:
+    """Follow a motion to rest, slowly near all that the empty hand may touch."""
     preshape = next(iter(drive.limb.hand.preshapes))
     widest = drive.limb.hand.preshape(preshape).widths[1]
     corners = hand_corners(drive.limb, preshape, widest)
-    return drive.follow(
+    fault = drive.follow(
         trajectory, pace=careful(context, drive.limb, corners, trajectory, 1.0)
     )
+    if fault is None:
+        drive.limb.trail.clear()
+    return fault
 
 
 def _way_to(
     context: Context, limb: LimbState, goal: FloatArray
 ) -> MotionPlan | FaultFound:
-    """Plan to a posture; through what was not seen if there is no other way."""
-    space = space_of(context, unknown=UnknownSpace.HIDDEN)
-    found = planned(context, limb, goal, space)
-    if isinstance(found, FaultFound):
-        space = space_of(context, unknown=UnknownSpace.IGNORED)
-        found = planned(context, limb, goal, space)
-    if isinstance(found, FaultFound):
-        stands = limb.planner, context.posture(limb)
-        space = space_of(context, unknown=UnknownSpace.IGNORED, stands=stands)
-        found = planned(context, limb, goal, space)
+    """Plan to a posture; through what was not seen if there is no other way.
+
+    The way that the arm came leads back, if nothing shorter does.
+    """
+    known = np.array(limb.trail) if limb.trail else None
+    stands = limb.planner, context.posture(limb)
+    for unknown, leaves in (
+        (UnknownSpace.HIDDEN, None),
+        (UnknownSpace.IGNORED, None),
+        (UnknownSpace.IGNORED, stands),
+    ):
+        space = space_of(context, unknown=unknown, stands=leaves)
+        found = planned(context, limb, goal, space, known=known)
+        if not isinstance(found, FaultFound):
+            break
     return found
 
 

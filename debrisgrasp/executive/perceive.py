@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray
+from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.errors import DebrisGraspError, DriverError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.io import Capture
@@ -40,7 +40,11 @@ def capture(context: Context) -> StepResult:
 
 
 def image(
-    context: Context, name: str, look: Mapping[str, float] | None = None
+    context: Context,
+    name: str,
+    look: Mapping[str, float] | None = None,
+    *,
+    is_wanted: Callable[[FloatArray], BoolArray] | None = None,
 ) -> Capture | FaultFound:
     """Look at the workspace: an image that can be believed, or why it can't.
 
@@ -48,6 +52,9 @@ def image(
     ----------
     look
         Joints of the head; None: as for every capture.
+    is_wanted
+        Which points (n, 3) of the ground the image must show, base frame; None: those
+        of the workspace.
     """
     turned = turn_head(context, look_of(context) if look is None else look)
     if turned is not None:
@@ -55,7 +62,8 @@ def image(
     wanted = context.now()
     frame = context.robot.camera.capture()
     T_base_camera = context.model.T_base_camera(context.joint_values())
-    wrong = _wrong_image(context, frame, wanted, T_base_camera)
+    is_wanted = is_wanted or context.is_in_way
+    wrong = _wrong_image(context, frame, wanted, T_base_camera, is_wanted)
     if wrong is not None:
         return wrong
     try:
@@ -94,7 +102,11 @@ def turn_head(context: Context, look: Mapping[str, float]) -> FaultFound | None:
 
 
 def _wrong_image(
-    context: Context, frame: DepthFrame, wanted: float, T_base_camera: SE3
+    context: Context,
+    frame: DepthFrame,
+    wanted: float,
+    T_base_camera: SE3,
+    is_wanted: Callable[[FloatArray], BoolArray],
 ) -> FaultFound | None:
     """Say why an image can't be believed."""
     known = ("camera", context.model.camera)
@@ -111,7 +123,7 @@ def _wrong_image(
         words = f"{depth.shape} pixels, expected {(camera.height, camera.width)}"
         return FaultFound("stale_cloud", words)
     is_measured = np.isfinite(depth) & (depth > 0.0)
-    inside = _on_workspace(context, frame, T_base_camera)
+    inside = _on_ground(frame, T_base_camera, is_wanted)
     share = float(is_measured[inside].mean()) if inside.any() else 0.0
     values = {"measured_share": share}
     if share < _LEAST_SEEN:
@@ -124,8 +136,10 @@ def _wrong_image(
     return None
 
 
-def _on_workspace(context: Context, frame: DepthFrame, T_base_camera: SE3) -> BoolArray:
-    """Pixels that look at the ground of the workspace, shape (h, w)."""
+def _on_ground(
+    frame: DepthFrame, T_base_camera: SE3, is_wanted: Callable[[FloatArray], BoolArray]
+) -> BoolArray:
+    """Pixels that look at the ground that is wanted, shape (h, w)."""
     camera = frame.intrinsics
     rays = camera.deproject(np.ones((camera.height, camera.width)))
     rays = T_base_camera.rotate(rays.reshape(-1, 3))
@@ -137,7 +151,7 @@ def _on_workspace(context: Context, frame: DepthFrame, T_base_camera: SE3) -> Bo
         )
     inside = np.isfinite(reach)
     on_ground = np.column_stack([ground[inside], np.zeros(np.count_nonzero(inside))])
-    inside[inside] = context.is_in_way(on_ground)
+    inside[inside] = is_wanted(on_ground)
     found: BoolArray = inside.reshape(camera.height, camera.width)
     return found
 

@@ -45,8 +45,9 @@ def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
         fault = _moved_inside(context, event)
         if fault is not None:
             return fault
-    if answer.resume is State.LIFT and context.held is not None:
-        fault = relieve(context, context.held.arm)
+    busy = context.is_in_pile if context.held is None else context.held.arm
+    if answer.resume in (State.LIFT, State.RETREAT) and busy is not None:
+        fault = relieve(context, busy)
         if fault is not None:
             return fault
     if answer.action is Action.HOLD:

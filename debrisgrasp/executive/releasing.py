@@ -11,6 +11,7 @@ from debrisgrasp.control import LegOutcome, TarePolicy
 from .context import Context
 from .drag import drive_back
 from .drive import Drive
+from .hanging import looked_after
 from .moves import back_out, let_go, lying, put_down, to_rest
 from .relief import relieve
 from .result import Done, FaultFound, StepResult
@@ -39,7 +40,8 @@ def release(context: Context) -> StepResult:
     if fault is not None:
         return fault
     T = limb.pose(context.posture(limb))
-    if len(points):
+    # Let go a second time it lies, or nearly, where it was let go first.
+    if len(points) and context.released is not held:
         T_now = T if context.dragged is None else context.dragged @ T
         context.dropped.append(lying(T_now, points))
     context.cycle.is_removed = False
@@ -114,9 +116,12 @@ def retreat(context: Context) -> StepResult:
     if arm is None:
         return Done()
     limb = context.limbs[arm]
-    fault = back_out(context, arm) or to_rest(context, arm) or drive_back(context)
+    fault, n_seen = back_out(context, arm), 0
+    if fault is None and context.cycle.is_removed:
+        n_seen = looked_after(context, arm, max(limb.limb.gripper.read().openings))
+    fault = fault or to_rest(context, arm) or drive_back(context)
     if fault is not None:
         return fault
     limb.limb.arm.disengage()
     context.is_in_pile = None
-    return Done({"removed": context.n_removed})
+    return Done({"removed": context.n_removed, "points": n_seen})

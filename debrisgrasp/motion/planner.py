@@ -87,6 +87,7 @@ class MotionPlanner:
         space: MotionSpace,
         *,
         rng: Rng,
+        known: ArrayLike | None = None,
         deadline: float | None = None,
         progress: Progress | None = None,
     ) -> MotionPlan:
@@ -103,6 +104,9 @@ class MotionPlanner:
             `MotionConfig.start_room`.
         rng
             The same state gives the same motion.
+        known
+            Postures (k, d) of a way that the arm has gone, for instance to the start:
+            where no straight way leads to the goal the search begins from them, too.
         deadline
             Seconds after which the search gives up.
         progress
@@ -134,6 +138,7 @@ class MotionPlanner:
             start=start,
             rng=rng,
             watch=watch,
+            known=None if known is None else self._checked(known, "known postures"),
         )
         with watch.stage("start"):
             contacts = query.at_start()

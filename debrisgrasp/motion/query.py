@@ -42,6 +42,8 @@ class MotionQuery:
     """Posture now, shape (d,)."""
     rng: Rng
     watch: Stopwatch
+    known: FloatArray | None = None
+    """Postures of a way that the arm has gone, shape (k, d)."""
     counts: MotionCounts = MotionCounts()
 
     @cached_property
@@ -197,6 +199,7 @@ class MotionQuery:
             edges=edges,
             max_rounds=self._rounds_left(),
             is_late=self.watch.is_late,
+            known=self.known,
         )
         search = self.config.engine(query, rng=self.rng)
         self._count(rounds=search.n_rounds, nodes=search.n_nodes)

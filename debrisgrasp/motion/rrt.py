@@ -15,6 +15,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray, IntArray, Rng
 
 from .edges import EdgeTest
+from .known import reached
 
 __all__ = ["PathQuery", "PathSearch", "connect"]
 
@@ -44,6 +45,8 @@ class PathQuery:
     edges: EdgeTest
     max_rounds: int
     is_late: Callable[[], bool]
+    known: FloatArray | None = None
+    """Postures of a way that the arm has gone, from which to search, too, (k, d)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +81,15 @@ class _Tree:
         self.parent.extend(parent.tolist())
         return np.arange(first, len(self.q))
 
+    def rooted(self, known: FloatArray, edges: EdgeTest) -> dict[int, int]:
+        """Add known postures (k, d) that its roots reach; their rows, and own index."""
+        n_roots = len(self.q)
+        index = {row: row for row in range(n_roots)}
+        for row, before in zip(*reached(self.q, known, edges), strict=True):
+            q = known[row - n_roots][None]
+            index[int(row)] = int(self.grown(q, np.array([index[int(before)]]))[0])
+        return {row - n_roots: i for row, i in index.items() if row >= n_roots}
+
     def way_to(self, index: int) -> list[FloatArray]:
         """Postures from the root to a node."""
         way = []
@@ -92,6 +104,9 @@ def connect(query: PathQuery, *, rng: Rng) -> PathSearch:
     start = _Tree(query.q_start[None], [-1])
     goals = _Tree(query.q_goals, [-1] * len(query.q_goals))
     rounds = 0
+    path = _known_way(start, goals, query)
+    if path is not None:
+        return PathSearch(path, rounds, len(start.q) + len(goals.q))
     while rounds < query.max_rounds and not query.is_late():
         mine, other = (start, goals) if rounds % 2 == 0 else (goals, start)
         rounds += 1
@@ -112,6 +127,23 @@ def connect(query: PathQuery, *, rng: Rng) -> PathSearch:
         far = np.abs(tips - other.q[near]).max(axis=1) >= _TWIG
         other.grown(tips[far], near[far])
     return PathSearch(None, rounds, len(start.q) + len(goals.q))
+
+
+def _known_way(start: _Tree, goals: _Tree, query: PathQuery) -> FloatArray | None:
+    """Let trees begin with what was gone before; the way, if that joins them."""
+    if query.known is None or not len(query.known):
+        return None
+    one = start.rooted(query.known, query.edges)
+    other = goals.rooted(query.known, query.edges)
+    ways = [
+        np.array(start.way_to(one[row]) + goals.way_to(other[row])[-2::-1])
+        for row in sorted(one.keys() & other.keys())
+    ]
+    return min(ways, key=_length, default=None)
+
+
+def _length(way: FloatArray) -> float:
+    return float(np.abs(np.diff(way, axis=0)).max(axis=1).sum())
 
 
 def _extended(tree: _Tree, targets: FloatArray, edges: EdgeTest) -> IntArray:

@@ -11,7 +11,7 @@ from debrisgrasp.control import GripConfig, GripController
 from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drive import Drive
-from debrisgrasp.executive.hanging import _divided, looked_at
+from debrisgrasp.executive.hanging import _divided, looked_after, looked_at
 from debrisgrasp.executive.moves import space_of
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done
@@ -111,6 +111,32 @@ def test_what_is_out_of_the_picture_remains_what_it_was_taken_for(lifted):
     np.testing.assert_array_equal(held.points_hand, known)
     above = context.cycle.around[:, 2] > 0.35
     assert np.count_nonzero(above) < 5  # nothing stands there any more
+
+
+def test_what_was_put_down_is_seen_where_it_lies(lifted):
+    fake, context, _ = lifted
+    sizes = {"length": 0.3, "width": 0.2, "height": 0.2}
+    crate = make_body("brick", sizes, 2.0, name="crate")
+    fake.change_world(
+        lambda w: World(
+            (*w.bodies, crate.at(SE3.from_parts(p=[0.75, -0.85, 0.1]))), w.ground
+        )
+    )
+    # It fell over to the side, and the hand stands where it was let go.
+    hand = T_base_hand(context).p + 0.004 * np.random.default_rng(0).normal(size=(9, 3))
+    grid = np.stack(np.meshgrid(*3 * [[-0.03, 0.0, 0.03]]), axis=-1).reshape(-1, 3)
+    guess = grid + np.array([0.75, -0.85, 0.5])
+    context.dropped[:] = [hand, guess]
+    assert looked_after(context, "right", 0.1) > 50
+    (lying,) = context.dropped
+    # Where the image has no depth, the guess remains.
+    is_guess = np.linalg.norm(lying - guess.mean(axis=0), axis=1) < 0.1
+    assert np.count_nonzero(is_guess) < 0.2 * len(guess)
+    lying = lying[~is_guess]
+    assert np.linalg.norm(lying - hand.mean(axis=0), axis=1).min() > 0.1
+    assert lying[:, 2].max() == pytest.approx(0.2, abs=0.03)
+    beside = np.abs(lying[:, :2] - [0.75, -0.85]).max(axis=1) < 0.18
+    assert beside.mean() > 0.95
 
 
 def test_what_the_arm_divides_in_the_picture_belongs_together_if_it_moved():

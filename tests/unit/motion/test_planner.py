@@ -49,6 +49,25 @@ def test_goes_around_what_is_in_the_way(arm, planner, pillar, q_goal):
         assert found.counts.rounds > 0
 
 
+def test_the_way_that_was_gone_leads_back_without_a_search(
+    arm, planner, pillar, q_goal
+):
+    gone = plan(planner, arm.q_present, q_goal, pillar)
+    known = samples_of(gone.trajectory, 0.2)
+    back = plan(planner, q_goal, arm.q_present, pillar, known=known)
+    require_free(planner, back, pillar)
+    assert back.counts.rounds == 0
+
+
+def test_a_known_way_that_is_blocked_now_is_gone_around(arm, planner, pillar, q_goal):
+    known = arm.q_present + np.linspace(0, 1, 9)[:, None] * (q_goal - arm.q_present)
+    found = plan(planner, arm.q_present, q_goal, pillar, known=known)
+    require_free(planner, found, pillar)
+    assert found.counts.rounds > 0
+    with pytest.raises(InputError, match="known postures"):
+        plan(planner, arm.q_present, q_goal, pillar, known=known * np.nan)
+
+
 def test_reaches_a_pose_of_the_hand(arm, planner, pillar):
     goal = SE3.from_parts(p=[0.0, 0.0, 0.1]) @ arm.chain.fk(arm.q_present)
     found = plan(planner, arm.q_present, goal, pillar)

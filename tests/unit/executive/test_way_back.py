@@ -1,0 +1,75 @@
+"""From where something was put down back to rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import GripConfig, GripController
+from debrisgrasp.executive import recover as recovery
+from debrisgrasp.executive import releasing
+from debrisgrasp.executive.context import Held
+from debrisgrasp.executive.drive import Drive
+from debrisgrasp.executive.faults import Action
+from debrisgrasp.executive.moves import planned, space_of, to_rest
+from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.states import State
+from debrisgrasp.executive.table import answer_to
+from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.pipeline import Pipeline
+from tests.unit.executive.test_steps import executive
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+def holding(context):
+    grip = GripController(GripConfig(opening=0.1, width=0.05))
+    state = grip.preshape(Drive(context, "right").fingers())
+    points = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
+    return Held(arm="right", grip=grip, watch=grip, state=state, points_hand=points)
+
+
+def test_what_is_let_go_twice_lies_in_one_place(pipeline, monkeypatch):
+    _, task = executive(pipeline)
+    context = task.context
+    context.state = State.RELEASE
+    monkeypatch.setattr(releasing, "_shaken_open", lambda _: None)
+    monkeypatch.setattr(releasing, "put_down", lambda *_: None)
+    context.held = held = holding(context)
+    for _ in range(2):
+        context.cycle.reached.append(State.RELEASE)
+        assert isinstance(releasing.release(context), Done)
+        context.held = held  # it still hangs in the hand
+    assert len(context.dropped) == 1
+
+
+def test_a_hand_that_was_stopped_on_its_way_back_gives_way_first(pipeline, monkeypatch):
+    _, task = executive(pipeline)
+    context, eased = task.context, []
+    context.is_in_pile = "right"
+    monkeypatch.setattr(recovery, "relieve", lambda _, arm: eased.append(arm))
+    event = task._event(State.RETREAT, FaultFound("plan_collision", ""), Action.RETRY)
+    recovery.recover(context, event, answer_to(State.RETREAT, "plan_collision"))
+    assert eased == ["right"]
+
+
+def test_an_arm_remembers_its_way_until_it_is_back_at_rest(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    limb, drive = context.limbs["right"], Drive(context, "right")
+    q = context.posture(limb)
+    away = q.copy()
+    away[0] += 0.8
+    space = space_of(context, unknown=UnknownSpace.IGNORED)
+    assert drive.follow(planned(context, limb, away, space).trajectory) is None
+    trail = np.array(limb.trail)
+    assert len(trail) >= 4
+    np.testing.assert_allclose(trail[0], q, atol=1e-3)
+    gaps = np.abs(trail[:, None] - trail).max(axis=-1) + np.eye(len(trail))
+    assert gaps.min() > 0.1
+    assert to_rest(context, "right") is None
+    assert limb.trail == []
+    assert np.abs(context.posture(limb) - q).max() < 0.01
