@@ -63,7 +63,7 @@ FALSE_JOIN = 1.5
 """What joining two objects counts against splitting one."""
 ROUNDS = (Boosting(n_terms=60), Boosting(n_terms=160))
 """Fits whose joins lead to what the next one learns from."""
-BOOSTING = Boosting(n_terms=150, depth=6, rate=0.2, row_share=0.2)
+BOOSTING = Boosting(n_terms=400, depth=6, rate=0.12, row_share=0.2)
 Score = Callable[[np.ndarray], np.ndarray]
 
 
@@ -189,7 +189,7 @@ def met(captures: list[Divided], rng: np.random.Generator) -> Cases:
 def main() -> None:
     """Fit and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--piles", type=int, default=300)
+    parser.add_argument("--piles", type=int, default=530)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()

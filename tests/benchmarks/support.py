@@ -111,6 +111,7 @@ def true_segmentation(
         labels=own,
         segments=measured_segments(cloud.points, own, np.ones(len(bodies))),
         edges=NO_EDGES,
+        kinship=None,
     ), bodies
 
 

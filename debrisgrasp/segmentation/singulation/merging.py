@@ -17,7 +17,7 @@ from .shapes import Shapes
 
 __all__ = ["Merged", "merged_regions"]
 
-_LEVELS = (0.9, 0.75, 0.6)
+_LEVELS = (0.97, 0.93, 0.88, 0.82, 0.75)
 """Scores above which regions merge first, so that sure joins shape the doubtful."""
 _CLEAR_COLOR = 0.15
 """Difference in the shares of red and green that tells two paints apart."""

@@ -46,7 +46,7 @@ class SingulationConfig:
     """Rounds in which cells at borders choose their patch."""
     min_patch: int = 10
     """Cells of the smallest patch; smaller ones go to their neighbours."""
-    min_score: float = 0.7
+    min_score: float = 0.75
     """Probability of being one object from which regions are joined. Larger splits
     objects, smaller joins several; for grasping the second is worse."""
 

@@ -57,9 +57,10 @@ def test_kinship_is_a_doubt_about_what_was_kept_apart(solids):
     assert kinship.shape == (n, n)
     assert (kinship == kinship.T).all()
     assert not kinship.diagonal().any()
-    assert ((kinship >= 0.0) & (kinship <= config.min_score)).all()
+    # Somewhat more than the score, by which pairs were kept apart.
+    assert ((kinship >= 0.0) & (kinship < 0.5 + 0.5 * config.min_score)).all()
     for (a, b), score in zip(found.edges.labels, found.edges.score, strict=True):
-        assert kinship[a - 1, b - 1] == pytest.approx(score, abs=0.2)
+        assert kinship[a - 1, b - 1] == pytest.approx(score, abs=0.3)
 
 
 def test_pieces_of_one_body_are_rather_kin_than_boxes_are():
