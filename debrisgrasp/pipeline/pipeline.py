@@ -39,7 +39,7 @@ from debrisgrasp.settings import Settings
 from .advice import advice_on, is_poor
 from .inputs import arms_of, require_limits, robot_of
 from .perception import Perception
-from .reasons import NOT_TRIED, unfit
+from .reasons import unfit
 from .result import PlanningResult
 from .retreat import with_retreats
 from .second_look import BestSoFar
@@ -213,7 +213,8 @@ class Pipeline:
         seed
             The same seed gives the same plan.
         deadline
-            Seconds after which the search settles for what it has.
+            Seconds after which the search settles for what it has. Objects are tried
+            until one offers a grasp all the same, each with the shortest search.
         mass
             What the first object that is tried weighs [kg]. Of others, and by default,
             bounds are estimated from what was seen of them.
@@ -314,16 +315,14 @@ class Pipeline:
         root = np.random.default_rng(seed)
         for target in targets:
             (rng,) = root.spawn(1)
-            is_late, is_enough = watch.is_late(), n_tried == self.config.max_objects
-            if best.is_sure or (best.is_found and (is_late or is_enough)):
+            is_enough = n_tried == self.config.max_objects
+            if best.is_sure or (best.is_found and (is_enough or watch.is_late())):
                 break
             if not best.is_worth_a_look(target):
                 continue
             reason = self._unfit(seen, target)
             if reason is None and is_enough:
                 reason = f"not tried: the limit of {n_tried} objects was reached"
-            if reason is None and n_tried and is_late:
-                reason = NOT_TRIED
             if reason is not None:
                 best.pass_over(target, reason)
                 continue

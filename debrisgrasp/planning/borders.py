@@ -7,16 +7,11 @@ from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 
+from .occlusion import is_beside_nearer
 from .scene import GraspScene
 
 __all__ = ["is_behind", "missing"]
 
-_BESIDE = 0.015
-"""What is seen in a direction that differs by less may hide the rest of it [rad]."""
-_NEARER = 0.03
-"""It does if it is so much nearer to the camera [m]."""
-_LOOKED_AT = 8
-"""So many points of others nearest to that direction."""
 _TOUCHING = 0.02
 """Points of others that are nearer than this touch it; lower over the ground, they
 belong to the ground [m]."""
@@ -41,19 +36,8 @@ def is_behind(scene: GraspScene, chosen: BoolArray) -> BoolArray:
     BoolArray
         Shape (t,).
     """
-    rays = scene.cloud.points - scene.cloud.viewpoint
-    distance = np.linalg.norm(rays, axis=1)
-    rays /= np.maximum(distance, 1e-9)[:, None]
-    others = np.flatnonzero(~scene.is_target)
-    if not len(others):
-        return np.zeros(np.count_nonzero(chosen), dtype=bool)
-    _, row = cKDTree(rays[others]).query(
-        rays[chosen], k=_LOOKED_AT, distance_upper_bound=_BESIDE
-    )
-    # Where there are fewer neighbours, the row is one past the last.
-    away = np.append(distance[others], np.inf)[row]
-    found: BoolArray = (away < distance[chosen, None] - _NEARER).any(axis=1)
-    return found
+    points, is_target = scene.cloud.points, scene.is_target
+    return is_beside_nearer(points[chosen], points[~is_target], scene.cloud.viewpoint)
 
 
 def missing(scene: GraspScene) -> float:

@@ -30,7 +30,6 @@ _ALL = slice(None)
 _FEW = 4
 """Every so many of the spheres are looked at first."""
 _UNKNOWN = np.uint8(Space.UNKNOWN)
-_FREE = np.int8(Space.FREE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,11 +149,10 @@ class HandClearance:
         return self._unseen(self._placed(Ts, prototype), prototype)
 
     def is_blind(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
-        """Whether a finger ends where the camera didn't see through, shape (k,)."""
-        is_finger = self._hands.parts[prototype] > 0
-        placed = self._placed(Ts_base_hand.astype(np.float32), prototype)
-        is_open = self._scene.field.space.take(self._cell(placed)) == _FREE
-        return np.asarray((~is_open & is_finger).any(axis=1))
+        """Whether a finger ends where the camera saw nothing, shape (k,)."""
+        ends = self._hands.ends.take(prototype, axis=0)
+        placed = self._in_grid(Ts_base_hand.astype(np.float32), ends)
+        return np.asarray(self._is_unknown(placed).any(axis=1))
 
     def _unseen(self, placed: Float32Array, prototype: IntArray) -> FloatArray:
         """See `unseen`, for spheres that are placed already."""
@@ -172,6 +170,10 @@ class HandClearance:
     ) -> Float32Array:
         """Centres of spheres as coordinates in the grid [cells], shape (k, 3, s)."""
         centers = self._hands.centers[:, :, spheres].take(prototype, axis=0)
+        return self._in_grid(Ts, centers)
+
+    def _in_grid(self, Ts: Float32Array, centers: Float32Array) -> Float32Array:
+        """Places of the hand (k, 3, s) as coordinates in the grid [cells]."""
         R = np.asarray(Ts[:, :3, :3] * self._per_cell, dtype=np.float32)
         placed: Float32Array = R @ centers
         placed += (Ts[:, :3, 3] * self._per_cell + self._first)[..., None]

@@ -8,7 +8,7 @@ the object between the fingers tells how far the hidden side is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
@@ -31,6 +31,8 @@ _TURNED = 0.15
 """Cosine to the closing axis from which on a face is turned to a finger at all."""
 _ROOM = 0.005
 """A finger that goes down behind a hidden side needs so much room [m]."""
+_UNDER = 0.01
+"""What was seen so far beyond a finger's inner face lies under the finger [m]."""
 _ROOM_ERROR = 0.008
 """Standard deviation of where a hidden side is expected [m]."""
 _LEAST_CURVED = 6
@@ -165,7 +167,10 @@ class PadContacts:
     def _look(self, Ts: FloatArray, prototype: IntArray) -> FloatArray:
         """Angles and room of the sides, shape (k, 4)."""
         lower, upper = self._zones.lower[prototype], self._zones.upper[prototype]
-        near = self._between(Ts, lower, upper)
+        wide = np.array([_UNDER, 0.0, 0.0], dtype=np.float32)
+        around = self._between(Ts, lower - wide, upper + wide)
+        half = upper[:, 0].take(around.pose)
+        near = around.picked(np.abs(around.x) < half)
         middle, radius = near.curve()
         is_beside = near.z > lower[:, 2].take(near.pose)
         end = upper[:, 0] - np.float32(_ROOM)
@@ -181,8 +186,11 @@ class PadContacts:
             angles.append(np.where(is_seen, angle, np.nan))
             room = upper[:, 0] - (side * middle + radius)
             room[np.isnan(room)] = np.inf
-            # What goes on to where the finger comes down has no side before it; what
-            # vanishes behind something nearer may go on; what the image cuts off does.
+            # What goes on to the finger has hardly a side before it, what goes on under
+            # it has none; what vanishes behind something nearer may go on; what the
+            # image cuts off does.
+            is_under = np.float32(side) * around.x > half
+            room[around.count(is_under) >= self._config.min_points] = -np.inf
             out = np.float32(side) * near.x
             reaches = out > end.take(near.pose)
             farthest = near.greatest(out, near.pose, -1.0)
@@ -241,6 +249,17 @@ class _Near:
     along: Float32Array
     """Cosine of the normal to the closing axis, shape (m,)."""
     n_poses: int
+
+    def picked(self, which: BoolArray) -> _Near:
+        """Pick some of the pairs (m,)."""
+        return replace(
+            self,
+            pose=self.pose[which],
+            point=self.point[which],
+            x=self.x[which],
+            z=self.z[which],
+            along=self.along[which],
+        )
 
     def count(self, which: BoolArray) -> IntArray:
         """How many of some points (m,) each pose has, shape (k,)."""

@@ -30,6 +30,8 @@ class PackedHands:
     parts: IntArray
     """Which part each sphere belongs to: 0 the palm, 1 the thumb side, 2 the side of
     the finger pair, -1 none; shape (p, s)."""
+    ends: Float32Array
+    """Far end and middle of every link of the fingers [m], shape (p, 3, e)."""
     space_index: IntArray
     """Which of ``spaces`` each prototype's hand has, shape (p,)."""
     spaces: PackedSpaces
@@ -67,6 +69,7 @@ class PackedHands:
             _cover(library.grippers[name], preshape, opening)
             for name, preshape, opening, _ in unique
         ]
+        ends = [_ends(library.grippers[name], pre, w) for name, pre, w, _ in unique]
         grips = [
             library.grippers[n].closing_region(pre, w).T_frame_solid.p
             for n, pre, w, _ in unique
@@ -83,11 +86,35 @@ class PackedHands:
             centers=centers[index],
             radii=radii[index],
             parts=parts[index],
+            ends=_padded(ends)[index],
             space_index=index,
             spaces=spaces,
             grip_points=np.array(grips)[index],
             slack=np.array([_slack(p, library.grippers[p.gripper]) for p in library]),
         )
+
+
+def _ends(gripper: GripperModel, preshape: str, opening: float) -> FloatArray:
+    """Far end along the palm's axis, and middle, of every link of fingers (3, e)."""
+    found = []
+    for solid in gripper.finger_solids(preshape, opening):
+        corners = solid.mesh()[0]
+        end = corners[corners[:, 2] > corners[:, 2].max() - _BLUNT].mean(axis=0)
+        found += [end, corners.mean(axis=0)]
+    return np.array(found).T
+
+
+def _padded(rows: list[FloatArray]) -> Float32Array:
+    """Places (3, e) of all hands; the first of one again where it has fewer."""
+    most = max(row.shape[1] for row in rows)
+    return np.array(
+        [np.pad(row, ((0, 0), (most - row.shape[1], 0)), mode="edge") for row in rows],
+        dtype=np.float32,
+    )
+
+
+_BLUNT = 0.004
+"""Corners no farther back than this belong to the end of a link [m]."""
 
 
 def _slack(prototype: GraspPrototype, gripper: GripperModel) -> float:

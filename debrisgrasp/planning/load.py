@@ -200,10 +200,11 @@ class LoadModel:
         self._com = np.array([each.com for each in objects])
         self._com_error = np.array([each.com_error for each in objects])
         self._level_error = np.array([each.level_error for each in objects])
-        # Torque per weight that half of each axis of the ellipsoid of error stands for:
-        # an ellipsoid holds two standard deviations.
-        half = 0.5 * np.array([each.spread for each in objects])
-        self._sway = np.stack([-half[:, 1], half[:, 0], 0.0 * half[:, 0]], axis=1)
+        # Half the axes of the ellipsoid are a standard deviation: variances of y and x,
+        # and twice their covariance, as those of the torque per weight (-y, x, 0).
+        x, y, _ = 0.5 * np.array([each.spread for each in objects]).swapaxes(0, 1)
+        sums = [(y * y).sum(axis=1), -2.0 * (x * y).sum(axis=1), (x * x).sum(axis=1)]
+        self._variance = np.stack(sums, axis=1)
 
     def __call__(
         self, Ts_base_hand: FloatArray, which: IntArray, levers: GripLevers
@@ -224,24 +225,21 @@ class LoadModel:
         grip = (R @ levers.middle[which][..., None])[..., 0] + p
         down = -R[:, 2]
         # One row for each object, then one for each grasp.
-        to_com = self._com[:, None] - p
-        arm_palm = (to_com[..., None, :] @ R)[..., 0, :]
-        arm_grip = ((self._com[:, None] - grip)[..., None, :] @ R)[..., 0, :]
-        level = np.linalg.norm(to_com[..., :2], axis=-1)
+        level = self._apart(p)
         error = self._level_error[:, None]
         reach = np.stack([np.maximum(level - error, 0.0), level, level + error], -1)
         torque = self._over_all(reach * weight[:, None])
         grip_force = _grip_needed(
             down,
-            np.cross(arm_grip, down),
-            np.stack([_spread(sway, R) for sway in self._sway]),
+            self._moments(R, grip),
+            self._variances(R),
             self._com_error[:, None, None],
             levers.lever[which],
             config,
         )
         grip_force = self._over_all(grip_force * weight[:, None])
-        pull = (self._share * weight[:, 1]) @ np.cross(arm_palm, down).swapaxes(0, 1)
         mass = self._over_all(self._mass)
+        pull = np.tensordot(self._share * weight[:, 1], self._moments(R, p), axes=1)
         return Loads(
             mass=mass,
             build=self._build,
@@ -255,6 +253,27 @@ class LoadModel:
             weight=mass * config.gravity,
             wrench=np.concatenate([down * mass[1] * config.gravity, pull], axis=1),
         )
+
+    def _apart(self, points: FloatArray) -> FloatArray:
+        """Horizontal distances of middles of mass from points (k, 3) [m], (h, k)."""
+        away = self._com[:, None, :2] - points[:, :2]
+        found: FloatArray = np.sqrt(away[..., 0] ** 2 + away[..., 1] ** 2)
+        return found
+
+    def _moments(self, R: FloatArray, points: FloatArray) -> FloatArray:
+        """Torques per weight about points (k, 3), in palm frames R [m], (h, k, 3)."""
+        away = self._com[:, None, :2] - points[:, :2]
+        # In base it is (-y, x, 0).
+        found: FloatArray = away[..., :1] * R[:, 1] - away[..., 1:] * R[:, 0]
+        return found
+
+    def _variances(self, R: FloatArray) -> FloatArray:
+        """Variances of these torques in palm frames R [m^2], shape (h, k, 3)."""
+        x, y = R[:, 0], R[:, 1]
+        found: FloatArray = np.tensordot(
+            self._variance, np.stack([x * x, x * y, y * y]), axes=1
+        )
+        return found
 
     def _over_all(self, bounds: FloatArray) -> FloatArray:
         """Least, expected and greatest (h, ..., 3) of all objects, shape (..., 3)."""
@@ -287,18 +306,16 @@ class LoadModel:
         """
         config = self._config
         weight = self._share * self._mass[:, 1] * config.gravity
-        R, friction = Ts_base_hand[:, :3, :3], _middle(*config.friction)
-        down, a, b, c = -R[:, 2], *-R[:, 2].T
-        grip, torque = np.zeros(len(R)), np.zeros(len(R))
-        for com, sway, own in zip(self._com, self._sway, weight, strict=True):
-            to_com = com - Ts_base_hand[:, :3, 3]
-            x, y, z = ((to_com[:, None] @ R)[:, 0] - levers.middle[which]).T
-            moment = np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
-            turn = np.hypot(moment, _spread(sway, R)) / levers.lever[which]
-            grip += own * _squeeze(down, turn, friction)
-            torque += own * np.hypot(to_com[:, 0], to_com[:, 1])
+        R, p = Ts_base_hand[:, :3, :3], Ts_base_hand[:, :3, 3]
+        grip = (R @ levers.middle[which][..., None])[..., 0] + p
+        turn = np.sqrt(self._moments(R, grip) ** 2 + self._variances(R))
+        turn /= levers.lever[which]
+        squeeze = weight @ _squeeze(-R[:, 2], turn, _middle(*config.friction))
         found: FloatArray = np.maximum(
-            np.maximum(grip / levers.max_force[which], torque / wrists[which, 1]),
+            np.maximum(
+                squeeze / levers.max_force[which],
+                weight @ self._apart(p) / wrists[which, 1],
+            ),
             weight.sum() / wrists[which, 0],
         )
         return found
@@ -317,33 +334,13 @@ class LoadModel:
 
     def _distance(self, grip: FloatArray) -> FloatArray:
         """Mean horizontal distance of grips (k, 2) or (k, 3) from it [m], (k,)."""
-        away = self._com[:, None, :2] - grip[:, :2]
         error = 0.5 * self._level_error[:, None]
-        square = np.square(away).sum(axis=-1) + error**2
-        found: FloatArray = self._share @ np.sqrt(square)
+        found: FloatArray = self._share @ np.hypot(self._apart(grip), error)
         return found
 
 
 def _middle(low: float, high: float) -> float:
     return float(np.sqrt(low * high))
-
-
-def _spread(sway: FloatArray, R: FloatArray) -> FloatArray:
-    """Tell how far the torque per weight may be off in hands turned by R (k, 3, 3).
-
-    Parameters
-    ----------
-    sway
-        Columns are independent torques in base, of one standard deviation each [m],
-        shape (3, 3).
-
-    Returns
-    -------
-    FloatArray
-        Standard deviation about the axes of the palm frame [m], shape (k, 3).
-    """
-    found: FloatArray = np.sqrt(np.square(sway.T @ R).sum(axis=1))
-    return found
 
 
 def _squeeze(down: FloatArray, turn: FloatArray, friction: float) -> FloatArray:
@@ -360,7 +357,7 @@ def _squeeze(down: FloatArray, turn: FloatArray, friction: float) -> FloatArray:
 def _grip_needed(
     down: FloatArray,
     moment: FloatArray,
-    spread: FloatArray,
+    variance: FloatArray,
     error: FloatArray,
     lever: FloatArray,
     config: LoadConfig,
@@ -378,8 +375,8 @@ def _grip_needed(
     moment
         Torque per weight about the middle of the grip, palm frame [m], shape
         (h, k, 3).
-    spread
-        Its standard deviation [m], shape (h, k, 3).
+    variance
+        Of the torque [m^2], shape (h, k, 3).
     error
         How far the torque may be off [m], shape (h, 1, 1).
     lever
@@ -392,7 +389,7 @@ def _grip_needed(
     columns = [
         _squeeze(down, turn / lever, friction)
         for turn, friction in (
-            (np.hypot(moment, spread), _middle(low, high)),
+            (np.sqrt(moment**2 + variance), _middle(low, high)),
             (np.abs(moment) + error, low),
         )
     ]

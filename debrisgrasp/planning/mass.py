@@ -13,7 +13,7 @@ from enum import Enum
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from debrisgrasp._arrays import FloatArray, require_finite, require_range
+from debrisgrasp._arrays import BoolArray, FloatArray, require_finite, require_range
 from debrisgrasp.errors import ConfigError, InputError
 
 __all__ = ["Build", "LoadConfig", "ObjectMass", "SeenSurface", "likely_objects"]
@@ -27,6 +27,11 @@ _FLOOR = 1e-9
 """Keeps quotients finite; far below every length."""
 _MOST_PARTS = 4
 """So many likely parts of an object are told apart, the likeliest first."""
+_END = 0.03
+"""So much of an axis tells whether it goes on [m]."""
+_HIDDEN = 0.1
+"""Pieces of debris go on for so long behind what hides them, on average [m]. Half the
+ends that seem hidden are ends all the same."""
 _SEEN_IN_PART = 2.0
 """So much wider than by its seen surface alone the mass is spread [of the log]."""
 _UNLIKELY = 0.1
@@ -95,6 +100,9 @@ class SeenSurface:
     belongs: FloatArray
     """Probability that each is part of the object, in [0, 1], shape (n,); 1 for what
     certainly is."""
+    goes_on: BoolArray
+    """Where the object may go on out of sight: beside something nearer, or where the
+    image ends; shape (n,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -124,8 +132,11 @@ class ObjectMass:
         *,
         spacing: float,
         mass: float | None = None,
+        goes_on: BoolArray | None = None,
     ) -> ObjectMass:
         """Estimate from the visible surface.
+
+        An end that goes on out of sight draws the centre of mass to it.
 
         Parameters
         ----------
@@ -137,6 +148,8 @@ class ObjectMass:
             Edge of the cells [m].
         mass
             What it weighs [kg], if that is known.
+        goes_on
+            See `SeenSurface`; None: nowhere.
 
         Raises
         ------
@@ -163,6 +176,7 @@ class ObjectMass:
             bounds = _mass_bounds(build, points[inside], extents, area, config, spacing)
             expected = _expected(bounds, config.typical)
             bounds = min(bounds[0], expected), max(bounds[1], expected)
+        ends = _hidden_ends(along, low, high, goes_on)
         # The side that was not seen is farther from the camera.
         sight = middle - viewpoint
         sight = sight / max(float(np.linalg.norm(sight)), _FLOOR)
@@ -170,8 +184,9 @@ class ObjectMass:
             build=build,
             mass=bounds,
             expected_mass=expected,
-            com=middle + 0.2 * extents[2] * sight,
-            spread=axes * (np.array([0.15, 0.2, 0.35]) * extents + 0.01),
+            com=middle + 0.2 * extents[2] * sight + axes @ (ends[1] - ends[0]) / 2,
+            spread=axes
+            * np.hypot(np.array([0.15, 0.2, 0.35]) * extents + 0.01, ends.sum(axis=0)),
         )
 
     @property
@@ -230,9 +245,37 @@ def likely_objects(
             config,
             spacing=spacing,
             mass=mass,
+            goes_on=surface.goes_on[kept],
         )
         objects.append(replace(found, probability=float(share)))
     return tuple(objects)
+
+
+def _hidden_ends(
+    along: FloatArray, low: FloatArray, high: FloatArray, goes_on: BoolArray | None
+) -> FloatArray:
+    """How far the two longer axes go on out of sight at their ends [m].
+
+    Parameters
+    ----------
+    along
+        Points along the axes [m], shape (n, 3).
+    low, high
+        Where the axes end [m], shape (3,).
+
+    Returns
+    -------
+    FloatArray
+        At the lower and at the upper ends, shape (2, 3).
+    """
+    ends = np.zeros((2, 3))
+    if goes_on is None or not goes_on.any():
+        return ends
+    for axis in range(2):
+        is_low = along[:, axis] < low[axis] + _END
+        is_high = along[:, axis] > high[axis] - _END
+        ends[:, axis] = goes_on[is_low].mean(), goes_on[is_high].mean()
+    return _HIDDEN * ends
 
 
 def _build(

@@ -25,6 +25,7 @@ from debrisgrasp.geometry import (
 )
 
 from .mass import SeenSurface
+from .occlusion import is_beside_nearer
 
 __all__ = ["NEAREST_MASK", "UNKNOWN_FLAG", "GraspScene", "SceneConfig"]
 
@@ -168,13 +169,9 @@ class GraspScene:
             spacing=config.spacing,
             truncation=config.truncation,
         )
-        surface = SeenSurface(
-            thinned.points[is_target],
-            thinned.normals[is_target],
-            np.ones(int(is_target.sum())),
-        )
-        if belongs is not None:
-            surface = _seen_surface(cloud, belongs, config.spacing)
+        if belongs is None:
+            belongs = np.zeros(len(cloud))
+            belongs[target] = 1.0
         table = np.zeros((len(thinned) + 1, 8), dtype=np.float32)
         table[:, :6] = field.table
         table[:-1, 6] = is_target
@@ -204,7 +201,7 @@ class GraspScene:
             table=table,
             target=usable,
             tangents=tangents,
-            surface=surface,
+            surface=_seen_surface(cloud, belongs, near, config.spacing),
         )
 
     @property
@@ -215,21 +212,24 @@ class GraspScene:
 
 
 def _seen_surface(
-    cloud: PointCloud, belongs: FloatArray, spacing: float
+    cloud: PointCloud, belongs: FloatArray, near: IntArray, spacing: float
 ) -> SeenSurface:
-    """Thin what belongs to an object, and what may, each for itself."""
-    parts = [
-        np.flatnonzero(belongs == 1.0),
-        np.flatnonzero((belongs > 0) & (belongs < 1)),
-    ]
+    """Thin what belongs to an object and what may, and see where both end.
+
+    What hides them is sought among the points ``near``.
+    """
+    own = np.flatnonzero(belongs == 1.0)
+    kin = np.flatnonzero((belongs > 0.0) & (belongs < 1.0))
     kept = np.concatenate(
         [
             part[voxel_downsample(cloud.points[part], spacing)]
-            for part in parts
+            for part in (own, kin)
             if len(part)
         ]
     )
-    return SeenSurface(cloud.points[kept], cloud.normals[kept], belongs[kept])
+    points, others = cloud.points[kept], cloud.points[near[belongs[near] == 0.0]]
+    goes_on = is_beside_nearer(points, others, cloud.viewpoint) | cloud.at_rim(kept)
+    return SeenSurface(points, cloud.normals[kept], belongs[kept], goes_on)
 
 
 def _above(plane: FloatArray | None, box: Bounds, config: SceneConfig) -> Bounds:
@@ -255,8 +255,9 @@ def _with_ground(
         plane[axis] * (field.origin[axis] + field.spacing * np.arange(n))
         for axis, n in enumerate(field.shape)
     )
-    height = x[:, None, None] + y[:, None] + z + (plane[3] + roughness)
-    lowered: Float32Array = np.minimum(field.gap, height.ravel().astype(np.float32))
+    level = (x[:, None] + y + (plane[3] + roughness)).astype(np.float32)
+    lowered: Float32Array = (level[..., None] + z.astype(np.float32)).ravel()
+    np.minimum(field.gap, lowered, out=lowered)
     return lowered
 
 

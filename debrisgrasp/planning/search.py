@@ -111,7 +111,7 @@ class GraspSearch:
                 found = self._modes(self._exchanged(merit, found), merit.worth)
             tops = self._refined(merit, postures, found, watch, rng)
             self._missed(postures, ledger)
-            if asked and not len(tops.Ts):
+            if asked and not len(tops.Ts) and not watch.is_late():
                 far = self._too_far(scene, burden, arms, watch, rng)
                 every = np.ones(len(far.Ts), dtype=bool)
                 ledger.add("no arm gets that far", far.Ts, far.prototype, every)

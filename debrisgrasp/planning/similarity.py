@@ -42,7 +42,7 @@ _LONGEST_STEP = 0.03
 """Of one alignment [m]; farther on, other points are nearest."""
 _STIFFNESS = 0.05
 """Share of the weight of all points that holds a pose back where nothing guides it."""
-_RIGHT_AT = 1.1
+_RIGHT_AT = 1.4
 """On a surface that was seen whole, a point is mostly nearer than this [cells]."""
 _ARM = 0.05
 """Lever over which a turn is weighed against a shift [m]."""

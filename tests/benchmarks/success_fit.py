@@ -6,10 +6,9 @@ Flights first (seeds of their own, several grasps of each plan), then the fit:
         --records FILE
     python -m tests.benchmarks.success_fit FILE... [--write data/planning/success.json]
 
-With ``--only TERM...`` the other weights stay: for flights of a planner that measures
-only these terms anew, too few for all of them. Without ``--write`` nothing is changed:
-the table says how often grasps held whose forecast was so and so, by the coefficients
-that flew, and by a new fit as it does on scenes that were left out of it.
+Without ``--write`` nothing is changed: the table says how often grasps held whose
+forecast was so and so, by the coefficients that flew, and by a new fit as it does on
+scenes that were left out of it.
 """
 
 from __future__ import annotations
@@ -46,14 +45,11 @@ def read(paths: list[Path]) -> list[dict[str, object]]:
 
 
 def fitted(
-    terms: np.ndarray,
-    held: np.ndarray,
-    known: np.ndarray,
-    only: tuple[str, ...] = SUCCESS_TERMS,
+    terms: np.ndarray, held: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Weights, none of them below zero, and intercept of the likeliest model.
 
-    The weights are drawn to those known before, and are these but for some.
+    The weights are drawn to those known before.
 
     Every term is such that more of it can't hurt; what a small sample says to the
     contrary is chance.
@@ -71,26 +67,20 @@ def fitted(
             terms.T / scale[:, None] @ slope + 2 * DRAW * off, slope.sum()
         )
 
-    bounds: list[tuple[float | None, float | None]] = [
-        (0.0, None) if name in only else (weight, weight)
-        for name, weight in zip(SUCCESS_TERMS, start, strict=True)
-    ] + [(None, None)]
+    n = terms.shape[1]
+    bounds: list[tuple[float | None, float | None]] = [(0.0, None)] * n + [(None, None)]
     found = minimize(loss, np.append(start, 0.0), jac=True, bounds=bounds).x
     return found[:-1] / scale, float(found[-1])
 
 
 def left_out(
-    terms: np.ndarray,
-    held: np.ndarray,
-    scene: np.ndarray,
-    known: np.ndarray,
-    only: tuple[str, ...] = SUCCESS_TERMS,
+    terms: np.ndarray, held: np.ndarray, scene: np.ndarray, known: np.ndarray
 ) -> np.ndarray:
     """Forecast of each flight by a fit to the other scenes."""
     found = np.empty(len(held))
     fold = np.random.default_rng(0).permutation(scene.max() + 1)[scene] % FOLDS
     for k in range(FOLDS):
-        weights, intercept = fitted(terms[fold != k], held[fold != k], known, only)
+        weights, intercept = fitted(terms[fold != k], held[fold != k], known)
         found[fold == k] = expit(terms[fold == k] @ weights + intercept)
     return found
 
@@ -143,7 +133,6 @@ def main() -> None:
     """Print how well the forecasts hold; fit and write new coefficients if asked."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("records", type=Path, nargs="+", metavar="FILE")
-    parser.add_argument("--only", nargs="+", choices=SUCCESS_TERMS, metavar="TERM")
     parser.add_argument("--write", type=Path, metavar="FILE", help="new coefficients")
     parser.add_argument("--json", type=Path, metavar="FILE")
     chosen = parser.parse_args()
@@ -158,17 +147,11 @@ def main() -> None:
     figures = {f"flown_{k}": v for k, v in merits(flown, held).items()}
     if chosen.write is not None:
         before = SuccessModel.load()
-        only = tuple(chosen.only or SUCCESS_TERMS)
-        refit = left_out(terms, held, scene, before.weights, only)
+        refit = left_out(terms, held, scene, before.weights)
         print("by a new fit, on scenes left out of it\n" + reliability(refit, held))
-        if not chosen.only:
-            print("\n" + worth(terms, held, scene, before.weights) + "\n")
+        print("\n" + worth(terms, held, scene, before.weights) + "\n")
         figures |= {f"refit_{k}": v for k, v in merits(refit, held).items()}
-        lower, upper = terms.min(axis=0), terms.max(axis=0)
-        kept = [name not in only for name in SUCCESS_TERMS]
-        lower[kept] = np.minimum(lower, before.lower)[kept]
-        upper[kept] = np.maximum(upper, before.upper)[kept]
-        weights, intercept = fitted(terms, held, before.weights, only)
+        weights, intercept = fitted(terms, held, before.weights)
         seeds = [int(str(row["seed"])) for row in rows]
         tiers = ", ".join(sorted({str(row["tier"]) for row in rows}))
         content = {
@@ -176,16 +159,14 @@ def main() -> None:
             "date": date.today().isoformat(),
             "campaign": f"{len(rows)} flights in {scene.max() + 1} scenes of {tiers}, "
             f"seeds {min(seeds)} to {max(seeds)}, weights drawn to those of "
-            f"{before.date}"
-            + (f"; {', '.join(only)} alone, the others as before: {before.campaign}")
-            * bool(chosen.only),
+            f"{before.date}",
             "held": int(held.sum()),
             "intercept": round(intercept, 2),
             "terms": {
                 name: {
                     "weight": float(f"{weights[k]:.3g}"),
-                    "least": round(float(lower[k]), 4),
-                    "greatest": round(float(upper[k]), 4),
+                    "least": round(float(terms[:, k].min()), 4),
+                    "greatest": round(float(terms[:, k].max()), 4),
                 }
                 for k, name in enumerate(SUCCESS_TERMS)
             },

@@ -98,6 +98,30 @@ def test_the_present_posture_is_kept_where_it_serves(right_reach: ArmReach) -> N
     np.testing.assert_allclose(found.joints[0], q, atol=1e-3)
 
 
+def test_a_known_posture_is_taken_where_no_other_may_be_looked_at(
+    right_reach: ArmReach, roman: RobotModel, rng: np.random.Generator
+) -> None:
+    q = right_reach.chain.sampled(200, rng=rng)
+    q = q[~right_reach.collision.hits_itself(q)][:60]
+    T = right_reach.chain.fk(q)
+
+    def wall(points: np.ndarray) -> np.ndarray:
+        return np.minimum(np.abs(points[..., 1] + 0.5), 0.1)
+
+    is_free = right_reach.collision.scene_clearance(q, wall) >= 0.01
+    once = ArmReach(roman, "right", ReachConfig(rounds=1, slides=0))
+    alone = once.reach(T, wall, rng=np.random.default_rng(1))
+    told = once.reach(T, wall, q_known=q, rng=np.random.default_rng(1))
+    np.testing.assert_array_equal(told.is_reached, alone.is_reached | is_free)
+    only_known = is_free & ~alone.is_reached
+    assert only_known.any()
+    np.testing.assert_allclose(told.joints[only_known], q[only_known])
+    # What doesn't take its pose, or isn't known, is not believed.
+    wrong = np.where(np.arange(len(q))[:, None] % 2 == 0, q + 0.05, np.nan)
+    mistold = once.reach(T, wall, q_known=wrong, rng=np.random.default_rng(1))
+    np.testing.assert_array_equal(mistold.joints, alone.joints)
+
+
 def test_equal_generators_give_equal_answers(
     right_reach: ArmReach, rng: np.random.Generator
 ) -> None:

@@ -71,6 +71,25 @@ def test_a_side_that_was_not_seen_is_as_the_prototype_says():
     assert at(contacts({-1: 1.2, 1: 1.2}, n=CONFIG.min_points - 1)) == 1.0
 
 
+def test_a_finger_does_not_come_down_on_what_goes_on_under_it():
+    half = PROTOTYPE.opening / 2
+    place = np.array([0.0, PADS[:, 1].mean(), PADS[:, 2].mean() - 0.02])
+    along = np.arange(-0.03, half + 0.0101, 0.005)
+
+    def top(end: float) -> PadContacts:
+        points = place + along[along < end][:, None] * [1.0, 0.0, 0.0]
+        rows = np.concatenate(
+            [points + np.array([0.0, y, 0.0]) for y in (-0.01, 0, 0.01)]
+        )
+        up = np.tile([0.0, 0.0, -1.0], (len(rows), 1))
+        cloud = PointCloud(rows, up, np.array([0.0, 0.0, -2.0]))
+        return PadContacts(scene_of(cloud), PadZones.of(LIBRARY, CONFIG), CONFIG)
+
+    for end, lands_on_it in ((half - 0.01, False), (half + 0.02, True)):
+        look = top(end).look(np.eye(4)[None], FIRST)
+        assert look.is_too_wide.tolist() == [lands_on_it]
+
+
 def test_on_a_curved_face_the_part_that_is_turned_to_the_pad_counts():
     around = contacts({-1: 0.0, 1: 0.0})
     angle = np.linspace(0.0, 1.3, 9)

@@ -244,7 +244,8 @@ def plank(low: float, high: float) -> np.ndarray:
 def surface_of(*parts: tuple[np.ndarray, float]) -> SeenSurface:
     points = np.concatenate([own for own, _ in parts])
     belongs = np.concatenate([np.full(len(own), share) for own, share in parts])
-    return SeenSurface(points, np.tile([0.0, 0.0, 1.0], (len(points), 1)), belongs)
+    up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    return SeenSurface(points, up, belongs, np.zeros(len(points), dtype=bool))
 
 
 def likely(*parts: tuple[np.ndarray, float], mass: float | None = None):
@@ -271,6 +272,21 @@ def test_what_is_certain_is_one_object():
     assert whole[0].mass == pytest.approx(alone.mass)
     with pytest.raises(InputError, match="certain"):
         likely((plank(0.0, 0.3), 0.9))
+
+
+def test_an_end_that_is_hidden_draws_the_middle_of_mass_to_it():
+    points = plank(0.0, 0.4)
+    up, eye = np.tile([0.0, 0.0, 1.0], (len(points), 1)), np.array([0.2, 0.05, 1.0])
+    is_right, is_left = points[:, 0] > 0.34, points[:, 0] < 0.05
+    none, right, both = (
+        ObjectMass.from_surface(points, up, eye, CONFIG, spacing=0.01, goes_on=goes_on)
+        for goes_on in (None, is_right, is_right | is_left)
+    )
+    assert 0.02 < right.com[0] - none.com[0] < 0.08
+    assert right.com[1:] == pytest.approx(none.com[1:], abs=1e-3)
+    assert both.com == pytest.approx(none.com, abs=5e-3)
+    assert none.com_error < right.com_error < both.com_error
+    assert right.mass == none.mass
 
 
 def test_a_known_mass_is_that_of_the_whole_object_whatever_it_is():

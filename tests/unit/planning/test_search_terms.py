@@ -277,6 +277,31 @@ def test_scene_without_a_point_of_the_object_is_refused():
         GraspScene.build(in_camera, everything, region, sight, SceneConfig())
 
 
+def test_what_was_seen_of_an_object_may_go_beyond_the_region_and_the_object(capture):
+    cloud = capture.cloud()
+    sight = DepthSight(capture.depth.astype(np.float32), CAMERA, capture.T_base_camera)
+    belongs = np.where(cloud.points[:, 2] > 0.02, 1.0, 0.0)
+    is_left = (belongs > 0) & (cloud.points[:, 1] > 0.0)
+    region = Bounds.around(cloud.points[is_left], 0.0)
+    alone, wide, unsure = (
+        GraspScene.build(cloud, is_left, region, sight, SceneConfig(), belongs=share)
+        for share in (None, belongs, np.where(is_left, 1.0, 0.4 * belongs))
+    )
+    assert (alone.surface.belongs == 1.0).all()
+    assert alone.surface.points[:, 1].min() >= 0.0
+    for scene in (wide, unsure):
+        assert scene.surface.points[:, 1].min() < -0.1
+        assert np.array_equal(scene.cloud.points, alone.cloud.points)
+        assert len(scene.surface.goes_on) == len(scene.surface.points)
+    is_sure = unsure.surface.belongs == 1.0
+    assert (unsure.surface.points[is_sure, 1] > 0.0).all()
+    assert set(unsure.surface.belongs[~is_sure]) == {0.4}
+    with pytest.raises(ShapeError, match="belongs"):
+        GraspScene.build(
+            cloud, is_left, region, sight, SceneConfig(), belongs=belongs[1:]
+        )
+
+
 def test_a_kernel_without_width_is_refused():
     with pytest.raises(ConfigError, match="sigma"):
         SimilarityConfig(sigma=0.0)
