@@ -81,6 +81,9 @@ class LoadModel:
     _tool: tuple[Vector, Vector, Wrench] = field(init=False, repr=False)
     """Mass times gravity in base; centre of mass and bias at the hand."""
 
+    _payload: tuple[Vector, Vector] = field(init=False, repr=False)
+    """Mass times gravity in base, and centre of mass at the hand."""
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "bias", frozen(six(self.bias, "bias"), "bias", (6,)))
         object.__setattr__(self, "gravity", frozen(self.gravity, "gravity", (3,)))
@@ -89,10 +92,14 @@ class LoadModel:
             raise ConfigError("wrench_sign", got=self.wrench_sign, expected="1 or -1")
         object.__setattr__(self, "_mount", parts(self.T_ee_ft))
         # All that doesn't change is moved to the hand once.
-        com = self.T_ee_ft.apply(self.tool.com).tolist()
-        bias = self.T_ee_ft.map_wrench(self.bias).tolist()
-        g = tuple((self.tool.mass * self.gravity).tolist())
-        object.__setattr__(self, "_tool", (g, tuple(com), tuple(bias)))
+        bias = tuple(self.T_ee_ft.map_wrench(self.bias).tolist())
+        object.__setattr__(self, "_tool", (*self._hung(self.tool), bias))
+        object.__setattr__(self, "_payload", self._hung(self.payload))
+
+    def _hung(self, body: Body) -> tuple[Vector, Vector]:
+        """Mass times gravity in base, and centre of mass at the hand."""
+        com = self.T_ee_ft.apply(body.com).tolist()
+        return tuple((body.mass * self.gravity).tolist()), tuple(com)
 
     def with_bias(self, bias: ArrayLike) -> LoadModel:
         """Return the model after a new baseline: the bias [N, N m], shape (6,)."""
@@ -118,24 +125,33 @@ class LoadModel:
 
     def payload_ee(self, R_base_ee: Rotation) -> Wrench:
         """Weight of the payload in the axes and at the origin of the hand."""
-        x, y, z = self.gravity.tolist()
-        m = self.payload.mass
-        com = self.T_ee_ft.apply(self.payload.com)
-        f = turned_back(R_base_ee, (m * x, m * y, m * z))
-        return (*f, *cross(tuple(com.tolist()), f))
+        g, com = self._payload
+        f = turned_back(R_base_ee, g)
+        return (*f, *cross(com, f))
 
     def reading(self, load_ee: ArrayLike, R_base_ee: Rotation) -> FloatArray:
         """Return what the sensor reads under a load; undoes `load_ee`, shape (6,)."""
+        return np.array(self.reading_of(six(load_ee, "load").tolist(), R_base_ee))
+
+    def reading_of(self, load_ee: Sequence[float], R_base_ee: Rotation) -> Wrench:
+        """Return the same for six floats that are known to be finite, as floats."""
         (R, p), (g, com, bias), s = self._mount, self._tool, self.wrench_sign
-        load = six(load_ee, "load").tolist()
         weight = turned_back(R_base_ee, g)
-        wrench = (*weight, *cross(com, weight))
-        a, b, c, d, e, f = [
-            x + y + z for x, y, z in zip(load, wrench, bias, strict=True)
-        ]
+        moment = cross(com, weight)
+        a = load_ee[0] + weight[0] + bias[0]
+        b = load_ee[1] + weight[1] + bias[1]
+        c = load_ee[2] + weight[2] + bias[2]
         x, y, z = cross(p, (a, b, c))
-        force = turned_back(R, (a, b, c))
-        return s * np.array([*force, *turned_back(R, (d - x, e - y, f - z))])
+        torque = turned_back(
+            R,
+            (
+                load_ee[3] + moment[0] + bias[3] - x,
+                load_ee[4] + moment[1] + bias[4] - y,
+                load_ee[5] + moment[2] + bias[5] - z,
+            ),
+        )
+        i, j, k = turned_back(R, (a, b, c))
+        return s * i, s * j, s * k, s * torque[0], s * torque[1], s * torque[2]
 
     def load_ee(self, raw: Sequence[float], R_base_ee: Rotation) -> Wrench:
         """Load at the hand: equation (7) with the inverse that power demands.

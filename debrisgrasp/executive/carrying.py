@@ -20,7 +20,8 @@ from .drag import drag
 from .drive import Drive
 from .dropoff import drop_postures, may_lie
 from .hanging import looked_at
-from .moves import box_around, carrying, free_share, is_folded, planned, space_of
+from .loaded import carrying
+from .moves import box_around, free_share, is_folded, planned, space_of
 from .pacing import careful
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
@@ -218,17 +219,18 @@ def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFou
     Through what was not seen only if there is no other way.
     """
     planner, label = carrying(context, limb), context.cycle.label
-    q, ignored = context.posture(limb), UnknownSpace.IGNORED
-    space = space_of(context, label, unknown=ignored)
+    q = context.posture(limb)
+    strict = space_of(context, label, unknown=UnknownSpace.HIDDEN)
+    space = strict.without_unknown()
     if not planner.stands_free(q, space):
-        space = space_of(context, label, unknown=ignored, stands=(planner, q))
+        stands, ignored = (planner, q), UnknownSpace.IGNORED
+        space = space_of(context, label, unknown=ignored, stands=stands)
     if not planner.stands_free(q, space):
         words = "the box around what is held touches something where it hangs"
         return FaultFound("plan_collision", words, limb.name)
     goals = _goals(context, limb, held, space, planner)
     if not len(goals):
         return _nowhere(context, limb)
-    strict = space_of(context, label, unknown=UnknownSpace.HIDDEN)
     if planner.stands_free(q, strict):
         found = planned(context, limb, goals, strict, planner)
         if not isinstance(found, FaultFound):

@@ -175,7 +175,9 @@ class Context:
     last_seen: Perception | None = None
     """The last look, until the base moves; a new cycle has none of its own at first."""
     dropped: list[FloatArray] = field(default_factory=list)
-    """Surfaces of what was put down, base frame [m], each (n, 3)."""
+    """Surfaces of what was put down, as it is guessed, base frame [m], each (n, 3)."""
+    lain: list[FloatArray] = field(default_factory=list)
+    """The same where it was seen since."""
     fallen: list[FloatArray] = field(default_factory=list)
     """The same of what was let go among what the camera sees, until it looks again."""
     dragged: SE3 | None = None
@@ -186,6 +188,11 @@ class Context:
     """Time, force and torque at the hand [s, N, N m], since the state began."""
     left: dict[str, str] = field(default_factory=dict)
     """Objects that stay, and why, by the last look."""
+
+    @property
+    def put_down(self) -> list[FloatArray]:
+        """All that was put down, guessed or seen, base frame [m], each (n, 3)."""
+        return [*self.dropped, *self.lain]
 
     @property
     def n_changes(self) -> int:

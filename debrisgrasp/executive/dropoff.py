@@ -215,8 +215,8 @@ def _poses(
 
 def _height_at(context: Context, place: FloatArray, half: FloatArray) -> float:
     """Height of what was put down where an object is to go [m]."""
-    if not context.dropped:
+    if not context.put_down:
         return 0.0
-    points = np.concatenate(context.dropped)
+    points = np.concatenate(context.put_down)
     inside = (np.abs(points[:, :2] - place) < half + 0.03).all(axis=1)
     return float(points[inside, 2].max(initial=0.0))

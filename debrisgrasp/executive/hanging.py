@@ -53,6 +53,8 @@ _FEW = 20
 _PLACE, _BESIDE = 0.3, 0.8
 """Around where something was put down the ground must be seen so far, and what lies
 there is looked for [m]."""
+_HIGHEST = 0.25
+"""A look at what was put down aims no higher [m]."""
 _LOW = 0.03
 """What is no higher lies on the ground [m]."""
 
@@ -131,6 +133,7 @@ def looked_after(context: Context, arm: str, opening: float) -> int:
     if motion is None or not context.dropped:
         return 0
     place = context.dropped[-1].mean(axis=0)
+    place[2] = min(place[2], _HIGHEST)  # what may have fallen lies low
     taken = image(
         context,
         f"released_{context.cycle.number:03d}",
@@ -147,14 +150,18 @@ def looked_after(context: Context, arm: str, opening: float) -> int:
     points = points[~_is_robot(context, arm, preshape, opening, points)]
     part, cells = _parts(points)
     points = points[cells[part] >= _FEW]
-    guessed = np.concatenate(context.dropped)
-    guessed = guessed[~(_clearance(sight, guessed) > _MOVED)]
+
+    def still(body: FloatArray) -> FloatArray:
+        return body[~(_clearance(sight, body) > _MOVED)]
+
     # Nor does anything lie where the robot stands.
-    guessed = guessed[~_is_robot(context, arm, preshape, opening, guessed)]
-    lying = np.concatenate([guessed, points])
-    if len(lying):
-        lying = lying[voxel_downsample(lying, _CELL)]
-    context.dropped[:] = [lying]
+    left = [
+        body[~_is_robot(context, arm, preshape, opening, body)]
+        for body in map(still, context.dropped)
+    ]
+    context.dropped[:] = [body for body in left if len(body)]
+    lain = np.concatenate([*map(still, context.lain), points])
+    context.lain[:] = [lain[voxel_downsample(lain, _CELL)]] if len(lain) else []
     return len(points)
 
 

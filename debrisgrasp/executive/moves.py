@@ -12,7 +12,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.control import CartesianLeg, LegPlanner, TarePolicy
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.geometry import SE3, PointCloud, Solid
-from debrisgrasp.kinematics import ArmReach, Trajectory
+from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.kinematics.urdf import UrdfShape
 from debrisgrasp.motion import (
     MotionPlan,
@@ -31,7 +31,6 @@ __all__ = [
     "are_near",
     "back_out",
     "box_around",
-    "carrying",
     "free_share",
     "is_folded",
     "let_go",
@@ -79,6 +78,7 @@ def space_of(
     *,
     unknown: UnknownSpace,
     stands: tuple[MotionPlanner, FloatArray] | None = None,
+    with_guesses: bool = True,
 ) -> MotionSpace:
     """Obstacles by the last look, and what was put down since.
 
@@ -88,6 +88,8 @@ def space_of(
         Label of an object that is no obstacle, because the hand holds it.
     stands
         Of an arm, and its posture (d,): points so near to where it stands are left out.
+    with_guesses
+        Whether what was put down is also where nobody has seen it.
     """
     seen = context.cycle.seen or context.last_seen
     if seen is None:
@@ -97,7 +99,8 @@ def space_of(
         points = context.cycle.around
     elif without is not None:
         points = points[seen.segmentation.labels != without]
-    points = np.concatenate([points, *context.dropped, *context.fallen])
+    guesses = [*context.dropped, *context.fallen] if with_guesses else []
+    points = np.concatenate([points, *context.lain, *guesses])
     if stands is not None:
         balls = stands[0].balls_at(stands[1], _STANDS_FREE)
         rows = cKDTree(points).query_ball_point(balls[:, :3], balls[:, 3])
@@ -157,19 +160,6 @@ def _inside(limb: LimbState, q: FloatArray) -> FloatArray | str:
     if np.abs(nearest - q).max() > 0.02 + 1e-9:
         return limits.violation(q)
     return nearest
-
-
-def carrying(context: Context, limb: LimbState) -> MotionPlanner:
-    """Make a planner for the arm with a box around what its hand holds."""
-    held, model = context.held, context.model
-    if held is None or len(held.points_hand) < 10:
-        return limb.planner
-    spec = model.arm(limb.name)
-    shapes = dict(model.tree.shapes)
-    shapes[spec.tip] = (*shapes[spec.tip], box_around(held.points_hand))
-    loaded = replace(model, tree=replace(model.tree, shapes=shapes))
-    arm = ArmReach(loaded, limb.name)
-    return MotionPlanner.of_arm(arm, limits=limb.limits.planner)
 
 
 def lying(T_base_hand: SE3, points_hand: FloatArray) -> FloatArray:
@@ -306,16 +296,22 @@ def _way_to(
 ) -> MotionPlan | FaultFound:
     """Plan to a posture; through what was not seen if there is no other way.
 
-    The way that the arm came leads back, if nothing shorter does.
+    The way that the arm came leads back, if nothing shorter does. At last only what was
+    seen is in the way: all else is a guess, near which the arm goes slowly.
     """
     known = np.array(limb.trail) if limb.trail else None
     stands = limb.planner, context.posture(limb)
-    for unknown, leaves in (
-        (UnknownSpace.HIDDEN, None),
-        (UnknownSpace.IGNORED, None),
-        (UnknownSpace.IGNORED, stands),
+    for unknown, leaves, with_guesses in (
+        (UnknownSpace.HIDDEN, None, True),
+        (UnknownSpace.IGNORED, None, True),
+        (UnknownSpace.IGNORED, stands, True),
+        (UnknownSpace.IGNORED, stands, False),
     ):
-        space = space_of(context, unknown=unknown, stands=leaves)
+        if not (with_guesses or context.dropped or context.fallen):
+            break
+        space = space_of(
+            context, unknown=unknown, stands=leaves, with_guesses=with_guesses
+        )
         found = planned(context, limb, goal, space, known=known)
         if not isinstance(found, FaultFound):
             break

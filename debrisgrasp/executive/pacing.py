@@ -18,8 +18,9 @@ _GRAIN = 0.005
 """Spacing of the times between which the pace changes evenly [s]."""
 _GAIN = 0.4
 """Change of the pace in a second, at most [1/s]."""
-_NEAR = 0.05
-"""What is nearer than this may be touched [m]."""
+_NEAR, _NEAR_GROUND = 0.05, 0.02
+"""What is nearer than this may be touched [m]; an empty hand, whose shape is known,
+touches the ground only if it is as near as the other length."""
 _BRAKES = 0.6
 """What is farther away may be come to as fast as the arm brakes [m/s^2]."""
 _LEAST = 0.02
@@ -88,12 +89,14 @@ def careful(
         others = others[others[:, 2] > _GROUND]
     else:
         others = seen.cloud.points[seen.segmentation.labels != 0]
-    others = np.concatenate([others, *context.dropped, *context.fallen])
+    others = np.concatenate([others, *context.put_down, *context.fallen])
     points = points[:: max(1, len(points) // _MOST_POINTS)]
     rows = trajectory.at(np.linspace(0.0, trajectory.duration, n))[0]
     T = limb.reach.chain.fk(rows)
     where = np.einsum("nij,kj->nki", T.R, points) + T.p[:, None, :]
-    gap = where[..., 2].min(axis=1)
+    is_empty = context.held is None
+    # So near to the ground it may be as fast as so much farther from anything else.
+    gap = where[..., 2].min(axis=1) + is_empty * (_NEAR - _NEAR_GROUND)
     if len(others):
         tree, flat = cKDTree(others), where.reshape(-1, 3)
         near = np.asarray(tree.query(flat, distance_upper_bound=0.5)[0])

@@ -60,7 +60,7 @@ def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
     T_now_before = (begun.inverse() @ base.read()).inverse()
     context.n_moves += 1
     context.T_base_way = T_now_before @ context.T_base_way
-    for bodies in (context.dropped, context.fallen):
+    for bodies in (context.dropped, context.lain, context.fallen):
         bodies[:] = [T_now_before.apply(body) for body in bodies]
     context.marks.moved(T_now_before)
     # What was seen was seen from elsewhere.
@@ -75,7 +75,7 @@ def _way(context: Context, wanted: float) -> float:
     gone = float(-context.T_base_way.p[0])
     way = float(np.clip(wanted, max(-_MOST, -_FARTHEST - gone), _MOST))
     way = min(way, _FARTHEST - gone)
-    clouds = [seen.cloud.points, *context.dropped, *context.fallen]
+    clouds = [seen.cloud.points, *context.put_down, *context.fallen]
     points = np.concatenate(clouds)
     is_ahead = (np.abs(points[:, 1]) < _HALF_WIDTH) & (points[:, 0] > _FRONT)
     ahead = points[is_ahead & (points[:, 2] > _LOW), 0]

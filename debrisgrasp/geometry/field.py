@@ -213,10 +213,12 @@ def _nearest_points(
                 if low < high:
                     out = target[low:high]
                     np.minimum(out, grid[low + shift : high + shift] + cost, out=out)
-    grid = target
-    is_near = (grid >> _INDEX_BITS) <= np.uint32(reach * reach)
-    index = grid & np.uint32((1 << _INDEX_BITS) - 1)
-    nearest = np.where(is_near, index, np.uint32(len(points))).astype(np.int32)
+    del grid
+    nothing = np.uint32((reach * reach + 1) << _INDEX_BITS)
+    is_far = target >= nothing
+    target &= np.uint32((1 << _INDEX_BITS) - 1)
+    np.putmask(target, is_far, np.uint32(len(points)))
+    nearest = target.view(np.int32)
     for axis in range(3):
         border = np.moveaxis(nearest, axis, 0)
         border[0] = border[-1] = len(points)

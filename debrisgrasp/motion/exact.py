@@ -136,16 +136,16 @@ class ExactTest:
         _, radii = arm.balls
         near = self._near(centers)
         plane = space.ground_plane
-        tested = [
-            i
-            for i, part in enumerate(arm.body.parts)
-            if part.segment and (self.with_hand or not part.is_hand)
-        ]
-        for part in tested:
-            solid, T = arm.body.parts[part].solid, poses[:, arm.segments[part]]
-            if plane is not None:
-                height = centers[:, part] @ plane[:3] + plane[3] - radii[part]
-                low = np.flatnonzero(height < self.margin)
+        is_low = np.zeros(near.shape, dtype=bool)
+        if plane is not None:
+            is_low = centers @ plane[:3] + plane[3] - radii < self.margin
+        for part in np.flatnonzero((near | is_low).any(axis=0)).tolist():
+            mine = arm.body.parts[part]
+            if not mine.segment or (mine.is_hand and not self.with_hand):
+                continue
+            solid, T = mine.solid, poses[:, arm.segments[part]]
+            low = np.flatnonzero(is_low[:, part])
+            if plane is not None and len(low):
                 normals = T[low, :3, :3].swapaxes(1, 2) @ plane[:3]
                 offset = T[low, :3, 3] @ plane[:3] + plane[3]
                 lowest = offset + np.array([_least(solid, n) for n in normals])

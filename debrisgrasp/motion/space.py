@@ -148,6 +148,10 @@ class MotionSpace:
         opened.__dict__.update({k: v for k, v in vars(self).items() if k not in own})
         return opened
 
+    def without_unknown(self) -> MotionSpace:
+        """Return the same space with all that was not seen free."""
+        return replace(self, unknown=None, opened=None)
+
     @cached_property
     def measured_points(self) -> FloatArray:
         """Measured points, thinned [m], shape (n, 3)."""

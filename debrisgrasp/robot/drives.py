@@ -53,6 +53,8 @@ class Drives:
         """Lower and upper end, speed and acceleration per tick, and the way in which a
         joint stops from that speed."""
         self._busy: set[int] = set()
+        self.version = 0
+        """Grows whenever a joint may have moved."""
 
     def add(self, limits: LimitSet, q: Sequence[float]) -> list[int]:
         """Take the joints of one arm at a posture (d,); return their numbers."""
@@ -101,9 +103,11 @@ class Drives:
     def put(self, joint: int, value: float) -> None:
         """Place a joint anywhere, as if something had pushed it there."""
         self.q[joint], self.step[joint], self._goal[joint] = value, 0.0, None
+        self.version += 1
 
     def advance(self) -> None:
         """Move every joint for one period."""
+        self.version += 1
         for i in tuple(self._busy):
             lower, upper, most, gain, braking = self._bounds[i]
             value, last, goal = self.q[i], self.step[i], self._goal[i]

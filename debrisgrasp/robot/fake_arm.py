@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import exp, isfinite
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp._arrays import Rng
 from debrisgrasp.control import LoadModel, PostureKinematics
-from debrisgrasp.control._rigid import Rotation, Vector
+from debrisgrasp.control._rigid import Rotation, Vector, Wrench
 from debrisgrasp.kinematics import KinematicChain, LimitSet
 
 from .config import FakeConfig
@@ -20,6 +20,8 @@ __all__ = ["FakeArm", "FakeForceSensor"]
 
 _SLACK = 1.02
 """Commands may exceed speed and acceleration by rounding and uneven ticks."""
+_DRAWN = 256
+"""Errors of so many readings are drawn at once."""
 
 
 class FakeArm:
@@ -47,7 +49,10 @@ class FakeArm:
         self._engages_at: float | None = None
         self._is_engaged = self._is_stopped = self._is_following = False
         self._commanded: tuple[int, tuple[float, ...], tuple[float, ...]] | None = None
-        self._pose: tuple[tuple[float, ...], Rotation, Vector] | None = None
+        self._q: tuple[int, tuple[float, ...]] = (-1, ())
+        self._pose: tuple[tuple[float, ...], tuple[Rotation, Vector]] | None = None
+        self._ranges = tuple(zip(self._lower, self._upper, strict=True))
+        self._rates = tuple(zip(self._speed, self._acceleration, strict=True))
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -72,8 +77,12 @@ class FakeArm:
     @property
     def q(self) -> tuple[float, ...]:
         """True posture [rad or m]."""
-        q = self._drives.q
-        return tuple([q[i] for i in self._joints])
+        version, q = self._q
+        if version != self._drives.version:
+            now = self._drives.q
+            q = tuple([now[i] for i in self._joints])
+            self._q = self._drives.version, q
+        return q
 
     @property
     def joints(self) -> Sequence[int]:
@@ -88,8 +97,8 @@ class FakeArm:
         """Rotation and position of the hand in base, as plain numbers."""
         q = self.q
         if self._pose is None or self._pose[0] != q:
-            self._pose = (q, *self._kinematics.pose(q))
-        return self._pose[1], self._pose[2]
+            self._pose = q, self._kinematics.pose(q)
+        return self._pose[1]
 
     def engage(self) -> None:
         """Begin to follow commands after a moment; not while a stop is latched."""
@@ -159,15 +168,17 @@ class FakeArm:
     def _checked(self, q: Sequence[float]) -> tuple[str, tuple[float, ...]]:
         """Why a command is refused, if it is; and its numbers."""
         try:
-            values = tuple([float(value) for value in q])
+            values = tuple(map(float, q))
         except (TypeError, ValueError):
             return f"commanded {q!r}, which are no numbers", ()
         if len(values) != len(self._joints):
             n = len(self._joints)
             return f"commanded {len(values)} values for {n} joints", ()
-        for joint, value, low, high, now in zip(
-            self.joint_names, values, self._lower, self._upper, self.q, strict=True
-        ):
+        checked = zip(values, self._ranges, strict=True)
+        for i, (value, (low, high)) in enumerate(checked):
+            if low <= value <= high:
+                continue
+            joint, now = self.joint_names[i], self.q[i]
             if not isfinite(value):
                 return f"commanded {joint} to {value}", ()
             # From outside, where something else pushed it, a joint may come back.
@@ -178,15 +189,15 @@ class FakeArm:
     def _check_rates(
         self, rate: Sequence[float], before: Sequence[float], dt: float
     ) -> None:
-        for joint, new, old, most, gain in zip(
-            self.joint_names, rate, before, self._speed, self._acceleration, strict=True
-        ):
+        checked = zip(rate, before, self._rates, strict=True)
+        for i, (new, old, (most, gain)) in enumerate(checked):
             if abs(new) > _SLACK * most + 1e-6:
                 what = f"speed {new:.4g}, more than {most:g}"
             elif abs(new - old) > _SLACK * gain * dt + 1e-6:
                 what = f"acceleration {(new - old) / dt:.4g}, more than {gain:g}"
             else:
                 continue
+            joint = self.joint_names[i]
             self._violations.append(
                 Violation(
                     self._timeline.now,
@@ -215,9 +226,10 @@ class FakeForceSensor:
         way = rng.standard_normal((2, 3))
         way /= np.linalg.norm(way, axis=1, keepdims=True)
         drift = np.array(config.drift)[:, None] / 3600.0
-        self._drift = (drift * way).ravel()
+        self._drift = (drift * way).ravel().tolist()
         self._sigma = np.repeat(config.sensor_noise, 3)
-        self._range = np.repeat(config.sensor_range, 3)
+        self._noise: Iterator[list[float]] = iter(())
+        self._range = np.repeat(config.sensor_range, 3).tolist()
         self._lag = config.sensor_lag
         self._felt: Sequence[float] | None = None
         self._last: WrenchReading | None = None
@@ -229,7 +241,7 @@ class FakeForceSensor:
             self._last = WrenchReading(now, self._reading(now))
         return self._last
 
-    def _reading(self, now: float) -> FloatArray:
+    def _reading(self, now: float) -> Wrench:
         load, last = self.load_ee, self._last
         if self._felt is not None and last is not None and self._lag > 0.0:
             rest = exp((last.time - now) / self._lag)
@@ -237,7 +249,17 @@ class FakeForceSensor:
                 [x + rest * (y - x) for x, y in zip(load, self._felt, strict=True)]
             )
         self._felt = load
-        raw = self._loads.reading(load, self._arm.pose()[0])
-        raw += self._drift * now
-        raw += self._sigma * self._rng.standard_normal(6)
-        return np.asarray(np.minimum(np.maximum(raw, -self._range), self._range))
+        raw = self._loads.reading_of(load, self._arm.pose()[0])
+        noise = next(self._noise, None)
+        if noise is None:
+            drawn = self._sigma * self._rng.standard_normal((_DRAWN, 6))
+            self._noise = iter(drawn.tolist())
+            noise = next(self._noise)
+        return tuple(
+            [
+                min(max(value + drift * now + error, -most), most)
+                for value, drift, error, most in zip(
+                    raw, self._drift, noise, self._range, strict=True
+                )
+            ]
+        )

@@ -14,6 +14,9 @@ from debrisgrasp.control._rigid import (
     Wrench,
     added,
     cross,
+    parts,
+    times,
+    turned,
     turned_back,
 )
 from debrisgrasp.geometry import SE3
@@ -178,28 +181,35 @@ class Stage:
         if hand.seen is None or hand.seen[2] != key[2]:
             hand.touch.forget()
         hand.seen = key
-        # Before the base has moved, its frame is that of the odometry.
-        is_free = hold is None and not fingers_moved and T_odom_base is self._T_first
-        if is_free and hand.touch.is_clear(*pose):
+        axes, place = self._in_odom(pose, T_odom_base)
+        is_clear = not fingers_moved and hand.touch.is_clear(axes, place)
+        if hold is None and is_clear:
             return
-        T = T_odom_base.matrix
-        R = T[:3, :3] @ np.reshape(pose[0], (3, 3))
-        p = T[:3, :3] @ np.array(pose[1]) + T[:3, 3]
+        R, p = np.reshape(axes, (3, 3)), np.array(place)
         hand.R, hand.p = R, p
         if hand.hold is not None:
             self._carry(hand.hold, R, p)
-        left_out = self._left_out(hand)
-        hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
-        self._feel(hand, R, p)
+        if not is_clear or hand.springs:
+            left_out = self._left_out(hand)
+            hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
+            self._feel(hand, R, p)
         if hand.hold is None:
             self._try_hold(hand, R, p)
-        axes = tuple(R.ravel().tolist())
-        on_body, load = self._load(hand, axes, tuple(p.tolist()))
+        on_body, load = self._load(hand, axes, place)
         hand.sensor.load_ee = load
         self.peak_force[name] = max(self.peak_force[name], hypot(*load[:3]))
         self.peak_torque[name] = max(self.peak_torque[name], hypot(*load[3:]))
         if hand.hold is not None:
             self._check_hold(hand, hand.hold, turned_back(axes, on_body))
+
+    def _in_odom(
+        self, pose: tuple[Rotation, Vector], T_odom_base: SE3
+    ) -> tuple[Rotation, Vector]:
+        """Pose of a hand in odom as plain numbers."""
+        if T_odom_base is self._T_first:
+            return pose  # before the base has moved, its frame is that of the odometry
+        R, p = parts(T_odom_base)
+        return times(R, pose[0]), added(turned(R, pose[1]), p)
 
     def _left_out(self, hand: HandState) -> set[int]:
         """Bodies that a hand passes through: in the other hand, or on what it holds."""

@@ -10,7 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from debrisgrasp.executive.pacing import times_at
+from debrisgrasp.executive import TaskSettings
+from debrisgrasp.executive.pacing import careful, times_at
+from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import Trajectory
 
 PERIOD, GAIN = 0.004, 0.4
 
@@ -47,3 +50,43 @@ def test_the_pace_changes_no_faster_than_the_arm_can(duration, paces):
     assert steps.min() > 0.0
     assert steps.max() <= PERIOD * paces.max() * (1.0 + 1e-9)
     assert np.abs(np.diff(steps[:-1])).max(initial=0.0) <= GAIN * PERIOD**2 * 1.01
+
+
+@pytest.mark.parametrize(
+    ("height", "is_faster"), [(0.015, False), (0.045, True), (2.0, False)]
+)
+def test_an_empty_hand_is_slow_only_where_the_ground_is_very_near(height, is_faster):
+    q = np.linspace(0.0, 1.0, 21)[:, None]
+    trajectory = Trajectory(
+        joint_names=("slide",),
+        times=np.linspace(0.0, 2.0, 21),
+        q=q,
+        dq=np.full_like(q, 0.5),
+        limits_hash="",
+    )
+    chain = SimpleNamespace(
+        fk=lambda rows: SE3.from_parts(
+            p=np.column_stack([rows[:, 0], 0.0 * rows[:, 0], 0.0 * rows[:, 0] + height])
+        )
+    )
+    limb = SimpleNamespace(reach=SimpleNamespace(chain=chain))
+
+    def paces(held):
+        none = np.zeros((0, 3))
+        context = SimpleNamespace(
+            cycle=SimpleNamespace(seen=object(), around=none),
+            held=held,
+            put_down=[],
+            fallen=[],
+            settings=TaskSettings(),
+        )
+        return careful(context, limb, np.zeros((1, 3)), trajectory, 1.0)
+
+    empty, full = paces(None), paces(object())
+    if is_faster:
+        assert empty.min() > 3.0 * full.max()
+    else:
+        np.testing.assert_allclose(empty, full)
+    assert full.max() <= 1.0
+    if height < 0.05:
+        np.testing.assert_allclose(full, TaskSettings().lift_speed / 0.5, rtol=1e-6)

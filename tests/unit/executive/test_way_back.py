@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,11 +13,14 @@ from debrisgrasp.executive import releasing
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
-from debrisgrasp.executive.moves import planned, space_of, to_rest
+from debrisgrasp.executive.loaded import carrying
+from debrisgrasp.executive.moves import box_around, planned, space_of, to_rest
+from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
-from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.kinematics import ArmReach
+from debrisgrasp.motion import MotionPlanner, MotionSpace, UnknownSpace
 from debrisgrasp.pipeline import Pipeline
 from tests.unit.executive.test_steps import executive
 
@@ -73,3 +78,45 @@ def test_an_arm_remembers_its_way_until_it_is_back_at_rest(pipeline):
     assert to_rest(context, "right") is None
     assert limb.trail == []
     assert np.abs(context.posture(limb) - q).max() < 0.01
+
+
+def test_at_last_nothing_but_what_was_seen_is_in_the_way(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    limb = context.limbs["right"]
+    hand = limb.pose(context.posture(limb)).p
+    around = np.random.default_rng(0).normal(size=(4000, 3))
+    shell = hand + 0.4 * around / np.linalg.norm(around, axis=1, keepdims=True)
+    goal = context.posture(limb)
+    goal[0] += 1.2
+    context.dropped[:] = [shell]
+    for with_guesses in (True, False):
+        space = space_of(
+            context, unknown=UnknownSpace.IGNORED, with_guesses=with_guesses
+        )
+        assert limb.planner.stands_free(goal, space) is not with_guesses
+    context.lain[:], context.dropped[:] = [shell], []
+    space = space_of(context, unknown=UnknownSpace.IGNORED, with_guesses=False)
+    assert not limb.planner.stands_free(goal, space)
+
+
+@pytest.mark.parametrize("arm", ["right", "left"])
+def test_what_is_held_is_a_part_of_the_arm_as_if_its_file_had_it(pipeline, arm):
+    _, task = executive(pipeline)
+    context, model = task.context, pipeline.robot
+    limb, rng = context.limbs[arm], np.random.default_rng(0)
+    points = rng.uniform(-1.0, 1.0, (60, 3)) * [0.3, 0.05, 0.1] + [0.0, 0.0, 0.05]
+    context.held = replace(holding(context), arm=arm, points_hand=points)
+    tip, shapes = model.arm(arm).tip, dict(model.tree.shapes)
+    shapes[tip] = (*shapes[tip], box_around(points))
+    loaded = replace(model, tree=replace(model.tree, shapes=shapes))
+    oracle = MotionPlanner.of_arm(ArmReach(loaded, arm), limits=limb.limits.planner)
+    q = limb.reach.chain.sampled(200, rng=rng)
+    space = MotionSpace.from_points(
+        rng.uniform(-1.0, 1.0, (5, 3)), ground_plane=np.array([0.0, 0.0, 1.0, 0.0])
+    )
+    found = carrying(context, limb).exact_test(space).is_free(q)
+    np.testing.assert_array_equal(found, oracle.exact_test(space).is_free(q))
+    assert 0 < found.sum() < limb.planner.exact_test(space).is_free(q).sum()
