@@ -30,7 +30,7 @@ from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .noticed import refused
-from .pacing import times_at
+from .pacing import feasible, times_at
 from .result import FaultFound
 from .senses import Senses
 from .states import State
@@ -163,12 +163,15 @@ class Drive(Senses):
         fault, state, _ = self.ticked(supervisor, state, begun.q, is_moving=False)
         if fault is not None:
             return fault
-        times = times_at(trajectory, _SPARE * np.atleast_1d(pace), self.period)
+        paces = feasible(trajectory, np.atleast_1d(pace), limits.acceleration)
+        times = times_at(trajectory, _SPARE * paces, self.period)
         path, n = trajectory.at(times)[0], len(times)
         # The plan began within the planner's limits, the arm perhaps a little outside.
         share = np.minimum(self.period * np.arange(1, n + 1) / _BLEND, 1.0)
         fade = 1.0 - share * share * (3.0 - 2.0 * share)
         path = path + fade[:, None] * (np.array(state.q) - trajectory.q[0])
+        # Where it stands first: speeds count from the tick of the last command.
+        path = np.concatenate([[state.q], path])
         rows = path.tolist()
         for i, q in enumerate(rows):
             self._send(q)
@@ -178,7 +181,7 @@ class Drive(Senses):
                 self.limb.went(path[: i + 1 : _STRIDE])
                 return fault
         self.limb.went(np.concatenate([path[::_STRIDE], path[-1:]]))
-        return self._settle(supervisor, state, rows[-1] if rows else list(begun.q))
+        return self._settle(supervisor, state, rows[-1])
 
     def _settle(
         self, supervisor: Supervisor, state: SafetyState, q: list[float]

@@ -29,6 +29,8 @@ __all__ = ["looked_after", "looked_at"]
 
 _TRIED = 31
 """Values of each joint of the head."""
+_STOPS = 0.1
+"""So far from its stops, for an encoder may be off [rad]."""
 _INSIDE, _SHY = 0.45, 0.1
 """So far from the middle of the picture [rad] a place is seen well enough, and this
 share of an angle between this look and the last is as bad as missing it by so much."""
@@ -230,7 +232,8 @@ def _look_towards(
 
     for name in 2 * context.robot.head.joint_names:
         joint, first = context.model.tree.joints[name], look.get(name, 0.0)
-        tried = [first, *np.linspace(joint.lower, joint.upper, _TRIED)]
+        low, high = joint.lower + _STOPS, joint.upper - _STOPS
+        tried = [first, *np.linspace(low, high, _TRIED)]
         if loss(name, first) > _SHOWN:
             look[name] = float(min(tried, key=lambda value: loss(name, value)))
     return look

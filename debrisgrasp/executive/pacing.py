@@ -10,7 +10,7 @@ from debrisgrasp.kinematics import Trajectory
 
 from .context import Context, LimbState
 
-__all__ = ["careful", "hand_corners", "times_at"]
+__all__ = ["careful", "feasible", "hand_corners", "times_at"]
 
 _KNOT = 0.05
 """Spacing of the looks along a motion, by its own time [s]."""
@@ -55,6 +55,35 @@ def times_at(trajectory: Trajectory, paces: FloatArray, period: float) -> FloatA
     at = np.clip(np.searchsorted(clock, ticks, side="right") - 1, 0, len(s) - 2)
     since, gain = ticks - clock[at], np.diff(squares)[at] / (2.0 * s[1])
     return np.asarray(s[at] + (rate[at] + 0.5 * gain * since) * since)
+
+
+def feasible(
+    trajectory: Trajectory, paces: FloatArray, acceleration: FloatArray
+) -> FloatArray:
+    """Lower paces that change where a change would ask too much of the arm, (n,).
+
+    A trajectory that is run at a pace that changes accelerates by itself and by the
+    change.
+
+    Parameters
+    ----------
+    paces
+        See `times_at`.
+    acceleration
+        Largest ones of the joints [rad/s^2 or m/s^2], shape (d,).
+    """
+    if not np.ptp(paces):
+        return paces
+    total = trajectory.duration
+    s = np.linspace(0.0, total, int(np.ceil(total / _GRAIN)) + 2)
+    _, speed, own = trajectory.at(s)
+    own = np.abs(own)
+    own[1:-1] = np.maximum(own[1:-1], np.maximum(own[:-2], own[2:]))  # they jump
+    left = np.maximum(acceleration - _GAIN * np.abs(speed), 0.0)
+    most = np.sqrt((left / np.maximum(own, 1e-9)).min(axis=1))
+    wanted = np.interp(s, np.linspace(0.0, total, len(paces)), paces)
+    least = min(_LEAST, float(wanted.min()))
+    return np.asarray(np.clip(most, least, np.maximum(wanted, least)))
 
 
 def hand_corners(limb: LimbState, preshape: str, opening: float) -> FloatArray:

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from debrisgrasp.executive import TaskSettings
-from debrisgrasp.executive.pacing import careful, times_at
+from debrisgrasp.executive.pacing import careful, feasible, times_at
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import Trajectory
 
@@ -50,6 +50,28 @@ def test_the_pace_changes_no_faster_than_the_arm_can(duration, paces):
     assert steps.min() > 0.0
     assert steps.max() <= PERIOD * paces.max() * (1.0 + 1e-9)
     assert np.abs(np.diff(steps[:-1])).max(initial=0.0) <= GAIN * PERIOD**2 * 1.01
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.integers(2, 30).flatmap(
+        lambda n: arrays(np.float64, n, elements=st.floats(0.02, 1.0))
+    )
+)
+@example(np.array([0.8, 0.87, 0.94, *[1.0] * 9]))
+def test_a_pace_that_changes_asks_no_more_than_the_arm_can(paces):
+    most, fastest = 2.0, 1.5
+    times = np.array([0.0, 0.75, 2.0, 2.75])
+    dq = np.array([0.0, fastest, fastest, 0.0])[:, None]
+    q = np.array([0.0, 0.5625, 2.4375, 3.0])[:, None]
+    trajectory = Trajectory(
+        joint_names=("slide",), times=times, q=q, dq=dq, limits_hash=""
+    )
+    limit = np.array([most])
+    assert (feasible(trajectory, paces[:1], limit) == paces[:1]).all()
+    ticks = times_at(trajectory, feasible(trajectory, paces, limit), PERIOD)
+    path = trajectory.at(np.append(0.0, ticks))[0][:-1, 0]
+    assert np.abs(np.diff(path, 2)).max(initial=0.0) / PERIOD**2 < 1.02 * most
 
 
 @pytest.mark.parametrize(
