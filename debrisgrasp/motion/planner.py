@@ -138,7 +138,7 @@ class MotionPlanner:
             start=start,
             rng=rng,
             watch=watch,
-            known=None if known is None else self._checked(known, "known postures"),
+            known=None if known is None or not np.size(known) else self._known(known),
         )
         with watch.stage("start"):
             contacts = query.at_start()
@@ -198,6 +198,12 @@ class MotionPlanner:
             )
         require_finite(array, what)
         return array
+
+    def _known(self, q: ArrayLike) -> FloatArray:
+        """Postures of a way (k, d) that the planner's limits allow."""
+        known = np.atleast_2d(self._checked(q, "known postures"))
+        within = [not self.limits.violation(row) for row in known]
+        return known[within]
 
     def _checked_start(self, q: ArrayLike) -> FloatArray:
         start = self._checked(q, "start posture")

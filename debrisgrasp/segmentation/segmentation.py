@@ -157,7 +157,8 @@ class Segmentation:
         UnknownNameError
             If no segment has it.
         """
-        if not 1 <= label <= len(self.segments):
+        is_count = isinstance(label, (int, np.integer))
+        if not is_count or not 1 <= label <= len(self.segments):
             known = (str(segment.label) for segment in self.segments)
             raise UnknownNameError("segment label", label, known)
         return self.segments[label - 1]

@@ -68,6 +68,15 @@ def test_a_known_way_that_is_blocked_now_is_gone_around(arm, planner, pillar, q_
         plan(planner, arm.q_present, q_goal, pillar, known=known * np.nan)
 
 
+def test_known_postures_that_are_none_or_outside_the_limits_do_no_harm(
+    arm, planner, pillar, q_goal
+):
+    alone = plan(planner, arm.q_present, q_goal, pillar)
+    for known in ([], np.zeros((0, len(q_goal))), np.full((3, len(q_goal)), 50.0)):
+        found = plan(planner, arm.q_present, q_goal, pillar, known=known)
+        assert (found.trajectory.q == alone.trajectory.q).all()
+
+
 def test_reaches_a_pose_of_the_hand(arm, planner, pillar):
     goal = SE3.from_parts(p=[0.0, 0.0, 0.1]) @ arm.chain.fk(arm.q_present)
     found = plan(planner, arm.q_present, goal, pillar)

@@ -35,8 +35,9 @@ def test_belonging_is_that_of_the_best_chain():
     found = three_plates(kinship)
     assert found.belonging(1) == pytest.approx([0.0, 1.0, 0.8, 0.4])
     assert found.belonging(3) == pytest.approx([0.0, 0.4, 0.5, 1.0])
-    with pytest.raises(UnknownNameError):
-        found.belonging(4)
+    for none in (4, 0, -1, 1.5, "a", None):
+        with pytest.raises(UnknownNameError):
+            found.belonging(none)
 
 
 def test_without_kinship_every_segment_is_alone():
