@@ -232,8 +232,11 @@ def run_select(arguments: argparse.Namespace) -> int:
     capture = load_capture(arguments)
     segmentation = debrisgrasp.segment(capture)
     _tell_doubt(segmentation.ground)
-    policy = policy_of(arguments, site_of(arguments).selection())
-    order = debrisgrasp.select(capture, segmentation, policy)
+    site = site_of(arguments)
+    own = site.selection()
+    if arguments.site is not None:  # its hands may open to other widths
+        own = debrisgrasp.Pipeline.from_settings(site).policy
+    order = debrisgrasp.select(capture, segmentation, policy_of(arguments, own))
     for path in arguments.report:
         write_selection_report(capture, segmentation, order, path)
     if arguments.json:

@@ -50,6 +50,8 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
             lines.append(plan.grasps[0].load.in_words)
         lines.append("")
         lines.append(_grasp_table(plan, limit))
+        if len(plan.grasps) > limit:
+            lines.append(f"and {len(plan.grasps) - limit} more")
     else:
         lines.append(f"no grasp: {plan.why_empty}")
     if plan.rejections:

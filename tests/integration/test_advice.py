@@ -64,6 +64,14 @@ def test_what_is_too_heavy_says_what_could_be_lifted(heavy, floating):
     assert all(grasp.load.margins[1] >= 1.0 for grasp in found.grasps)
 
 
+def test_the_table_says_how_many_grasps_it_leaves_out(floating):
+    plan = floating.plan(capture_of([lying_pipe()])).plan
+    n = len(plan.grasps)
+    assert n > 3
+    assert f"and {n - 3} more" in plan_summary(plan, limit=3)
+    assert "more" not in plan_summary(plan, limit=n)
+
+
 def test_what_would_hardly_hold_is_no_grasp(dictionary, monkeypatch):
     shipped = SuccessModel.load()
     gloomy = replace(shipped, intercept=shipped.intercept - 4.5)

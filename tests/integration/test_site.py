@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from debrisgrasp._files import data_path
 from debrisgrasp.cli import doctor_checks
 from debrisgrasp.cli.doctor_checks import EXTRAS, Finding
 
+JAW = Path(__file__).parents[2] / "examples/jaw_site.yaml"
 SITE = """
 schema: debrisgrasp/site/1
 robot: none
@@ -57,6 +59,14 @@ def test_select_takes_policy_and_point_from_the_site(run, site, block_file):
     assert order[0]["reason"].endswith("from the priority point")
     given = ("--policy", "priority", "--priority-point", 0.8, 0.3, 0.2)
     assert order == run("select", block_file, *given, "--json").json
+
+
+def test_select_judges_width_by_the_hands_of_the_site(run):
+    pile = data_path("captures", "pile.npz")
+    assert "hands open 18 cm" in run("select", pile).out
+    ended = run("select", pile, "--site", JAW)
+    assert "hands open 14 cm" in ended.out
+    assert "hands open 18 cm" not in ended.out
 
 
 def test_segment_takes_the_pose_of_the_camera_from_the_site(run, tmp_path, pipe_file):
