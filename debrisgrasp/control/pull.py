@@ -9,8 +9,12 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
 from debrisgrasp.errors import InputError
+from debrisgrasp.geometry import voxel_cells
 
 __all__ = ["PullChoice", "PullConfig", "choose_pull"]
+
+_ASLANT = 3
+"""Columns at an angle to the cells reach so many farther."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,22 +178,7 @@ def _near(own: FloatArray, others: FloatArray, config: PullConfig) -> FloatArray
 
 
 def _thinned(points: FloatArray, cell: float) -> FloatArray:
-    """One point for each occupied cell."""
-    if len(points) == 0:
-        return points
-    cells = np.floor(points / cell)
-    cells -= cells.min(axis=0)
-    x, y, z = cells.T
-    _, ny, nz = cells.max(axis=0) + 1.0
-    key = (x * ny + y) * nz + z
-    if key.max() < _EXACT:
-        _, first = np.unique(key, return_index=True)
-    else:
-        _, first = np.unique(cells, axis=0, return_index=True)
+    """One point for each occupied cell: the first."""
+    index, _ = voxel_cells(points, cell)
+    _, first = np.unique(index, return_index=True)
     return points[np.sort(first)]
-
-
-_ASLANT = 3
-"""Columns at an angle to the cells reach so many farther."""
-_EXACT = 2.0**53
-"""Whole numbers below this are exact in float64."""

@@ -5,7 +5,7 @@ from .cloud import Bounds, PointCloud
 from .cloud_normals import neighborhood_normals
 from .field import MAX_CELLS, DistanceField, Space
 from .image_normals import depth_normals
-from .neighbors import voxel_downsample
+from .neighbors import voxel_cells, voxel_downsample
 from .sampling import fibonacci_sphere, perturbed, random_rotations
 from .se3 import SE3
 from .sight import DepthSight, LineOfSight, PanoramicSight
@@ -32,5 +32,6 @@ __all__ = [
     "neighborhood_normals",
     "perturbed",
     "random_rotations",
+    "voxel_cells",
     "voxel_downsample",
 ]

@@ -31,6 +31,11 @@ def voxel_cells(points: FloatArray, size: float) -> tuple[IntArray, int]:
     -------
     cell_index, n_cells
         Cell of each point, shape (n,), in 0..n_cells-1, and how many there are.
+
+    Raises
+    ------
+    InputError
+        If the size is none, or too small for the extent of the points.
     """
     require_trailing(points, "points", (3,))
     require_finite(points, "points")

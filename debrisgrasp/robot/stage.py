@@ -11,9 +11,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control._rigid import (
     Rotation,
     Vector,
-    Wrench,
     added,
-    cross,
     parts,
     times,
     turned,
@@ -22,6 +20,7 @@ from debrisgrasp.control._rigid import (
 from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import World
 
+from .burden import load_of
 from .config import FakeConfig
 from .fake_arm import FakeArm, FakeForceSensor
 from .fake_hand import FakeGripper
@@ -30,7 +29,7 @@ from .links import LinkSpheres
 from .pushing import GRAVITY, Pushes
 from .rubble import Rubble
 from .settling import HandState, Settling
-from .springs import GROUND, HELD, PALM
+from .springs import GROUND, PALM
 from .touch import Touch
 
 __all__ = ["Stage"]
@@ -195,7 +194,7 @@ class Stage:
             self._feel(hand, R, p)
         if hand.hold is None:
             self._try_hold(hand, R, p)
-        on_body, load = self._load(hand, axes, place)
+        on_body, load = load_of(hand, self._rubble.shapes, axes, place)
         hand.sensor.load_ee = load
         self.peak_force[name] = max(self.peak_force[name], hypot(*load[:3]))
         self.peak_torque[name] = max(self.peak_torque[name], hypot(*load[3:]))
@@ -296,40 +295,6 @@ class Stage:
             )
         else:
             hold.is_loading = False
-
-    def _load(self, hand: HandState, R: Rotation, p: Vector) -> tuple[Vector, Wrench]:
-        """Force on what is held but for the fingers, and the load on the hand.
-
-        The first is in the axes of odom, the second in those of the hand; plain
-        numbers, as the pose of the hand in odom is.
-        """
-        force: Vector = (0.0, 0.0, 0.0)
-        moment = on_body = force
-        hold = hand.hold
-        for spring in hand.springs:
-            push, point = spring.force.tolist(), spring.point.tolist()
-            force = added(force, push)
-            moment = added(moment, cross(added(point, p, -1.0), push))
-            if spring.owner == HELD:
-                on_body = added(on_body, push)
-        if hold is not None:
-            shapes = self._rubble.shapes
-            body = shapes[hold.index]
-            weight = GRAVITY * body.mass
-            carried: Vector = (0.0, 0.0, -weight)
-            if hold.seat is not None:
-                carried = added(carried, hold.seat.force(body, weight).tolist())
-                if carried[2] <= -weight:
-                    hold.seat = None
-            loads: list[tuple[FloatArray, Vector]] = [(body.com, carried)]
-            loads += [
-                (shapes[i].com, (0.0, 0.0, -borne)) for i, borne in hold.borne.items()
-            ]
-            for com, push in loads:
-                force, on_body = added(force, push), added(on_body, push)
-                lever = added(com.tolist(), p, -1.0)
-                moment = added(moment, cross(lever, push))
-        return on_body, (*turned_back(R, force), *turned_back(R, moment))
 
     def _check_hold(
         self,
