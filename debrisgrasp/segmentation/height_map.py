@@ -17,18 +17,22 @@ _MAP_CELL = 0.08
 """Edge of a cell of the height map [m]."""
 _MAP_SMOOTHING = 1.5
 """Width of the Gaussian over the height map, in cells."""
-_MAX_SLOPE = 0.07
-"""Steepest slope of the ground relative to its plane."""
+_MAX_SLOPE = 0.04
+"""Steepest slope of the first guess of the ground, relative to its plane: steeper, and
+it would climb wide boards. Hills that are steeper are won back later."""
 _ENVELOPE_CELLS = 6
 """How far one cell of the height map limits others, in cells."""
 _CORRELATED = 4.0
 """Points that share their noise: that of a stereo camera spans about two pixels."""
-_MAX_RISES = (0.006, 0.006, 0.01, 0.01, 0.01)
+_MAX_RISES = (0.006, 0.006, 0.01, 0.01, 0.01, 0.011, 0.011)
 """Mean heights of a cell over the surface that make it a thing on the ground [m], fit
 by fit: strict while the surface may cut through hills and boards alike, then wide
 enough to win the hills back."""
 _MAX_POINT_RISE = 0.01
 """The same for a single point without noise [m]."""
+_MEAN_BAND = 0.03
+"""Points as near to the surface as this count in the mean of their cell [m]: if those
+alone did that are ground by themselves, boards in noise would seem lower."""
 _MAX_MAP = 1e7
 """Largest height map, in cells; beyond it the plane alone has to do."""
 
@@ -113,9 +117,11 @@ def fitted_height_map(
         # Things that lie on the ground would lift the surface, so the limits are tight;
         # means tell thin boards from ground where single points don't.
         noise = _spread(local[inside], reach[inside])
-        inside = np.abs(local) < np.maximum(_MAX_POINT_RISE, 2.5 * noise * reach)
-        rise = _cell_means(corners[0][inside], local[inside], shape).ravel()
-        inside &= ~(rise > max_rise)[corners[0]]
+        limit = np.maximum(_MAX_POINT_RISE, 2.5 * noise * reach)
+        away = np.abs(local)
+        counts = away < np.maximum(_MEAN_BAND, limit)
+        rise = _cell_means(corners[0][counts], local[counts], shape).ravel()
+        inside = (away < limit) & ~(rise > max_rise)[corners[0]]
         if not inside.any():
             break
         surface = _smoothed(_cell_means(corners[0][inside], over_plane[inside], shape))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray, require_range
+from debrisgrasp._words import in_kilograms
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
 
@@ -24,6 +25,7 @@ from .support import (
 
 __all__ = ["SupportAware"]
 
+_GRAVITY = 9.81
 _HEAVY = 100.0
 """Load [N] from which on more makes no difference to the cost."""
 _CLEAR = 0.5
@@ -126,10 +128,11 @@ def _carried(graph: SupportGraph, label: int) -> str:
     above, confidence = graph.resting_on(label)
     sure, likely = above[confidence >= _CLEAR], confidence >= _WORTH_SAYING
     if len(sure):
-        low, high = graph.load[label - 1]
+        low, high = graph.load[label - 1] / _GRAVITY
         first = min(sure, key=lambda k: np.flatnonzero(graph.removal_order == k)[0])
-        least = f"about {low:.0f}-" if low >= 0.5 else "up to "
-        load = f"{least}{max(high, 1.0):.0f} N"
+        load = f"up to {in_kilograms(max(high, 0.1))}"
+        if low >= 0.05:
+            load = in_kilograms(low, high)
         return f"carries {load} of {_named(sure)}; take {first} first"
     if likely.any():
         share = 100 * float(confidence.max())

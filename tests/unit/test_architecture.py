@@ -19,6 +19,7 @@ LAYERS = {
     "_files": 1,
     "_fields": 2,
     "_stopwatch": 1,
+    "_words": 1,
     "geometry": 2,
     "segmentation": 3,
     "prototypes": 3,

@@ -79,6 +79,9 @@ _SAMPLES = 16
 """Places at which the straight line between two regions is inspected."""
 _MAX_EMPTY = 0.25
 """Share of the line between two bars that may be seen to be empty."""
+_MAX_REACH = 2.0
+"""Distance of the middles of bars in line, over the sum of their lengths, up to which
+one may continue the other: that much may be hidden."""
 _MIN_DISTANT = 40
 """Cells of the smallest region that is compared with others it doesn't touch."""
 
@@ -275,10 +278,12 @@ def distant_pairs(graph: RegionGraph, shapes: Shapes, cells: CellImage) -> IntAr
     extents = shapes.extents
     apart = shapes.center[b] - shapes.center[a]
     distance = np.sqrt(np.einsum("ek,ek->e", apart, apart))
-    near = distance < extents[a, 0] + extents[b, 0] + 0.05
-    a, b, distance = a[near], b[near], distance[near]
+    total = extents[a, 0] + extents[b, 0]
+    near = distance < _MAX_REACH * total + 0.05
+    a, b, distance, total = a[near], b[near], distance[near], total[near]
     cosine = np.einsum("ek,ek->e", shapes.normal[a], shapes.normal[b])
     is_coplanar = (cosine > 0.97) & (shapes.offset(a, b) < 0.02 + 0.03 * distance)
+    is_coplanar &= distance < total + 0.05
     is_long = extents[:, 0] > 2.5 * extents[:, 1]
     cosine = np.abs(np.einsum("ek,ek->e", shapes.axis[a], shapes.axis[b]))
     widest = np.maximum(extents[a, 1], extents[b, 1])

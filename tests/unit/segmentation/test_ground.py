@@ -140,9 +140,10 @@ def test_unknown_normals_do_not_hide_the_ground():
 
 @pytest.mark.parametrize("thickness", [0.015, 0.025, 0.04])
 @pytest.mark.parametrize("noise", [0.0, 0.004], ids=["clean", "noisy"])
-def test_thin_boards_that_lie_flat_stay(thickness, noise, rng):
-    floor = plate((0.4, 1.6), (-0.6, 0.6), z=0.0, spacing=0.005)
-    under = (np.abs(floor[:, 1]) < 0.2) & (np.abs(floor[:, 0] - 1.0) < 0.07)
+@pytest.mark.parametrize("size", [(0.14, 0.4), (0.36, 0.8)], ids=["narrow", "wide"])
+def test_thin_boards_that_lie_flat_stay(thickness, noise, size, rng):
+    floor = plate((0.2, 1.8), (-0.8, 0.8), z=0.0, spacing=0.005)
+    under = (np.abs(floor[:, :2] - [1.0, 0.0]) < np.array(size) / 2).all(axis=1)
     floor[under, 2] = thickness
     floor[:, 2] += rng.normal(0, noise, len(floor))
     is_ground, report = find_ground(
@@ -155,7 +156,7 @@ def test_thin_boards_that_lie_flat_stay(thickness, noise, rng):
 
 def box_points():
     """Top of something that stands beside."""
-    return plate((0.5, 0.7), (-0.5, -0.3), z=0.2, spacing=0.005)
+    return plate((0.4, 0.6), (-0.7, -0.5), z=0.2, spacing=0.005)
 
 
 @pytest.mark.parametrize("least", [0.01, 0.03, 0.06])

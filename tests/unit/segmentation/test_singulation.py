@@ -33,19 +33,17 @@ def test_boxes_come_apart(solids):
     assert [best_overlap(result.labels, truth, k) > 0.9 for k in (1, 2)] == [True] * 2
 
 
-def test_a_bar_behind_another_is_one_object():
-    across = Cylinder(
-        0.03,
-        0.7,
-        SE3.from_parts(so3.from_rpy(np.array([np.pi / 2, 0, 0])), [1, 0, 0.1]),
-    )
-    front = box_at(0.9, 0.0, 0.3, (0.09, 0.09, 0.6))
+@pytest.mark.parametrize(("length", "hidden"), [(0.7, 0.09), (0.9, 0.4)])
+def test_a_bar_behind_another_is_one_object(length, hidden):
+    R = so3.from_rpy(np.array([np.pi / 2, 0, 0]))
+    across = Cylinder(0.03, length, SE3.from_parts(R, [1, 0, 0.1]))
+    front = box_at(0.9, 0.0, 0.3, (0.09, hidden, 0.6))
     solids = (across, front)
     cloud = scene_cloud(solids)
     labels = segment_cloud(cloud).labels
     truth = truth_of(cloud, solids)
-    left = labels[(truth == 1) & (cloud.points[:, 1] > 0.1)]
-    right = labels[(truth == 1) & (cloud.points[:, 1] < -0.1)]
+    left = labels[(truth == 1) & (cloud.points[:, 1] > hidden / 2)]
+    right = labels[(truth == 1) & (cloud.points[:, 1] < -hidden / 2)]
     assert np.bincount(left).argmax() == np.bincount(right).argmax() > 0
     assert best_overlap(labels, truth, 2) > 0.9
 

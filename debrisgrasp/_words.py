@@ -1,0 +1,16 @@
+"""How quantities are written for people."""
+
+from __future__ import annotations
+
+__all__ = ["in_kilograms"]
+
+
+def in_kilograms(*masses: float) -> str:
+    """Write a mass, or from which to which [kg]: two digits, and never a power of ten.
+
+    Examples
+    --------
+    >>> in_kilograms(0.2449), in_kilograms(331.0), in_kilograms(1.2, 12.4)
+    ('0.24 kg', '330 kg', '1.2 to 12 kg')
+    """
+    return " to ".join(f"{float(f'{mass:.2g}'):.10g}" for mass in masses) + " kg"
