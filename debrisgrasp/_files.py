@@ -268,6 +268,9 @@ def _refuse_constant(name: str) -> None:
 
 
 def _require_replaceable(target: Path) -> None:
+    if target.name == "-":
+        reason = "a result goes to a file; --json prints to the terminal"
+        raise OutputError("-", reason)
     if target.is_dir():
         raise OutputError(target, "it is a folder")
     if target.exists():

@@ -25,6 +25,8 @@ __all__ = [
 ]
 
 
+_MANY, _NEAREST = 16, 5
+"""Of more names than this, only some of the nearest are listed."""
 _LONGEST = 400
 """More characters of a value than this hide the message around it."""
 _NUMPY_SCALAR = re.compile(r"\bnp\.\w+\(([^()]*)\)")
@@ -104,11 +106,15 @@ class UnknownNameError(InputError):
     def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
         is_number = str(name).lstrip("-").isdigit()
-        near = [] if is_number else get_close_matches(str(name), self.known, n=1)
+        near = [] if is_number else get_close_matches(str(name), self.known, n=_NEAREST)
+        expected = "one of " + (", ".join(self.known) or "none: there are none")
+        if len(self.known) > _MANY:
+            shown = near or self.known[:_NEAREST]
+            expected = f"one of {len(self.known)} names, such as {', '.join(shown)}"
         super().__init__(
             f"unknown {kind}",
             got=repr(name),
-            expected="one of " + (", ".join(self.known) or "none: there are none"),
+            expected=expected,
             mend=f"Did you mean {near[0]!r}?" if near else "",
         )
 

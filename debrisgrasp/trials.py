@@ -66,6 +66,8 @@ class TrialSpec:
     pull: str = "up"
     """Way of the object out of the scene: straight up, or as the plan advises
     (``"retreat"``)."""
+    lift: float = 0.25
+    """How far the hand goes to pull it out [m]."""
     is_lift_reactive: bool = False
     """Whether the hand gives way to the wrench during the lift."""
     scene: SceneConfig = SceneConfig()
@@ -261,12 +263,11 @@ def trials(
 
 
 def _flight_config(spec: TrialSpec, grasp: Grasp) -> FlightConfig:
-    config = FlightConfig()
+    config = FlightConfig(lift=(0.0, 0.0, spec.lift))
     if spec.is_lift_reactive:
         config = replace(config, compliance=Compliance.diagonal(*_YIELD))
     if spec.pull == "retreat" and grasp.retreat is not None:
-        length = float(np.linalg.norm(config.lift))
-        x, y, z = (length * part for part in grasp.retreat.direction)
+        x, y, z = (spec.lift * part for part in grasp.retreat.direction)
         config = replace(config, lift=(x, y, z))
     return config
 

@@ -29,21 +29,6 @@ def posed(capture: debrisgrasp.Capture) -> tuple[debrisgrasp.Capture, str]:
     return capture.posed(LOOKING_DOWN), "none"
 
 
-def write_reports(result: debrisgrasp.PlanningResult, stem: Path) -> None:
-    report = Report(
-        title=result.capture.name,
-        capture=result.capture,
-        cloud=result.cloud,
-        segmentation=result.segmentation,
-        plan=result.plan,
-        grippers=result.grippers,
-        robot=result.robot,
-        order=result.order,
-    )
-    report_png(stem.with_suffix(".png"), report)
-    report_html(stem.with_suffix(".html"), report)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folders", nargs="+", type=Path)
@@ -73,7 +58,12 @@ def main() -> None:
         )
         if arguments.reports:
             arguments.reports.mkdir(parents=True, exist_ok=True)
-            write_reports(result, arguments.reports / path.stem)
+            report, stem = (
+                Report.of(result, capture.name),
+                arguments.reports / path.stem,
+            )
+            report_png(stem.with_suffix(".png"), report)
+            report_html(stem.with_suffix(".html"), report)
     header = ["capture", "robot", "points", "segments", "tried", "grasps", "best Q"]
     print(columns(header + [f"{s} [s]" for s in (*STAGES, "total")], rows))
 

@@ -92,17 +92,7 @@ def write_plan_reports(
     viz = _drawing()
     writers = {".png": viz.report_png, ".html": viz.report_html}
     for path in paths:
-        report = viz.Report(
-            title=title,
-            capture=result.capture,
-            cloud=result.cloud,
-            segmentation=result.segmentation,
-            plan=result.plan,
-            grippers=result.grippers,
-            robot=result.robot,
-            order=result.order,
-        )
-        writers[path.suffix.lower()](path, report)
+        writers[path.suffix.lower()](path, viz.Report.of(result, title))
 
 
 def write_segmentation_picture(

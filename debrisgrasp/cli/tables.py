@@ -38,7 +38,8 @@ def _is_number(text: str) -> bool:
 
 def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
     """Table of the best grasps, and in words what was ruled out and why."""
-    lines = [
+    lines = [f"note: {note}" for note in plan.notes]
+    lines += [
         f"passed over object {p.label}: {p.reason}"
         for p in plan.passed_over
         if p.label and plan.grasps
@@ -50,6 +51,8 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
             lines.append(plan.grasps[0].load.in_words)
         lines.append("")
         lines.append(_grasp_table(plan, limit))
+        if any(g.load and g.load.margin < 1.0 for g in plan.grasps[:limit]):
+            lines.append(_OVERLOADED)
         if len(plan.grasps) > limit:
             lines.append(f"and {len(plan.grasps) - limit} more")
     else:
@@ -63,6 +66,12 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
         lines += ["", "what would help:"]
         lines.extend(f"  {advice.text}" for advice in plan.advice)
     return "\n".join(lines)
+
+
+_OVERLOADED = (
+    "margin below 1: beyond a limit if the object weighs what the middle of that range "
+    "says;\nwhat it weighs is known no better, and the score counts that in"
+)
 
 
 def _load_cells(load: LoadForecast | None) -> list[str]:

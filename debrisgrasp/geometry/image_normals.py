@@ -30,6 +30,8 @@ _DENSE_RADIUS = 4
 side by side is nearly the same."""
 _MISSING = np.float32(-1e6)
 """Stands for 'no measurement' in a fit: it agrees with no plane."""
+_ONE_THREAD = 200_000
+"""Multiplications up to which BLAS does a product in one thread."""
 _CHUNK_ROWS = 12
 """Rows of cells fitted at once, so that the work stays in the processor's cache."""
 _MIN_SUPPORT = 5
@@ -237,10 +239,10 @@ def _least_squares(
     """
     y, x = offsets.T.astype(np.float32)
     basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
-    n, *moments = np.tensordot(basis, weights, axes=1)
+    n, *moments = _weighed(basis, weights)
     n_safe = np.maximum(n, np.float32(1.0))
     mx, my, mxx, mxy, myy = (moment / n_safe for moment in moments)
-    mr, mxr, myr = np.tensordot(basis[:3], residuals, axes=1) / n_safe
+    mr, mxr, myr = _weighed(basis[:3], residuals) / n_safe
     cxx, cxy, cyy = mxx - mx * mx, mxy - mx * my, myy - my * my
     cxr, cyr = mxr - mx * mr, myr - my * mr
     determinant = cxx * cyy - cxy * cxy
@@ -250,6 +252,18 @@ def _least_squares(
     b = (cyr * cxx - cxr * cxy) / determinant
     planes: Float32Array = np.stack([mr - a * mx - b * my, a, b])
     return planes
+
+
+def _weighed(basis: Float32Array, images: Float32Array) -> Float32Array:
+    """Sum images (o, h, w) with weights (b, o), shape (b, h, w)."""
+    flat = images.reshape(len(images), -1)
+    sums = np.empty((len(basis), flat.shape[1]), dtype=np.float32)
+    # In parts: one large product would start threads, which cost more than they save.
+    step = max(1, _ONE_THREAD // basis.size)
+    for first in range(0, flat.shape[1], step):
+        some = slice(first, first + step)
+        np.matmul(basis, flat[:, some], out=sums[:, some])
+    return sums.reshape(len(basis), *images.shape[1:])
 
 
 def _plane_normals(

@@ -192,8 +192,20 @@ def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     return products
 
 
+_BLOCK = 16384
+"""Rows of a matrix product; up to here BLAS works in one thread."""
+
+
 def _turned(R: FloatArray, vectors: FloatArray) -> FloatArray:
     """Rotations (..., 3, 3) of vectors (..., 3); leading axes broadcast."""
+    if R.ndim == 2 and vectors.ndim == 2:
+        # In blocks: one large product would start threads, which cost more than they
+        # save.
+        turned = np.empty(vectors.shape)
+        for first in range(0, len(vectors), _BLOCK):
+            some = slice(first, first + _BLOCK)
+            np.matmul(vectors[some], R.T, out=turned[some])
+        return turned
     if R.ndim == 2:
         return vectors @ R.T
     if R.shape[-3] == 1 and vectors.ndim > 1:

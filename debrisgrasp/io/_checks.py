@@ -178,5 +178,6 @@ def _require_metres(median: float, what: str, farthest: float) -> None:
             what,
             got=f"{median:.4g} m",
             expected=f"at most {farthest:g} m",
-            mend="These look like millimetres: divide by 1000.",
+            mend=f"If these are millimetres, divide by 1000 (to {median / 1e3:.3g} m); "
+            f"if centimetres, by 100 (to {median / 1e2:.3g} m).",
         )

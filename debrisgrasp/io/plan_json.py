@@ -40,6 +40,7 @@ def plan_to_dict(plan: GraspPlan) -> dict[str, Any]:
         "effective_samples": _rounded(plan.effective_samples),
         "why_empty": plan.why_empty,
         "rejections": {reason: int(n) for reason, n in plan.rejections.items()},
+        "notes": list(plan.notes),
         "passed_over": [
             {"object": passed.label, "reason": passed.reason}
             for passed in plan.passed_over
@@ -146,6 +147,7 @@ def _plan_from_dict(content: dict[str, Any]) -> GraspPlan:
         robot=str(content["robot"]),
         seed=int(content["seed"]),
         rejections={str(k): int(n) for k, n in content["rejections"].items()},
+        notes=tuple(str(note) for note in content.get("notes", [])),
         passed_over=tuple(
             PassedOver(int(passed["object"]), str(passed["reason"]))
             for passed in content["passed_over"]

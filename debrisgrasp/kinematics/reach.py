@@ -34,6 +34,8 @@ _WORDS = {
     IkStatus.STALLED: "no posture found",
     IkStatus.BUDGET: "no posture found",
 }
+_OUTWARDS = 2.5
+"""So many deflections from the edge of the map, an arm mostly gives way."""
 _HITS_SCENE = "arm hits the scene"
 _HITS_ITSELF = "arm hits itself"
 
@@ -124,6 +126,27 @@ class ArmReach:
             return np.ones(len(T_base_hand.matrix), dtype=bool)
         goals = Goals.from_matrices(self.chain.form, T_base_hand.matrix)
         return self.reach_map.may_reach(goals)
+
+    def may_yield(self, T_base_hand: SE3) -> BoolArray:
+        """Tell quickly which palm poses (k,) may leave room to give way, shape (k,).
+
+        Not those from which a step outwards, away from the arm's first joint and some
+        times as long as compliance gives way, leads beyond the map.
+        """
+        if self.reach_map is None:
+            return self.may_reach(T_base_hand)
+        pushed = T_base_hand.matrix.copy()
+        x, y = pushed[:, 0, 3], pushed[:, 1, 3]
+        foot = self.chain.form.T_base_first[:2, 3]
+        step = self._outwards / np.maximum(np.hypot(x - foot[0], y - foot[1]), 1e-9)
+        x += step * (x - foot[0])
+        y += step * (y - foot[1])
+        return self.reach_map.may_reach(Goals.from_matrices(self.chain.form, pushed))
+
+    @cached_property
+    def _outwards(self) -> float:
+        limits = self.robot.limits(self.name, self.chain).controller
+        return _OUTWARDS * limits.deflection.translation
 
     def solves(self, T_base_hand: SE3, *, rng: Rng) -> BoolArray:
         """Tell which palm poses (k,) have a posture at all, collision aside, (k,)."""

@@ -239,7 +239,10 @@ class _Chain:
         if reason:
             return reason
         q_now = self._arm.q_present
-        for q_pregrasp in self._pregrasps(grasp, rng):
+        postures, free = self._pregrasps(grasp, rng)
+        if len(postures) and not len(free):
+            return "approach: the arm touches something after 0% of the way"
+        for q_pregrasp in free:
             legs = self._legs_from(q_pregrasp, grasp)
             if isinstance(legs, str):
                 reason = reason or legs
@@ -263,8 +266,11 @@ class _Chain:
         reach = self._planner.plan(q_now, grasp.T_base_pregrasp, self._space, rng=rng)
         return f"reach: {reach.reason}"
 
-    def _pregrasps(self, grasp: Grasp, rng: Rng) -> list[FloatArray]:
-        """Postures at the pre-grasp: first the one that backs out of the grasp."""
+    def _pregrasps(self, grasp: Grasp, rng: Rng) -> tuple[FloatArray, FloatArray]:
+        """Postures at the pre-grasp, all and those to try in which nothing is touched.
+
+        The one that backs out of the grasp is the first.
+        """
         chain, limits = self._arm.chain, self._legs.limits
         found = []
         q_grasp = chain.vector(grasp.joints or {})
@@ -275,7 +281,8 @@ class _Chain:
         others = self._planner.goal_postures(
             self._arm.q_present, grasp.T_base_pregrasp, rng=rng
         )
-        return [*found, *others][: self._config.tries]
+        postures = np.array([*found, *others]).reshape(-1, chain.n_joints)
+        return postures, postures[self._is_free(postures)][: self._config.tries]
 
     def _legs_from(
         self, q_pregrasp: FloatArray, grasp: Grasp
@@ -309,14 +316,14 @@ class _Chain:
 
     def _leg(self, name: str, q_start: FloatArray, goal: SE3) -> LegPlan | str:
         leg = self._legs.plan(q_start, goal)
-        reason = leg.reason or self._pushed.margin_fault(leg)
-        if reason:
-            return f"{name}: {reason}"
+        if leg.reason:
+            return f"{name}: {leg.reason}"
         blocked = np.flatnonzero(~self._is_free(leg.q))
         if len(blocked):
             share = blocked[0] / max(1, len(leg.q) - 1)
             return f"{name}: the arm touches something after {share:.0%} of the way"
-        return leg
+        reason = self._pushed.margin_fault(leg)
+        return f"{name}: {reason}" if reason else leg
 
 
 def _on_robot(

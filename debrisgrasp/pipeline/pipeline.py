@@ -38,6 +38,7 @@ from debrisgrasp.settings import Settings
 
 from .advice import advice_on, is_poor
 from .inputs import arms_of, require_limits, robot_of
+from .notes import deadline_notes, mask_notes, mass_notes
 from .perception import Perception
 from .reasons import unfit
 from .result import PlanningResult
@@ -217,7 +218,8 @@ class Pipeline:
             until one offers a grasp all the same, each with the shortest search.
         mass
             What the first object that is tried weighs [kg]. Of others, and by default,
-            bounds are estimated from what was seen of them.
+            bounds are estimated from what was seen of them; a note of the plan tells if
+            another one was chosen.
         advise
             Whether to work out advice for a good plan too; poor and empty ones have it.
         progress
@@ -251,6 +253,9 @@ class Pipeline:
         is_specific = region is not None or seen.is_marked is not None
         planner = self._specific if is_specific else self._generic
         best = self._first_success(planner, seen, targets, seed, watch, mass)
+        notes = deadline_notes(deadline, is_late=watch.is_late())
+        notes += mass_notes(mass, best)
+        notes += mask_notes(seen.is_marked, seen.segmentation.labels)
         result, target = best.result, best.target
         grasps: tuple[Grasp, ...] = ()
         advice: tuple[Advice, ...] = ()
@@ -264,6 +269,7 @@ class Pipeline:
             region=None if target is None else target.region,
             robot="none" if self.robot is None else self.robot.name,
             seed=seed,
+            notes=notes,
             rejections=result.rejections,
             ruled_out=result.ruled_out,
             passed_over=tuple(best.passed_over),
@@ -331,7 +337,13 @@ class Pipeline:
                 scene, obstacles = seen.scene(target), seen.obstacles
             known = mass if n_tried == 1 else None  # others weigh something else
             result = planner.plan(
-                scene, self.arms, obstacles, rng=rng, watch=watch, mass=known
+                scene,
+                self.arms,
+                obstacles,
+                rng=rng,
+                watch=watch,
+                mass=known,
+                beyond=best.worth_beating(target),
             )
             best.take(result, target)
         return best

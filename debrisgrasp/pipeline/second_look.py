@@ -31,6 +31,7 @@ class BestSoFar:
         self.passed_over: list[PassedOver] = []
         self.result = SearchResult(())
         self.target: Target | None = None
+        self.first_tried: Target | None = None
         self._doubtful, self._left = doubtful, further
         self._first: Target | None = None
         self._worth = 0.0
@@ -55,13 +56,24 @@ class BestSoFar:
         gain = math.exp(self._first.cost - target.cost)
         return gain <= 1.0 and _BEST * gain > self._worth
 
+    def worth_beating(self, target: Target) -> float:
+        """Score that a grasp of an object must exceed to be the best so far."""
+        if self._first is None:
+            return 0.0
+        return self._worth * math.exp(target.cost - self._first.cost)
+
     def take(self, result: SearchResult, target: Target) -> None:
         """Keep the better of what was found and of this."""
+        if self.first_tried is None:
+            self.first_tried = target
         if not result.grasps:
-            self.pass_over(target, result.why_empty() or "")
+            reason = result.why_empty() or ""
+            if self._first is not None and self.target is not None:
+                reason = _no_better(self.target)
+                self._left -= 1
+            self.pass_over(target, reason)
             if self.target is None:
                 self.result, self.target = result, target
-            self._left -= self.is_found
             return
         score = result.grasps[0].score
         if self._first is None:
@@ -78,8 +90,7 @@ class BestSoFar:
                 self.pass_over(self.target, reason)
             self.result, self.target, self._worth = result, target, worth
         elif self.target is not None:
-            reason = f"looked at because the best grasp of object {self.target.label} "
-            reason += f"is doubtful, but no better (score {score:.2f})"
+            reason = f"{_no_better(self.target)} (score {score:.2f})"
             self.pass_over(target, reason)
 
     def why_empty(self, segmentation: Segmentation) -> str:
@@ -89,3 +100,10 @@ class BestSoFar:
     def pass_over(self, target: Target, reason: str) -> None:
         """Note why an object is not the one."""
         self.passed_over.append(PassedOver(target.label, reason))
+
+
+def _no_better(best: Target) -> str:
+    return (
+        f"looked at because the best grasp of object {best.label} is doubtful, "
+        "but no better"
+    )

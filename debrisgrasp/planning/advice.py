@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
+from debrisgrasp._words import in_kilograms
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.prototypes import GraspPrototype, GripperModel, PrototypeLibrary
 
@@ -363,8 +364,8 @@ def _mass(situation: Situation) -> Iterator[Advice]:
     mass = situation.least_mass / float(over[half - 1])
     yield Advice(
         kind="mass",
-        text=f"{half} of {len(over)} hold an object of {mass:.2g} kg or less; this one "
-        f"weighs at least {situation.least_mass:.2g}",
+        text=f"{half} of {len(over)} hold an object of {in_kilograms(mass)} or less; "
+        f"this one weighs at least {in_kilograms(situation.least_mass)}",
         freed=half,
         of=len(over),
         change={"mass": mass},

@@ -183,12 +183,12 @@ class HandClearance:
         """Flat index of the cell around each place (k, 3, s), shape (k, s)."""
         inside = np.maximum(placed, 0)
         np.minimum(inside, self._last, out=inside)
-        x, y, z = np.moveaxis(inside.astype(np.int32), 1, 0)
+        cell = inside.astype(np.int32)
         _, ny, nz = self._scene.field.shape
-        index: IntArray = x * np.int32(ny)
-        index += y
+        index: IntArray = cell[:, 0] * np.int32(ny)
+        index += cell[:, 1]
         index *= np.int32(nz)
-        index += z
+        index += cell[:, 2]
         return index
 
     def _depth(

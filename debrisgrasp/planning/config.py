@@ -61,9 +61,9 @@ class PlannerConfig:
     """How often steps are offered; only improvements are taken."""
     refinement_steps: int = 96
     """Steps offered in each sweep, to all poses together."""
-    refined: tuple[int, int] = (40, 8)
+    refined: tuple[int, int] = (28, 8)
     """So many poses take steps in the first sweep, and in the last: the best."""
-    max_refined: int = 96
+    max_refined: int = 72
     """At most so many distinct poses are judged by what the list is sorted by."""
     exchanged: int = 48
     """At so many of the best poses every other prototype of the hand is tried."""

@@ -41,6 +41,9 @@ _FLAT = 0.01
 """Variance of the normals along the closing axis that comes from noise alone."""
 _SAME = 0.01
 """Points whose places along the closing axis differ by less are equally far out [m]."""
+_STRIPS = 4
+"""The outline of what was seen is told by the farthest point in each of so many strips
+across the fingers."""
 _TOGETHER = 200_000
 """Points of all poses looked at together: their arrays stay in the cache."""
 
@@ -104,8 +107,8 @@ class PadLook:
 
     probability: FloatArray
     """That both sides get to press within their cones, in [0, 1], shape (k,). A side of
-    which too little was seen is taken to be as the prototype says, if what was seen of
-    the object leaves a finger room there."""
+    which too little was seen is taken to lean as the outline of the object does, if
+    what was seen of that leaves a finger room there."""
     is_too_wide: BoolArray
     """Whether a hidden side is so far out that a finger would land on it, (k,)."""
     angles: FloatArray
@@ -145,15 +148,15 @@ class PadContacts:
         Ts_base_hand, prototype
             Poses (k, 4, 4), and whose hand each carries (k,).
         """
-        found = np.empty((len(Ts_base_hand), 4))
+        found = np.empty((len(Ts_base_hand), 6))
         n_poses = max(1, _TOGETHER // max(1, self._points.shape[1]))
         for first in range(0, len(found), n_poses):
             some = slice(first, first + n_poses)
             found[some] = self._look(Ts_base_hand[some], prototype[some])
-        angles, room = found[:, :2], found[:, 2:]
+        angles, room, leaning = found[:, :2], found[:, 2:4], found[:, 4:]
         config = self._config
         cone, error = np.arctan(config.friction), config.angle_error
-        share = ndtr((cone - np.nan_to_num(angles, nan=0.0)) / error)
+        share = ndtr((cone - np.where(np.isnan(angles), leaning, angles)) / error)
         share /= ndtr(cone / error)
         fits = ndtr((room - _ROOM) / _ROOM_ERROR).prod(axis=1)
         return PadLook(
@@ -165,7 +168,7 @@ class PadContacts:
         )
 
     def _look(self, Ts: FloatArray, prototype: IntArray) -> FloatArray:
-        """Angles and room of the sides, shape (k, 4)."""
+        """Angles, room, and lean of the sides, shape (k, 6)."""
         lower, upper = self._zones.lower[prototype], self._zones.upper[prototype]
         wide = np.array([_UNDER, 0.0, 0.0], dtype=np.float32)
         around = self._between(Ts, lower - wide, upper + wide)
@@ -175,7 +178,8 @@ class PadContacts:
         is_beside = near.z > lower[:, 2].take(near.pose)
         end = upper[:, 0] - np.float32(_ROOM)
         is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
-        angles, rooms = [], []
+        width = upper[:, 1] - lower[:, 1]
+        angles, rooms, leaning = [], [], []
         for side in (-1.0, 1.0):
             cosine = np.float32(side) * near.along
             faces = is_beside & (cosine > np.float32(_TURNED))
@@ -203,7 +207,8 @@ class PadContacts:
                 enough = near.count(goes_on) >= self._config.min_points
                 room[enough] = np.minimum(room[enough], left)
             rooms.append(np.where(is_seen, np.inf, room))
-        return np.stack(angles + rooms, axis=1)
+            leaning.append(near.lean(out, is_behind, width))
+        return np.stack(angles + rooms + leaning, axis=1)
 
     def _between(
         self, Ts: FloatArray, lower: Float32Array, upper: Float32Array
@@ -228,6 +233,7 @@ class PadContacts:
             pose=pose,
             point=point,
             x=places[0].take(found) - begin[:, 0].take(pose),
+            y=places[1].take(found) - (begin + lower)[:, 1].take(pose),
             z=places[2].take(found) - begin[:, 2].take(pose),
             along=(closing * normals).sum(axis=0),
             n_poses=len(Ts),
@@ -244,6 +250,8 @@ class _Near:
     """Index of the point, shape (m,)."""
     x: Float32Array
     """Along the closing axis [m], palm frame, shape (m,)."""
+    y: Float32Array
+    """Across the fingers, from the edge of the zone of the pads [m], shape (m,)."""
     z: Float32Array
     """Along the palm's axis [m], shape (m,)."""
     along: Float32Array
@@ -257,6 +265,7 @@ class _Near:
             pose=self.pose[which],
             point=self.point[which],
             x=self.x[which],
+            y=self.y[which],
             z=self.z[which],
             along=self.along[which],
         )
@@ -272,6 +281,42 @@ class _Near:
         found = np.full(self.n_poses, initial, dtype=np.float32)
         np.maximum.at(found, pose, values)
         return found
+
+    def lean(
+        self, out: Float32Array, is_behind: BoolArray, width: Float32Array
+    ) -> FloatArray:
+        """Angle by which a hidden side is turned off the closing axis [rad], (k,).
+
+        The outline of what was seen between the fingers tells: where that is a corner,
+        the sides below it lean. Zero where the outline itself is hidden.
+
+        Parameters
+        ----------
+        out
+            How far out each point is on that side [m], shape (m,).
+        is_behind
+            Which points may go on behind something nearer, shape (m,).
+        width
+            Of the zone of the pads [m], shape (k,).
+        """
+        step = width / np.float32(_STRIPS)
+        strip = np.clip(
+            (self.y / step.take(self.pose)).astype(np.int64), 0, _STRIPS - 1
+        )
+        cell = self.pose * _STRIPS + strip
+        farthest = np.full(self.n_poses * _STRIPS, -np.inf, dtype=np.float32)
+        np.maximum.at(farthest, cell, out)
+        is_last = is_behind & (out > (farthest - np.float32(_SAME)).take(cell))
+        farthest[cell[is_last]] = -np.inf
+        outline = farthest.reshape(-1, _STRIPS)
+        is_known = np.isfinite(outline)
+        n = np.maximum(is_known.sum(axis=1, keepdims=True), 1)
+        place = np.where(is_known, np.arange(_STRIPS), 0.0)
+        place = np.where(is_known, place - place.sum(axis=1, keepdims=True) / n, 0.0)
+        slope = (place * np.where(is_known, outline, 0.0)).sum(axis=1) / step
+        slope /= np.maximum((place * place).sum(axis=1), 1.0)
+        lean: FloatArray = np.where(n[:, 0] > 2, np.arctan(np.abs(slope)), 0.0)
+        return lean
 
     def _mean(self, values: Float32Array, n: IntArray) -> FloatArray:
         return np.bincount(self.pose, values, self.n_poses) / n

@@ -35,6 +35,8 @@ class LogMerit(Protocol):
         ...
 
 
+_FEWEST = 200
+"""Walkers that a search has at least, however few the prototypes."""
 _EARLY = 1.5
 """Above 1 the first rounds, of many walkers, are shorter than the last, of few."""
 _IN_ANY_CASE = 4
@@ -204,11 +206,14 @@ def _starts(
 
     The most promising of some jumps of each prototype, aligned with the surface.
     """
-    prototype = np.repeat(np.arange(n_prototypes), config.starts)
+    # A small dictionary leaves time for more walkers of each.
+    more = max(1, round(_FEWEST / (n_prototypes * config.walkers)))
+    starts, walkers = more * config.starts, more * config.walkers
+    prototype = np.repeat(np.arange(n_prototypes), starts)
     Ts = jump.sample(prototype, rng)
     promise = quality.promise(Ts, prototype).reshape(n_prototypes, -1)
-    best = np.argsort(-promise, axis=1, kind="stable")[:, : config.walkers]
-    kept = (best + config.starts * np.arange(n_prototypes)[:, None]).ravel()
+    best = np.argsort(-promise, axis=1, kind="stable")[:, :walkers]
+    kept = (best + starts * np.arange(n_prototypes)[:, None]).ravel()
     Ts, prototype = Ts[kept], prototype[kept]
     for _ in range(config.alignments):
         Ts = quality.aligned(Ts, prototype)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._words import in_kilograms
 from debrisgrasp.prototypes import GripperModel
 
 from .mass import Build, Interval, LoadConfig, ObjectMass
@@ -91,8 +92,8 @@ class LoadForecast:
         """Say what is known of the object's weight."""
         low, high = self.mass
         if low == high:
-            return f"the object weighs {low:.3g} kg, as stated"
-        return f"the object looks {self.build}: {low:.2g} to {high:.2g} kg"
+            return f"the object weighs {low:.6g} kg, as stated"
+        return f"the object looks {self.build}: {in_kilograms(low, high)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

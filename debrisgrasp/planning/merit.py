@@ -6,11 +6,10 @@ what is sought is what the list is sorted by.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from scipy.special import expit, log_expit
+from scipy.special import expit, log_expit, logit
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
@@ -20,26 +19,26 @@ from .clearance import HandClearance
 from .contacts import PadContacts
 from .inspection import Inspection, Inspector
 from .ledger import Ledger
-from .quality import GraspQuality
+from .quality import GraspQuality, Reach
 from .scene import GraspScene
 from .similarity import ShapeSimilarity
 from .states import Modes
 from .success import success_terms
-from .tools import Burden, Tools, blurred
+from .tools import Burden, Preference, Tools, blurred
 
 __all__ = ["Looks", "Merit"]
 
 _FLAWED = 5.0
-"""What a pose that an inspection would rule out loses [log-odds]: a search may pass
-through it, but mostly stays on the other side."""
+"""What a pose that an inspection would rule out loses [log-odds], as does one where no
+arm can give way: a search may pass through it, but mostly stays on the other side."""
 _GUESS = "the object may be thicker than what was seen of it"
 _WIDE = "the object is expected to be wider than the fingers open"
 _SLANTED = "the faces are too slanted for the fingers"
 _POOR = "the shape fits too poorly"
-_STEEP = 3.0
-"""At least so much: what fits poorly is ruled out, however light it is."""
 _CHANCE = 3.6
 """The stand-in may be off by so much [log-odds]."""
+_AMISS = 2.0
+"""It promises too little by 0.7 at most; the rest is for the second best [log-odds]."""
 _FAINT = 1e-3
 """S below this adds nothing to a mean, so that C is not asked."""
 
@@ -75,8 +74,8 @@ class Merit:
         Load over limit of poses.
     looks
         Into the same scene.
-    may_reach
-        Maps poses (k, 4, 4) and prototypes (k,) to whether an arm may get there.
+    reach
+        See `Reach`.
     """
 
     def __init__(
@@ -85,27 +84,23 @@ class Merit:
         tools: Tools,
         burden: Burden,
         looks: Looks,
-        may_reach: Callable[[FloatArray, IntArray], BoolArray],
+        reach: Reach,
     ) -> None:
         config = tools.config
         self._tools, self._config = tools, config
-        self._burden, self._may_reach = burden, may_reach
+        self._burden, self._reach = burden, reach
         self.fine = ShapeSimilarity(scene, tools.fine, config.similarity)
         self.clearance = HandClearance(scene, tools.hands, config.clearance)
         self.contacts = looks.contacts
         self._coarse = ShapeSimilarity(scene, tools.coarse, config.similarity)
         self._inspector, self._ways = looks.inspector, looks.ways
         self._missing = np.full(1, looks.missing)
-        zero, one = np.zeros(1), np.ones(1)
-        self._lightest = success_terms(
-            expected=one, contact=one, demand=zero, lever=zero, margin=zero, slack=one,
-            sight=one, unseen=zero, missing=zero,
-        )  # fmt: skip
+        self.preference = Preference.of(burden, tools)
         wide, soft = blurred(config)
         self.quick = GraspQuality(
             ShapeSimilarity(scene, tools.coarse, wide),
             HandClearance(scene, tools.hands, soft),
-            may_reach,
+            reach,
             self.preference,
         )
         """A stand-in that takes one look at each pose."""
@@ -113,31 +108,20 @@ class Merit:
     @property
     def worth(self) -> float:
         """Share of the best quick value below which a pose has little chance."""
-        return float(np.exp(-_CHANCE / self._steepness))
+        return float(np.exp(-_CHANCE / self.preference.steepness))
 
-    @property
-    def _steepness(self) -> float:
-        """Log-odds that the stand-in gives to the log of S C."""
-        return max(float(self._tools.success.weights[0]), _STEEP)
+    def least(self, beyond: float) -> float:
+        """Quick value below which a pose has little chance to hold likelier than that.
 
-    def preference(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
-        """Factor in (0, 1] on S C that stands for load and slack of the hand, (k,).
-
-        The success model is linear in the logs of both, so that the product grows with
-        the log-odds; but S C counts for more than in the model, because what fits
-        poorly is ruled out in the end.
+        Above 1 where none in this scene has.
         """
-        demand, lever = self._burden(Ts_base_hand, prototype)
-        zero, one = np.zeros(1), np.ones(1)
-        terms = success_terms(
-            expected=one, contact=one, demand=demand, lever=lever, margin=zero,
-            slack=self._tools.hands.slack[prototype], sight=one, unseen=zero,
-            missing=zero,
-        )  # fmt: skip
-        weights = self._tools.success.weights
-        odds = (terms - self._lightest) @ weights / self._steepness
-        factor: FloatArray = np.exp(np.minimum(odds, 0.0))
-        return factor
+        if beyond <= 0.0:
+            return 0.0
+        zero = np.zeros(1)
+        none = np.zeros(1, dtype=np.int64)
+        best = float(self._odds(_Known(none, zero, none, zero, zero)).max())
+        odds = float(logit(beyond)) - best - _AMISS
+        return float(np.exp(odds / self.preference.steepness))
 
     def inspection(self, Ts_base_hand: FloatArray, prototype: IntArray) -> Inspection:
         """Close look at poses; what has another free way in isn't blocked."""
@@ -188,9 +172,11 @@ class Merit:
             minus infinity.
         """
         few = self._config.uncertainty.few_offsets().matrix
-        rows = np.flatnonzero(self._may_reach(Ts_base_hand, prototype))
+        reach = self._reach(Ts_base_hand, prototype)
+        rows = np.flatnonzero(reach)
         burden = self._burden(Ts_base_hand[rows], prototype[rows])
         known = _Known(rows, Ts_base_hand[rows], prototype[rows], *burden)
+        known = replace(known, stiffness=np.where(reach[rows] < 1.0, _FLAWED, 0.0))
         # Cheapest first; what is not known yet is taken to be as good as can be.
         known = self._left(known, needed)
         S = self._around(known.Ts, known.prototype, few)
@@ -209,7 +195,7 @@ class Merit:
         known = known[kept]
         look = self._ways.relieved(look[kept], known.Ts, known.prototype)
         passes, known = self._passes(look, known)
-        odds = self._odds(known)
+        odds = self._odds(known) - known.stiffness
         odds[~passes] -= _FLAWED
         value = np.full(len(prototype), -np.inf)
         value[known.rows] = log_expit(odds)
@@ -294,7 +280,8 @@ class Merit:
         self, known: _Known, needed: FloatArray, flaw: FloatArray | float = 0.0
     ) -> BoolArray:
         """Which poses may still come up to what is needed, less some log-odds."""
-        return np.asarray(log_expit(self._odds(known) - flaw) > needed[known.rows])
+        odds = self._odds(known) - known.stiffness - flaw
+        return np.asarray(log_expit(odds) > needed[known.rows])
 
     def _odds(self, known: _Known) -> FloatArray:
         terms = success_terms(
@@ -363,6 +350,8 @@ class _Known:
     sight: FloatArray = field(default_factory=lambda: np.ones(1))
     unseen: FloatArray = field(default_factory=lambda: np.zeros(1))
     is_seen: BoolArray = field(default_factory=lambda: np.ones(1, dtype=bool))
+    stiffness: FloatArray = field(default_factory=lambda: np.zeros(1))
+    """What they lose because the arm can't give way [log-odds]."""
 
     def __getitem__(self, kept: BoolArray) -> _Known:
         columns = {item.name: getattr(self, item.name) for item in fields(self)}

@@ -118,6 +118,9 @@ class GraspPlan:
     """How many candidate poses each reason ruled out."""
     ruled_out: Rejections = field(default_factory=Rejections)
     """Those poses themselves; not part of the saved plan."""
+    notes: tuple[str, ...] = ()
+    """What the reader should know of how it came about: that the deadline cut it short,
+    say, or that a mask covers several objects."""
     passed_over: tuple[PassedOver, ...] = ()
     """Objects that were tried first, in order, each with its reason."""
     effective_samples: float = 0.0

@@ -91,6 +91,7 @@ class GraspPlanner:
         rng: Rng,
         watch: Watch,
         mass: float | None = None,
+        beyond: float = 0.0,
     ) -> SearchResult:
         """Search the scene.
 
@@ -108,13 +109,19 @@ class GraspPlanner:
             Told of the progress, and asked whether the search has to end early.
         mass
             What the object weighs [kg], if that is known.
+        beyond
+            Where no grasp scores more than this, none is of use.
         """
         if not len(scene.target):
             return SearchResult((), {"the object's surface has no normals": 1})
         search_rng, arm_rng, leeway_rng = rng.spawn(3)
         ledger = Ledger()
         model = LoadModel(self._weighed(scene, mass), self._config.load)
-        found = self._search.run(scene, model, arms, watch, ledger, rng=search_rng)
+        found = self._search.run(
+            scene, model, arms, watch, ledger, rng=search_rng, beyond=beyond
+        )
+        if not (found.score > beyond).any():
+            found = Modes.none()
         with watch.stage("reachability"):
             loads = model(found.Ts, found.prototype, self._search.tools.levers)
             grasps = self._ranked(found, loads, arms, distance, arm_rng, ledger)

@@ -6,18 +6,24 @@ from collections.abc import Callable
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._arrays import FloatArray, IntArray
 
 from .annealing import LogQuality
 from .clearance import HandClearance
 from .similarity import ShapeSimilarity
 
-__all__ = ["NOTHING", "GraspQuality"]
+__all__ = ["NOTHING", "STIFF", "GraspQuality", "Reach"]
+
+Reach = Callable[[FloatArray, IntArray], FloatArray]
+"""Maps poses (k, 4, 4) and prototypes (k,) to 1 where an arm may get there and give way
+to pushes, `STIFF` where it may get there, and 0 where none does, (k,)."""
 
 _FLOOR = 1e-4
 """Quality of a pose that matches nothing; above zero so that a chain can leave it."""
 NOTHING = float(np.log(_FLOOR))
 """Its log."""
+STIFF = 0.4
+"""Factor on poses from which an arm can't give way: taken where there is no other."""
 
 
 class GraspQuality:
@@ -30,21 +36,22 @@ class GraspQuality:
     ----------
     similarity, clearance
         S and C.
-    may_reach
-        Maps poses (k, 4, 4) and prototypes (k,) to whether an arm may get there.
+    reach
+        See `Reach`.
     preference
-        Maps the same to a factor in (0, 1] by which good grasps are told from better.
+        Maps poses (k, 4, 4) and prototypes (k,) to a factor in (0, 1] by which good
+        grasps are told from better.
     """
 
     def __init__(
         self,
         similarity: ShapeSimilarity,
         clearance: HandClearance,
-        may_reach: Callable[[FloatArray, IntArray], BoolArray],
+        reach: Reach,
         preference: Callable[[FloatArray, IntArray], FloatArray],
     ) -> None:
         self._similarity, self._clearance = similarity, clearance
-        self._may_reach, self._preference = may_reach, preference
+        self._reach, self._preference = reach, preference
 
     def of(self, prototype: IntArray) -> LogQuality:
         """Quality of walkers that place these prototypes (k,), for `anneal`."""
@@ -59,9 +66,9 @@ class GraspQuality:
         # C is at most 1, so a candidate whose S alone falls short is lost already.
         worth = np.flatnonzero((value > needed) & (wanted > _FLOOR))
         if len(worth):
-            is_near = self._may_reach(Ts_base_hand[worth], prototype[worth])
-            value[worth[~is_near]] = np.log(_FLOOR)
-            worth = worth[is_near]
+            wanted[worth] *= self._reach(Ts_base_hand[worth], prototype[worth])
+            value[worth] = np.log(np.maximum(wanted[worth], _FLOOR))
+            worth = worth[(value[worth] > needed[worth]) & (wanted[worth] > _FLOOR)]
         if len(worth):
             least_clearance = np.exp(needed[worth] - value[worth])
             clearance = self._clearance(

@@ -65,6 +65,10 @@ class Arm(Protocol):
         """Tell quickly which palm poses (k,) are not out of reach for certain."""
         ...
 
+    def may_yield(self, T_base_hand: SE3) -> BoolArray:
+        """Tell quickly which palm poses (k,) may leave room to give way to pushes."""
+        ...
+
     def follow(self, T_base_hand: SE3, q_before: FloatArray, *, rng: Rng) -> FloatArray:
         """Postures (k, d) of k palm poses, collision aside; NaN where there is none.
 

@@ -9,8 +9,9 @@ from typing import Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.special import log_expit, logit
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
+from debrisgrasp._arrays import FloatArray, IntArray, Rng
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import PrototypeLibrary
 
@@ -24,6 +25,7 @@ from .merit import Looks, Merit
 from .modes import count_near, distinct
 from .postures import Postures, Settled
 from .proposals import GlobalMove, own_frames
+from .quality import STIFF
 from .reach import Arm
 from .scene import GraspScene
 from .similarity import ShapeSimilarity
@@ -50,6 +52,8 @@ class Watch(Protocol):
 
 
 _FLOOR = 1e-3
+_CLIMB = 3.0
+"""A refinement brings a pose no farther up than this [log-odds]."""
 _MISSED = 0.3
 """Poses that no arm gets to are told of down to this share of the best."""
 
@@ -88,6 +92,7 @@ class GraspSearch:
         ledger: Ledger,
         *,
         rng: Rng,
+        beyond: float = 0.0,
     ) -> Modes:
         """Find distinct poses whose Q-hat is high enough, best score first.
 
@@ -99,6 +104,8 @@ class GraspSearch:
             Poses that none of them can reach for certain are not looked at.
         ledger
             Takes the poses that each reason rules out.
+        beyond
+            A score that is of no use: what can hardly come to more is left early.
         """
         with watch.stage("search"):
             asked = () if self._config.reach == "after" else arms
@@ -106,12 +113,14 @@ class GraspSearch:
             merit = self._merit(scene, burden, asked)
             postures = Postures(asked, self.tools.gripper_of, rng)
             states = self._explored(scene, merit, postures, watch, rng)
-            found = self._modes(states, merit.worth)
+            found = self._modes(states, merit.worth, merit.least(beyond))
             if not watch.is_late():
-                found = self._modes(self._exchanged(merit, found), merit.worth)
-            tops = self._refined(merit, postures, found, watch, rng)
+                found = self._exchanged(merit, found)
+                found = self._modes(found, merit.worth, merit.least(beyond))
+            tops = self._refined(merit, postures, found, watch, rng, beyond)
             self._missed(postures, ledger)
-            if asked and not len(tops.Ts) and not watch.is_late():
+            is_asked_why = bool(asked) and not beyond and not len(tops.Ts)
+            if is_asked_why and not watch.is_late():
                 far = self._too_far(scene, burden, arms, watch, rng)
                 every = np.ones(len(far.Ts), dtype=bool)
                 ledger.add("no arm gets that far", far.Ts, far.prototype, every)
@@ -124,7 +133,7 @@ class GraspSearch:
             self.tools,
             burden,
             self._looks_into(scene),
-            lambda Ts, prototype: self._may_reach(arms, Ts, prototype),
+            lambda Ts, prototype: self._reach(arms, Ts, prototype),
         )
 
     def _explored(
@@ -184,7 +193,7 @@ class GraspSearch:
         nobody = Postures((), self.tools.gripper_of, rng)
         states = self._explored(scene, merit, nobody, watch, rng)
         found = self._modes(states, merit.worth)
-        return found[~self._may_reach(arms, found.Ts, found.prototype)]
+        return found[self._reach(arms, found.Ts, found.prototype) == 0.0]
 
     def _missed(self, postures: Postures, ledger: Ledger) -> None:
         """Note the distinct poses that fit, but that no posture takes."""
@@ -194,26 +203,31 @@ class GraspSearch:
         every = np.ones(len(found.Ts), dtype=bool)
         ledger.add("no arm gets there", found.Ts, found.prototype, every)
 
-    def _may_reach(
+    def _reach(
         self, arms: Sequence[Arm], Ts: FloatArray, prototype: IntArray
-    ) -> BoolArray:
-        """Which poses an arm with the right hand may reach; all if there is no arm."""
+    ) -> FloatArray:
+        """See `Reach`; 1 everywhere if there is no arm."""
         if not arms:
-            return np.ones(len(Ts), dtype=bool)
-        found = np.zeros(len(Ts), dtype=bool)
+            return np.ones(len(Ts))
+        found = np.zeros(len(Ts))
         for arm in arms:
             mine = np.flatnonzero(self.tools.gripper_of[prototype] == arm.gripper)
             if len(mine):
-                found[mine] |= arm.may_reach(SE3(Ts[mine]))
+                room = arm.may_yield(SE3(Ts[mine])).astype(np.float64)
+                stiff = np.flatnonzero(room == 0.0)
+                if len(stiff):
+                    room[stiff] = STIFF * arm.may_reach(SE3(Ts[mine[stiff]]))
+                found[mine] = np.maximum(found[mine], room)
         return found
 
-    def _modes(self, found: Candidates, worth: float) -> Candidates:
+    def _modes(self, found: Candidates, worth: float, least: float = 0.0) -> Candidates:
         """Thin the states to distinct poses of each prototype.
 
-        Those below a share of the best one have little chance.
+        Those below a share of the best one, or below the least, have little chance.
         """
         config = self._config
-        found = found[found.score >= worth * found.score.max(initial=_FLOOR)]
+        least = max(least, worth * found.score.max(initial=_FLOOR))
+        found = found[found.score >= least]
         kept = distinct(
             found.Ts,
             found.prototype,
@@ -231,15 +245,19 @@ class GraspSearch:
         found: Candidates,
         watch: Watch,
         rng: Rng,
+        beyond: float,
     ) -> Candidates:
         """Climb from every pose to the top nearby, on what the list is sorted by."""
         holds, settled = postures.completed(found.settled(), found.prototype)
         rows = np.flatnonzero(holds)
         settled, prototype = settled[rows], found.prototype[rows]
         Ts = settled.walkers.best_Ts_base_hand
-        value = merit(Ts, prototype, np.full(len(Ts), -np.inf))
+        foot = log_expit(logit(beyond) - _CLIMB)
+        value = merit(Ts, prototype, np.full(len(Ts), foot))
+        rows = np.flatnonzero(value > foot)
+        prototype = prototype[rows]
         settled = refine(
-            Settled(Walkers.at(Ts, value), settled.joints),
+            Settled(Walkers.at(Ts[rows], value[rows]), settled.joints[rows]),
             prototype,
             merit,
             postures,

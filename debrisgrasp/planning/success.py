@@ -27,6 +27,8 @@ SUCCESS_TERMS = (
 """What success depends on, in the order of `success_terms`."""
 _LEAST = 1e-3
 """Qualities below this are as bad as this."""
+_LITTLE_LOAD = 0.1
+"""Smaller loads, over the limit, don't help: something else fails then."""
 _SHORT_LEVER = 0.1
 """Shorter levers don't help: the centre of mass isn't known better [m]."""
 _LONG_LEVER = 0.6
@@ -69,7 +71,8 @@ def success_terms(
     contact
         Probability that the pads press within the friction cones, shape (k,).
     demand
-        Load over limit at the mass expected, shape (k,).
+        Load over limit at the mass expected, shape (k,). The mass is known to a factor,
+        so that what counts is how many such factors the limit is away.
     lever
         Horizontal distance from the middle of the grip to the centre of mass [m], shape
         (k,). The load has it too; but what the mass really is, it only multiplies, and
@@ -97,7 +100,7 @@ def success_terms(
     columns = (
         np.log(np.maximum(expected, _LEAST)),
         np.log(np.maximum(contact, _LEAST)),
-        -np.log1p(demand),
+        -np.log(np.maximum(demand, _LITTLE_LOAD)),
         _SHORT_LEVER - _within(lever, _SHORT_LEVER, _LONG_LEVER),
         _within(margin, 0.0, _ENOUGH_MARGIN),
         _within(slack, 0.0, _ENOUGH_SLACK),

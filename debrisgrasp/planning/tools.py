@@ -17,10 +17,10 @@ from .hands import SPHERE_RADIUS, PackedHands
 from .load import GripLevers, LoadModel
 from .reach import Arm
 from .similarity import SimilarityConfig
-from .success import SuccessModel
+from .success import SuccessModel, success_terms
 from .surfaces import VisibleSurfaces
 
-__all__ = ["Burden", "Tools", "blurred"]
+__all__ = ["Burden", "Preference", "Tools", "blurred"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,6 +87,55 @@ class Burden:
             Ts_base_hand, prototype, self.levers, self.wrists
         )
         return demand, self.model.distance(Ts_base_hand, prototype, self.levers)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Preference:
+    """Factor in (0, 1] on S C that stands for load and slack of the hand.
+
+    The success model is linear in the logs of both, so that the product grows with the
+    log-odds; but S C counts for more than in the model, because what fits poorly is
+    ruled out in the end.
+    """
+
+    burden: Burden
+    slack: FloatArray
+    """Of the hand of each prototype [m], shape (p,)."""
+    weights: FloatArray
+    """Log-odds that each of the terms of success gives."""
+    best: float
+    """Log-odds of what weighs nothing, all else as good as can be."""
+    steepness: float
+    """Log-odds that the stand-in gives to the log of S C."""
+
+    @classmethod
+    def of(cls, burden: Burden, tools: Tools) -> Preference:
+        """Prefer what the success model prefers."""
+        weights = tools.success.weights
+        zero, one = np.zeros(1), np.ones(1)
+        best = float((_ideal(zero, zero, one) @ weights)[0])
+        steepness = max(float(weights[0]), _STEEP)
+        return cls(burden, tools.hands.slack, weights, best, steepness)
+
+    def __call__(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
+        """Factors of poses (k, 4, 4) of prototypes (k,), shape (k,)."""
+        demand, lever = self.burden(Ts_base_hand, prototype)
+        odds = _ideal(demand, lever, self.slack[prototype]) @ self.weights - self.best
+        factor: FloatArray = np.exp(np.minimum(odds / self.steepness, 0.0))
+        return factor
+
+
+_STEEP = 3.0
+"""At least so much: what fits poorly is ruled out, however light it is."""
+
+
+def _ideal(demand: FloatArray, lever: FloatArray, slack: FloatArray) -> FloatArray:
+    """Terms of k poses that but for these are as good as can be, shape (k, 9)."""
+    zero, one = np.zeros(1), np.ones(1)
+    return success_terms(
+        expected=one, contact=one, demand=demand, lever=lever, margin=zero,
+        slack=slack, sight=one, unseen=zero, missing=zero,
+    )  # fmt: skip
 
 
 def blurred(config: PlannerConfig) -> tuple[SimilarityConfig, ClearanceConfig]:

@@ -39,6 +39,9 @@ _FRICTION_STIFFNESS = 100.0
 and is lost within seconds; at 100 by a twentieth of that, at no cost."""
 _LEAST_SHARE = 0.06
 """Of the grip force: less doesn't overcome the springs of the fingers."""
+_MOST_TURN = 1.2
+"""A lift that yields turns the hand no farther [rad]: at a right angle two joints of
+the wrist fall into one axis."""
 _SMOOTHING = 0.05
 """Weight of a wrench reading at each step in the compliance's filter."""
 
@@ -366,7 +369,10 @@ class _Yielding:
         self.filtered += self.smoothing * (reaction - self.filtered)
         measured = self.wrist.pose(data)
         force = measured.R.T @ self.filtered[:3]
-        wrench = self.compliance.without_dead_band((*force, *self.filtered[3:]))
+        torque = self.filtered[3:]
+        turn = float(np.linalg.norm(self.compliance.tensor[3:, 3:] @ torque))
+        torque = torque * (_MOST_TURN / max(turn, _MOST_TURN))
+        wrench = self.compliance.without_dead_band((*force, *torque))
         return self.wrist.displacement_of(
             self.compliance.deflected_pose(
                 wrench, measured, self.wrist.pose_at(nominal)

@@ -34,9 +34,9 @@ from .words import (
     grasp_row,
     headline,
     object_reason,
-    passed_over_lines,
     percent,
     rejection_rows,
+    remarks,
     summary,
 )
 
@@ -224,7 +224,7 @@ def _reasons(report: Report, most_lines: int) -> str:
     plan = report.plan
     paragraphs = [headline(report)] if not plan.grasps else []
     n_left = 4 if plan.grasps else 8
-    paragraphs += [object_reason(report), *passed_over_lines(plan)[:n_left]]
+    paragraphs += [object_reason(report), *remarks(plan)[:n_left]]
     rows = rejection_rows(plan)
     total = sum(n for _, n in rows)
     if rows:

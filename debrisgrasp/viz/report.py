@@ -34,6 +34,45 @@ class Image(Protocol):
         ...
 
 
+class Planned(Protocol):
+    """What a report needs of a `debrisgrasp.PlanningResult`."""
+
+    @property
+    def capture(self) -> Image | None:
+        """Where the cloud came from."""
+        ...
+
+    @property
+    def cloud(self) -> PointCloud:
+        """All measured points, base frame."""
+        ...
+
+    @property
+    def segmentation(self) -> Segmentation:
+        """Labels of those points."""
+        ...
+
+    @property
+    def plan(self) -> GraspPlan:
+        """Grasps, best first."""
+        ...
+
+    @property
+    def grippers(self) -> Mapping[str, GripperModel]:
+        """Hands that the plan names."""
+        ...
+
+    @property
+    def robot(self) -> RobotModel | None:
+        """None for a floating hand."""
+        ...
+
+    @property
+    def order(self) -> tuple[Candidate, ...]:
+        """Objects in the order in which they would be taken."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Report:
     """Everything that one report shows."""
@@ -53,6 +92,20 @@ class Report:
     """Drawn in the posture of each grasp; None for a floating hand."""
     order: tuple[Candidate, ...] = ()
     """Objects in the order in which they would be taken, first to last."""
+
+    @classmethod
+    def of(cls, result: Planned, title: str) -> Report:
+        """Show all of a planning result, under a heading."""
+        return cls(
+            title=title,
+            capture=result.capture,
+            cloud=result.cloud,
+            segmentation=result.segmentation,
+            plan=result.plan,
+            grippers=result.grippers,
+            robot=result.robot,
+            order=result.order,
+        )
 
     def __post_init__(self) -> None:
         self.cloud.require_frame("base")

@@ -13,9 +13,9 @@ __all__ = [
     "headline",
     "load_rows",
     "object_reason",
-    "passed_over_lines",
     "percent",
     "rejection_rows",
+    "remarks",
     "summary",
 ]
 
@@ -65,9 +65,9 @@ def object_reason(report: Report) -> str:
     return f"Object {label}."
 
 
-def passed_over_lines(plan: GraspPlan) -> list[str]:
-    """One line for each object that was tried first and left."""
-    return [
+def remarks(plan: GraspPlan) -> list[str]:
+    """One line for each note, and for each object that was tried first and left."""
+    return [f"Note: {note}." for note in plan.notes] + [
         f"Object {item.label} passed over: {item.reason}" for item in plan.passed_over
     ]
 

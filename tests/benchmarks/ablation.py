@@ -27,7 +27,7 @@ from .piles import fresh_piles
 from .report import arguments, publish
 from .truth import intended, verdict
 
-PILES = range(9000, 9010)
+PILES = range(9000, 9012)
 N_BEST = 5
 DEFAULT = PlannerConfig()
 ABLATIONS: dict[str, PlannerConfig] = {
@@ -76,6 +76,8 @@ def figures_of(piles: range = PILES) -> dict[str, float]:
                 verdict(pile, pipeline.grippers[g.gripper], g, body).split(" ")[0]
                 for g in plan.grasps[:N_BEST]
             )
+        so_far = [f"{v['right']}/{v.total()}" for v in verdicts.values()]
+        print(f"pile {pile.seed}, right so far:", ", ".join(so_far), flush=True)
     rows, figures = [], {}
     for name, found in verdicts.items():
         share = found["right"] / max(found.total(), 1)
@@ -90,6 +92,7 @@ def figures_of(piles: range = PILES) -> dict[str, float]:
                 str(empty[name]),
             ]
         )
+    print()
     header = ["evidence", "right", "of", "hand in solid", "wrong content", "no grasp"]
     print(columns(header, rows) + "\n")
     return figures

@@ -33,7 +33,7 @@ from .report import publish
 
 EDGES = (0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
 FOLDS = 8
-DRAW = 0.1
+DRAW = 0.3
 """How strongly weights, of terms in standard deviations, are drawn to those that flew,
 per flight: a term that hardly varies in the flights keeps what earlier ones taught."""
 
@@ -152,6 +152,9 @@ def main() -> None:
         print("\n" + worth(terms, held, scene, before.weights) + "\n")
         figures |= {f"refit_{k}": v for k, v in merits(refit, held).items()}
         weights, intercept = fitted(terms, held, before.weights)
+        # What earlier flights covered is in the weights, too.
+        low = np.minimum(before.lower, terms.min(axis=0))
+        high = np.maximum(before.upper, terms.max(axis=0))
         seeds = [int(str(row["seed"])) for row in rows]
         tiers = ", ".join(sorted({str(row["tier"]) for row in rows}))
         content = {
@@ -165,8 +168,8 @@ def main() -> None:
             "terms": {
                 name: {
                     "weight": float(f"{weights[k]:.3g}"),
-                    "least": round(float(terms[:, k].min()), 4),
-                    "greatest": round(float(terms[:, k].max()), 4),
+                    "least": round(float(low[k]), 4),
+                    "greatest": round(float(high[k]), 4),
                 }
                 for k, name in enumerate(SUCCESS_TERMS)
             },

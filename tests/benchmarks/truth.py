@@ -38,13 +38,19 @@ def filling(solid) -> np.ndarray:
 
 
 def depth_in(pile: FreshPile, points: np.ndarray) -> np.ndarray:
-    """How deep points lie in each body, and in the ground last [m], (bodies + 1, n)."""
+    """How deep points lie in each body, and in the ground last [m], (bodies + 1, n).
+
+    Outside a body it is only told that they are.
+    """
     world = pile.settled.world
-    rows = [
-        -np.min([part.signed_distance(points) for part in body.solids], axis=0)
-        for body in world.bodies
-    ]
-    return np.array([*rows, world.ground.height(points[:, :2]) - points[:, 2]])
+    depth = np.full((len(world.bodies) + 1, len(points)), -1.0)
+    for row, body in enumerate(world.bodies):
+        for part in body.solids:
+            near = np.flatnonzero(part.bounds.contains(points))
+            inside = -part.signed_distance(points[near])
+            depth[row, near] = np.maximum(depth[row, near], inside)
+    depth[-1] = world.ground.height(points[:, :2]) - points[:, 2]
+    return depth
 
 
 def intended(pile: FreshPile, labels: np.ndarray, label: int) -> int:

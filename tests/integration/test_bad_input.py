@@ -33,7 +33,7 @@ BAD_ARRAYS = {
     "no pixels": ({"depth": np.zeros((0, 0))}, ["0 x 0 pixels"]),
     "millimetres": (
         {"depth": np.full((H, W), 1200.0)},
-        ["1200 m", "at most 50 m", "divide by 1000"],
+        ["1200 m", "at most 50 m", "divide by 1000", "by 100 "],
     ),
     "integer millimetres": (
         {"depth": np.full((H, W), 1200, np.uint16)},

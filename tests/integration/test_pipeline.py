@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -315,6 +317,19 @@ def test_a_noisy_pile_offers_ten_grasps_that_the_robot_can_take(shared_data):
     plan = Pipeline().plan(capture).plan
     assert len(plan.grasps) >= 10
     assert all(grasp.R == 1.0 and grasp.joints for grasp in plan.grasps)
+
+
+def test_what_was_seen_is_let_go_with_its_perception(pipeline, pipe_capture):
+    seen = pipeline.perceive(pipe_capture)
+    pipeline.plan(seen)
+    gc.collect()
+    gc.disable()
+    try:
+        scene = ref(next(iter(seen._scenes.values())))
+        del seen
+        assert scene() is None
+    finally:
+        gc.enable()
 
 
 def test_plans_on_one_perception_equal_plans_on_the_capture(pipeline):

@@ -22,3 +22,12 @@ def test_an_unknown_name_lists_the_known_and_guesses():
     error = UnknownNameError("gripper", "robotiq_3d", ["robotiq_3f", "camhand"])
     assert "camhand" in str(error)
     assert "Did you mean 'robotiq_3f'?" in str(error)
+
+
+def test_of_many_known_names_only_the_nearest_are_shown():
+    known = [f"cylinder_{size:03d}" for size in range(0, 400, 10)]
+    error = UnknownNameError("prototype", "cylindr_080", known)
+    assert "cylinder_080" in str(error)
+    assert "40 names" in str(error)
+    assert len(str(error)) < 250
+    assert len(error.known) == 40

@@ -93,6 +93,8 @@ def test_places_that_can_not_be_written_are_refused(tmp_path, monkeypatch):
             write_atomic(place, "new")
     with pytest.raises(OutputError, match="regular"):
         write_atomic(Path(os.devnull), "new")
+    with pytest.raises(OutputError, match="--json"):
+        write_atomic("-", "new")
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(OutputError, match="write-protected"):
         write_atomic(tmp_path / "file", "new")

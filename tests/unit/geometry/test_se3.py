@@ -79,3 +79,11 @@ def test_matrices_of_another_shape_are_refused(shape):
 def test_arrays_with_a_wrong_last_axis_are_refused(method):
     with pytest.raises(ShapeError):
         getattr(SE3.identity(), method)(np.zeros(4))
+
+
+def test_a_whole_cloud_is_mapped_like_its_parts(rng):
+    T = SE3.exp(rng.normal(size=6))
+    points = rng.normal(size=(40_001, 3))
+    parts = np.concatenate([T.apply(part) for part in np.array_split(points, 7)])
+    assert_allclose(T.apply(points), parts, rtol=0, atol=1e-12)
+    assert T.apply(points[:0]).shape == (0, 3)

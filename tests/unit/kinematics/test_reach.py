@@ -59,6 +59,17 @@ def test_what_is_reached_may_be_reached_and_far_poses_may_not(
     assert not right_reach.may_reach(far).any()
 
 
+def test_at_the_edge_of_its_reach_an_arm_can_not_give_way(
+    right_reach: ArmReach, rng: np.random.Generator
+) -> None:
+    near = right_reach.chain.fk(right_reach.chain.sampled(500, rng=rng))
+    yields = right_reach.may_yield(near)
+    away = np.linalg.norm(near.p[:, :2], axis=1)
+    assert 0.2 < yields.mean() < 1.0
+    assert away[yields].max() < away.max()
+    assert away[yields].mean() < away[~yields].mean()
+
+
 def test_a_later_round_only_adds(
     right_reach: ArmReach, roman: RobotModel, rng: np.random.Generator
 ) -> None:

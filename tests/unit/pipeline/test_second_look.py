@@ -56,6 +56,27 @@ def test_a_doubtful_one_stays_where_nothing_is_better():
     assert "no better (score 0.15)" in passed.reason
 
 
+def test_what_a_further_object_has_to_beat_grows_with_its_cost():
+    best = BestSoFar(0.7, 2)
+    assert best.worth_beating(target(1)) == 0.0
+    best.take(found(0.6), target(1, 0.2))
+    assert best.worth_beating(target(2, 0.2)) == pytest.approx(0.6)
+    needed = best.worth_beating(target(2, 0.3))
+    best.take(found(needed - 1e-6), target(2, 0.3))
+    assert best.target.label == 1
+    best.take(found(needed + 1e-6), target(3, 0.3))
+    assert best.target.label == 3
+
+
+def test_a_further_object_where_nothing_is_better_says_so_too():
+    best = BestSoFar(0.7, 1)
+    best.take(found(0.6), target(1))
+    best.take(SearchResult((), {"no arm gets there": 3}), target(2))
+    assert best.is_sure
+    (passed,) = best.passed_over
+    assert "object 1 is doubtful, but no better" in passed.reason
+
+
 def test_an_object_that_likely_carries_something_is_left_alone():
     best = BestSoFar(0.7, 2)
     assert best.is_worth_a_look(target(5, 3.0))

@@ -71,6 +71,21 @@ def test_a_side_that_was_not_seen_is_as_the_prototype_says():
     assert at(contacts({-1: 1.2, 1: 1.2}, n=CONFIG.min_points - 1)) == 1.0
 
 
+@pytest.mark.parametrize(
+    ("corner", "least", "most"), [(0.0, 0.99, 1.0), (1.0, 0.0, 0.1)]
+)
+def test_hidden_sides_lean_as_the_outline_of_the_top_does(corner, least, most):
+    x, y = np.meshgrid(np.arange(-0.06, 0.061, 0.005), np.arange(-0.04, 0.041, 0.005))
+    wide = np.abs(x) <= np.where(corner > 0, corner * (y + 0.02), 0.04)
+    points = np.column_stack([x[wide], y[wide], np.full(wide.sum(), 0.03)])
+    normals = np.tile([0.0, 0.0, -1.0], (len(points), 1))
+    cloud = PointCloud(points, normals, np.array([0.0, 0.0, -1.0]))
+    found = PadContacts(scene_of(cloud), PadZones.of(LIBRARY, CONFIG), CONFIG)
+    look = found.look(np.eye(4)[None], FIRST)
+    assert not look.is_seen.any()
+    assert least <= look.probability[0] <= most
+
+
 def test_a_finger_does_not_come_down_on_what_goes_on_under_it():
     half = PROTOTYPE.opening / 2
     place = np.array([0.0, PADS[:, 1].mean(), PADS[:, 2].mean() - 0.02])

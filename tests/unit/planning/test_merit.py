@@ -15,6 +15,7 @@ from debrisgrasp.planning.load import GripLevers, LoadModel
 from debrisgrasp.planning.mass import LoadConfig, ObjectMass
 from debrisgrasp.planning.merit import Looks, Merit
 from debrisgrasp.planning.postures import Postures
+from debrisgrasp.planning.quality import STIFF, Reach
 from debrisgrasp.planning.robustness import PoseUncertainty
 from debrisgrasp.planning.tools import Burden, Tools, blurred
 from debrisgrasp.prototypes import PrototypeLibrary
@@ -37,7 +38,14 @@ def merit(tools) -> Merit:
     return merit_of(tools)
 
 
-def merit_of(tools: Tools, mass: float | None = None) -> Merit:
+def everywhere(Ts: np.ndarray, _prototype: np.ndarray) -> np.ndarray:
+    """All that an arm with endless reach says."""
+    return np.ones(len(Ts))
+
+
+def merit_of(
+    tools: Tools, mass: float | None = None, reach: Reach = everywhere
+) -> Merit:
     """Return the merit of grasps of a pipe that weighs so much [kg]."""
     scene = scene_of(capture_of([PIPE]))
     cloud, config = scene.cloud, tools.config
@@ -51,7 +59,7 @@ def merit_of(tools: Tools, mass: float | None = None) -> Merit:
     )
     burden = Burden.on((), LoadModel((what,), config.load), tools)
     looks = Looks.into(scene, tools)
-    return Merit(scene, tools, burden, looks, lambda Ts, _: np.ones(len(Ts), bool))
+    return Merit(scene, tools, burden, looks, reach)
 
 
 @pytest.fixture(scope="module")
@@ -163,3 +171,28 @@ def test_every_other_prototype_of_a_hand_is_tried(merit, tools, Ts, rng):
     assert prototype.tolist() == [1, 1, 1]
     apart = found.walkers.best_Ts_base_hand[:, :3, 3] - Ts[:3, :3, 3]
     assert np.linalg.norm(apart, axis=1).max() < 0.05
+
+
+def test_where_no_arm_gives_way_a_pose_is_worth_less_but_something(tools, merit, Ts):
+    stiff = merit_of(tools, reach=lambda Ts, _: np.full(len(Ts), STIFF))
+    none = merit_of(tools, reach=lambda Ts, _: np.zeros(len(Ts)))
+    free, held = merit(Ts, WHICH, NOTHING), stiff(Ts, WHICH, NOTHING)
+    assert (held < free).all()
+    assert np.isfinite(held).all()
+    assert (none(Ts, WHICH, NOTHING) == -np.inf).all()
+    quick, quick_stiff = (
+        merit.quick(Ts, WHICH, NOTHING),
+        stiff.quick(Ts, WHICH, NOTHING),
+    )
+    good = quick > np.log(0.01)
+    assert quick_stiff[good] == pytest.approx(quick[good] + np.log(STIFF))
+
+
+def test_what_promises_too_little_hardly_comes_to_more(merit, Ts):
+    assert merit.least(0.0) == 0.0
+    assert merit.least(1.0 - 1e-9) > 1.0
+    promise = np.exp(merit.quick(Ts, WHICH, NOTHING))
+    modes, ok = merit.judged(Ts, WHICH, Ledger())
+    for score in (0.3, 0.6, 0.9):
+        is_left = promise < merit.least(score)
+        assert (modes.score[ok & is_left] <= score).all()

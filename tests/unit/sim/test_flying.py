@@ -1,15 +1,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from debrisgrasp.control import Compliance
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.sim import FlightConfig, HandPhysics, Verdict, WristConfig, fly
+from debrisgrasp.sim.flying import _Yielding
 from debrisgrasp.worlds import World
 
 from ._grasps import TIP, box, downwards, flown
@@ -102,6 +104,23 @@ def test_a_yielding_lift_strains_the_hand_less():
     soft = flown(size, 4.0, aside=aside, hand=hand, compliance=yielding)
     assert soft.peak_torque < 0.5 * stiff.peak_torque
     assert soft.peak_force < stiff.peak_force
+
+
+@pytest.mark.parametrize("torque", [2.0, 40.0])
+def test_a_yielding_hand_turns_less_than_a_right_angle(torque):
+    wrist = SimpleNamespace(
+        wrench=np.zeros(6),
+        pose=lambda _: SE3.identity(),
+        pose_at=lambda _: SE3.identity(),
+        displacement_of=lambda T_base_hand: so3.log(T_base_hand.R),
+    )
+    yielding = _Yielding(
+        FlightConfig(compliance=Compliance.diagonal([1e-4] * 3, [0.15] * 3)), wrist
+    )
+    wrist.wrench[4] = torque
+    for _ in range(5000):
+        turn = np.linalg.norm(yielding.deflected(np.zeros(6), None))
+    assert turn == pytest.approx(min(0.15 * torque, 1.2), rel=0.05)
 
 
 def test_equal_flights_are_equal():

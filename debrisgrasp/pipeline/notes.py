@@ -1,0 +1,65 @@
+"""What the reader of a plan should know of how it came about."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, IntArray
+
+from .second_look import BestSoFar
+
+__all__ = ["deadline_notes", "mask_notes", "mass_notes"]
+
+_SEVERAL = 0.2
+"""With such a share of its points a mask covers an object, and not just touches it."""
+
+
+def deadline_notes(deadline: float | None, *, is_late: bool) -> tuple[str, ...]:
+    """Say that a deadline [s] cut the search short, if it did."""
+    if deadline is None or not is_late:
+        return ()
+    return (
+        f"the deadline of {deadline:g} s cut the search short; "
+        "a longer one may find better grasps",
+    )
+
+
+def mass_notes(mass: float | None, best: BestSoFar) -> tuple[str, ...]:
+    """Say which object a given mass [kg] was taken for, if not for the one chosen."""
+    first, chosen = best.first_tried, best.target
+    if mass is None or first is None:
+        return ()
+    if chosen is not None and chosen.label == first.label and best.is_found:
+        return ()
+    words = f"the {mass:.6g} kg given were taken for object {first.label}, the first "
+    if chosen is not None and best.is_found:
+        words += f"tried; what object {chosen.label} weighs is estimated"
+    else:
+        words += "tried; what others weigh is estimated"
+    return (words,)
+
+
+def mask_notes(is_marked: BoolArray | None, labels: IntArray) -> tuple[str, ...]:
+    """Say that a mask covers the ground, or several objects at once, if it does.
+
+    Parameters
+    ----------
+    is_marked
+        Which points the mask covers, shape (n,); None without a mask.
+    labels
+        Object of each point, 0 for the ground, shape (n,).
+    """
+    if is_marked is None or not is_marked.any():
+        return ()
+    share = np.bincount(labels[is_marked]) / np.count_nonzero(is_marked)
+    notes = []
+    if share[0] > 0.5:
+        notes.append(
+            f"{share[0]:.0%} of the mask lies on the ground or on what is no object; "
+            "is it the right mask?"
+        )
+    covered = np.flatnonzero(share[1:] > _SEVERAL) + 1
+    if len(covered) > 1:
+        named = ", ".join(f"{label} ({share[label]:.0%})" for label in covered)
+        notes.append(f"the mask covers objects {named}; they are taken for one")
+    return tuple(notes)
