@@ -262,7 +262,8 @@ class Supervisor:
             most_change = config.motion_force or inf
             most_turn = config.motion_torque or inf
             if not (change < most_change and turn < most_turn):
-                words = f"by {change:.0f} N, {turn:.1f} N m"
+                words = f"by {change:.0f} of {most_change:.0f} N and "
+                words += f"{turn:.1f} of {most_turn:.1f} N m"
                 return Fault.MOTION_OVERLOAD, words
         return None, ""
 

@@ -18,7 +18,8 @@ from debrisgrasp.robot import DepthFrame
 from .context import Context, LimbState
 from .drive import Drive
 from .moves import planned, reversed_motion
-from .perceive import look_of, turn_head
+from .pacing import widest_corners
+from .perceive import look_around, look_of, turn_head
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["calib_check"]
@@ -82,6 +83,7 @@ def calib_check(context: Context) -> StepResult:
     sank.
     """
     limb = next(iter(context.limbs.values()))
+    look_around(context)
     empty = _looked(context)
     if isinstance(empty, FaultFound):
         return empty
@@ -89,11 +91,12 @@ def calib_check(context: Context) -> StepResult:
     if isinstance(motion, FaultFound):
         return Done({"hand_seen": False, "why": motion.message})
     drive = Drive(context, limb.name)
-    fault = drive.follow(motion)
+    corners = widest_corners(limb)
+    fault = drive.follow(motion, points=corners)
     if fault is not None:
         return fault
     report = _compared(context, limb, empty)
-    back = drive.follow(reversed_motion(motion))
+    back = drive.follow(reversed_motion(motion), points=corners)
     if back is not None:
         return back
     limb.limb.arm.disengage()
@@ -190,6 +193,7 @@ def _way_into_view(
         return FaultFound("plan_collision", "nothing was seen around it", limb.name)
     depth = np.asarray(capture.depth, dtype=np.float32)
     sight = DepthSight(depth, frame.intrinsics, T_base_camera)
+    context.known.saw(sight)
     fault: FaultFound | None = None
     for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
         space = MotionSpace.build(cloud, sight, _LEVEL, unknown=unknown)

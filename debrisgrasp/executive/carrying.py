@@ -21,8 +21,8 @@ from .drive import Drive
 from .dropoff import drop_postures, may_lie
 from .hanging import looked_at
 from .loaded import carrying
-from .moves import box_around, free_share, is_folded, planned, space_of
-from .pacing import careful
+from .moves import free_share, is_folded, planned
+from .obstacles import box_around, room_for, space_of
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
 from .triage import Way
@@ -172,12 +172,13 @@ def transport(context: Context) -> StepResult:
     if is_again and _is_beside(context, limb, held):
         context.is_in_pile = None
         return Done({"seconds": 0.0})  # what it touched bears it
-    found = _way(context, limb, held)
+    found, is_highest = _way(context, limb, held), False
     if isinstance(found, FaultFound) and found.fault == "plan_collision":
         # What it hangs over may be in the way of the box around it.
         q, up = context.posture(limb), np.array([0.0, 0.0, _HIGHER])
         share = 0.0 if is_folded(limb, q) else free_share(limb, q, up)
-        if share * _HIGHER > _LEAST:
+        is_highest = share * _HIGHER <= _LEAST
+        if not is_highest:
             end = drive.leg(
                 share * up, speed=context.settings.lift_speed, tare=TarePolicy.SESSION
             )
@@ -188,12 +189,14 @@ def transport(context: Context) -> StepResult:
     if isinstance(found, FaultFound):
         found, pace = _bare_way(context, limb, held), _CAREFUL * pace
     if isinstance(found, FaultFound):
-        return found
+        if not is_highest or found.fault != "plan_collision":
+            return found
+        words = f"no way to the drop-off, and the arm lifts no higher: {found.message}"
+        return FaultFound("unreachable", words, held.arm)
     assert found.trajectory is not None
     context.is_in_pile = None
     begun = context.now()
-    paces = careful(context, limb, held.points_hand, found.trajectory, pace)
-    fault = drive.follow(found.trajectory, pace=paces)
+    fault = drive.follow(found.trajectory, pace=pace, points=held.points_hand)
     if fault is not None:
         # It is larger than it looked: what it may touch next must be met more slowly.
         context.cycle.speed = max(0.5 * context.cycle.speed, _SLOWEST)
@@ -240,7 +243,8 @@ def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFou
 
 def _bare_way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFound:
     """Plan for the arm alone: the box may touch what the object itself does not."""
-    space = space_of(context, context.cycle.label, unknown=UnknownSpace.IGNORED)
+    label = context.cycle.label
+    space = room_for(context, [limb], label, unknown=UnknownSpace.IGNORED)
     goals = _goals(context, limb, held, space, limb.planner)
     if not len(goals):
         return _nowhere(context, limb)

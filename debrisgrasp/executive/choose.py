@@ -24,7 +24,7 @@ from debrisgrasp.segmentation import Segment
 
 from .context import Context
 from .dropoff import drop_postures, object_in_hand
-from .moves import space_of
+from .obstacles import room_for
 from .reposition import repositioned
 from .result import Done, FaultFound, StepResult
 from .states import State
@@ -294,7 +294,7 @@ def plan_motion(context: Context) -> StepResult:
     config = MotionsConfig(
         lift=(0.0, 0.0, settings.lift), tries=6, clamp=settings.clamp
     )
-    space = space_of(context, unknown=UnknownSpace.HIDDEN)
+    space = room_for(context, context.limbs.values(), unknown=UnknownSpace.HIDDEN)
     passage = Passage(
         space.measured_points, cycle.plan.object_points, cycle.plan.grippers
     )

@@ -24,6 +24,7 @@ from debrisgrasp.motion import MotionPlanner
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.robot import Arm, Head, Limb, Robot
 
+from .known import KnownSpace
 from .marks import Marks
 from .settings import TaskSettings
 from .states import State
@@ -172,6 +173,7 @@ class Context:
     """How often the base drove to where the arms reach better."""
     T_base_way: SE3 = field(default_factory=SE3.identity)
     """Where the base stood when the task began: in that frame the workspace is."""
+    known: KnownSpace = field(default_factory=KnownSpace)
     last_seen: Perception | None = None
     """The last look, until the base moves; a new cycle has none of its own at first."""
     dropped: list[FloatArray] = field(default_factory=list)
@@ -185,7 +187,8 @@ class Context:
     camera_watch: DriftMonitor | None = None
     """Looks at the hand so far; None: none yet."""
     trace: list[tuple[float, float, float]] = field(default_factory=list)
-    """Time, force and torque at the hand [s, N, N m], since the state began."""
+    """Since the state began, of every `FINGER_TICKS` the time of the first [s], and the
+    largest force and torque at the hand [N, N m]."""
     left: dict[str, str] = field(default_factory=dict)
     """Objects that stay, and why, by the last look."""
 

@@ -12,6 +12,7 @@ from debrisgrasp.robot import Base
 
 from .context import Context
 from .drive import Drive
+from .known import KnownSpace
 from .result import Done, FaultFound, StepResult
 from .states import State
 
@@ -62,6 +63,7 @@ def drag(context: Context) -> StepResult:
     context.dragged = begun.inverse() @ base.read()
     # What was seen was seen from elsewhere.
     context.cycle.seen = context.last_seen = None
+    context.known = KnownSpace()
     if isinstance(end, FaultFound):
         return end
     facts = {

@@ -30,7 +30,7 @@ from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .noticed import refused
-from .pacing import feasible, times_at
+from .pacing import careful, paced, widest_corners
 from .result import FaultFound
 from .senses import Senses
 from .states import State
@@ -47,9 +47,6 @@ bears grows until it stands."""
 _UNSURE_COM = 0.15
 """... but how high its centre of mass lies was only seen, to this [m]: as the hand
 leans, the torque changes by so much times the weight."""
-_SPARE = 0.9
-"""Share of a planned speed that is used: between its knots a motion, and more so one
-that is run backwards, may exceed its acceleration by a few percent."""
 _BRAKES_WITHIN = 0.03
 """Slower is a leg on which the joints need longer to stop [s]."""
 _JUMPED = 0.15
@@ -60,12 +57,12 @@ _OUTSIDE = 1e-3
 """So far outside its limits a joint may read [rad or m]."""
 _BRAKING = 0.1
 """[s]."""
+_LOOKS = 300
+"""So many times on its way at most it is noted where the hand is."""
 _STRIDE = 25
 """Every so many ticks a posture of the way is remembered."""
 _RUN_OUT = 1.5
 """A leg that is done has come to rest within so long [s]."""
-_BLEND = 1.0
-"""[s]."""
 _ENGAGES_WITHIN = 0.5
 """[s]."""
 
@@ -136,11 +133,19 @@ class Drive(Senses):
         return readings
 
     def follow(
-        self, trajectory: Trajectory, *, pace: float | FloatArray = 1.0
+        self,
+        trajectory: Trajectory,
+        *,
+        pace: float = 1.0,
+        points: FloatArray | None = None,
     ) -> FaultFound | None:
         """Follow a planned motion at a share of its speed, supervised.
 
-        Shares at equal distances of its time, shape (k,), change on the way.
+        Parameters
+        ----------
+        points
+            Of what moves with the hand, its frame [m], shape (n, 3): slow where they
+            may touch something. None: they are where they can't.
         """
         limits = self.limb.limits.planner
         try:
@@ -163,15 +168,11 @@ class Drive(Senses):
         fault, state, _ = self.ticked(supervisor, state, begun.q, is_moving=False)
         if fault is not None:
             return fault
-        paces = feasible(trajectory, np.atleast_1d(pace), limits.acceleration)
-        times = times_at(trajectory, _SPARE * paces, self.period)
-        path, n = trajectory.at(times)[0], len(times)
-        # The plan began within the planner's limits, the arm perhaps a little outside.
-        share = np.minimum(self.period * np.arange(1, n + 1) / _BLEND, 1.0)
-        fade = 1.0 - share * share * (3.0 - 2.0 * share)
-        path = path + fade[:, None] * (np.array(state.q) - trajectory.q[0])
-        # Where it stands first: speeds count from the tick of the last command.
-        path = np.concatenate([[state.q], path])
+        paces = np.atleast_1d(pace)
+        if points is not None:
+            room = self.room(supervisor.config)
+            paces = careful(self.context, self.limb, points, trajectory, pace, room)
+        path = paced(trajectory, paces, state.q, self.period, limits.acceleration)
         rows = path.tolist()
         for i, q in enumerate(rows):
             self._send(q)
@@ -181,6 +182,10 @@ class Drive(Senses):
                 self.limb.went(path[: i + 1 : _STRIDE])
                 return fault
         self.limb.went(np.concatenate([path[::_STRIDE], path[-1:]]))
+        if points is not None:
+            T = self.limb.reach.chain.fk(path[:: len(path) // _LOOKS + 1])
+            points = np.concatenate([points, widest_corners(self.limb)])
+            self.context.known.passed(T[:, None].apply(points))
         return self._settle(supervisor, state, rows[-1])
 
     def _settle(

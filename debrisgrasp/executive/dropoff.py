@@ -12,7 +12,7 @@ from debrisgrasp.geometry import SE3, so3, voxel_downsample
 from debrisgrasp.kinematics import solve, solve_distinct
 
 from .context import Context, LimbState
-from .moves import lying
+from .obstacles import lying
 
 __all__ = ["drop_postures", "may_lie", "object_in_hand", "with_underside"]
 

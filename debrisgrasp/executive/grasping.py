@@ -24,13 +24,15 @@ from debrisgrasp.planning import Grasp
 from .context import Context, LimbState
 from .drive import Drive, LegEnd
 from .fingers import open_hand
-from .moves import planned, space_of
-from .pacing import careful, hand_corners
+from .moves import planned
+from .obstacles import room_for
+from .pacing import hand_corners
 from .result import Done, FaultFound, StepResult
 
 __all__ = [
     "STANDING",
     "approach",
+    "aside_of",
     "motion_of",
     "opening_of",
     "pregrasp",
@@ -66,15 +68,14 @@ def pregrasp(context: Context) -> StepResult:
     q = context.posture(limb)
     if np.abs(q - reach.q[0]).max() > 0.01:
         # Something happened on the way: the motion is planned anew from here.
-        space = space_of(context, unknown=UnknownSpace.HIDDEN)
+        space = room_for(context, [limb], unknown=UnknownSpace.HIDDEN)
         found = planned(context, limb, reach.q[-1], space)
         if isinstance(found, FaultFound):
             return found
         assert found.trajectory is not None
         reach = found.trajectory
     corners = hand_corners(limb, grasp.preshape, opening_of(limb, grasp))
-    paces = careful(context, limb, corners, reach, context.cycle.speed)
-    fault = drive.follow(reach, pace=paces)
+    fault = drive.follow(reach, pace=context.cycle.speed, points=corners)
     if fault is not None:
         return fault
     context.is_in_pile = motion.arm
@@ -148,7 +149,7 @@ def approach(context: Context) -> StepResult:
         if end.outcome is LegOutcome.DONE or end.left <= _AT_GRASP:
             facts = {"outcome": end.outcome.value, "left": round(end.left, 4)}
             return Done({**facts, "shift_mm": np.round(1e3 * shift, 1).tolist()})
-        aside = _aside(drive.push(), goal.R[:, 2])
+        aside = aside_of(drive.push(), goal.R[:, 2])
         if end.outcome is not LegOutcome.CONTACT or aside is None or n_aside == _ASIDES:
             break
         way = _ASIDE * aside - _BACK_OFF * goal.R[:, 2]
@@ -162,7 +163,7 @@ def approach(context: Context) -> StepResult:
     return FaultFound(name, words, motion.arm, {"left": end.left})
 
 
-def _aside(push: FloatArray, axis: FloatArray) -> FloatArray | None:
+def aside_of(push: FloatArray, axis: FloatArray) -> FloatArray | None:
     """Direction in which a push (3,) turns a hand aside that goes along an axis.
 
     None if it only stops it.

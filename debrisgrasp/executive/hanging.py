@@ -8,34 +8,23 @@ was held, and the way back leads around it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
-from debrisgrasp.geometry import SE3, DepthSight, LineOfSight, voxel_downsample
+from debrisgrasp.geometry import DepthSight, LineOfSight, voxel_downsample
 from debrisgrasp.io import Capture
 
 from .context import Context, Held
 from .dropoff import with_underside
-from .moves import are_near
-from .perceive import image, look_of
+from .obstacles import are_near
+from .perceive import image, look_towards
 from .result import FaultFound
 
 __all__ = ["looked_after", "looked_at"]
 
-_TRIED = 31
-"""Values of each joint of the head."""
-_STOPS = 0.1
-"""So far from its stops, for an encoder may be off [rad]."""
-_INSIDE, _SHY = 0.45, 0.1
-"""So far from the middle of the picture [rad] a place is seen well enough, and this
-share of an angle between this look and the last is as bad as missing it by so much."""
-_SHOWN = 0.01
-"""A look that loses no more is good [rad]."""
 _MOVED = 0.025
 """Depth that changed by less is noise [m]."""
 _ROBOT = 0.02
@@ -79,7 +68,7 @@ def looked_at(context: Context, held: Held) -> int:
     known = T_base_hand.apply(held.points_hand)
     assert before.capture.T_base_camera is not None
     T_base_before = before.capture.T_base_camera
-    look = _look_towards(context, known.mean(axis=0), T_base_before)
+    look = look_towards(context, known.mean(axis=0), T_base_before)
     taken = image(context, f"hanging_{context.cycle.number:03d}", look)
     if isinstance(taken, FaultFound):
         return 0
@@ -139,7 +128,7 @@ def looked_after(context: Context, arm: str, opening: float) -> int:
     taken = image(
         context,
         f"released_{context.cycle.number:03d}",
-        _look_towards(context, place),
+        look_towards(context, place),
         is_wanted=lambda ground: _away(ground, place) < _PLACE,
     )
     if isinstance(taken, FaultFound):
@@ -202,41 +191,6 @@ def _divided(
     of_held[rows] = is_held[part]
     is_noise[rows] = (cells < _FEW)[part]  # flying pixels
     return of_held, is_noise
-
-
-def _look_towards(
-    context: Context, place: FloatArray, T_base_before: SE3 | None = None
-) -> Mapping[str, float]:
-    """Joints of the head that show a place (3,), and else what was seen before.
-
-    The arm may have turned what carries the head.
-
-    Parameters
-    ----------
-    T_base_before
-        Pose of the camera then; None: the place comes into the middle of the picture.
-    """
-    look = {**look_of(context)}
-    if context.robot.head is None:
-        return look
-    values = context.joint_values()
-
-    def loss(name: str, value: float) -> float:
-        T = context.model.T_base_camera({**values, **look, name: value})
-        x, y, z = T.inverse().apply(place)
-        away = float(np.arctan2(np.hypot(x, y), z))
-        if T_base_before is None:
-            return away
-        turned = float(np.arccos(np.clip(T.R[:, 2] @ T_base_before.R[:, 2], -1, 1)))
-        return max(away - _INSIDE, 0.0) + _SHY * turned
-
-    for name in 2 * context.robot.head.joint_names:
-        joint, first = context.model.tree.joints[name], look.get(name, 0.0)
-        low, high = joint.lower + _STOPS, joint.upper - _STOPS
-        tried = [first, *np.linspace(low, high, _TRIED)]
-        if loss(name, first) > _SHOWN:
-            look[name] = float(min(tried, key=lambda value: loss(name, value)))
-    return look
 
 
 def _cloud(taken: Capture) -> tuple[FloatArray, DepthSight]:

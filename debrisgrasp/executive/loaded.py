@@ -14,7 +14,7 @@ from debrisgrasp.kinematics.solids import solids_of_shape
 from debrisgrasp.motion import MotionPlanner
 
 from .context import Context, LimbState
-from .moves import box_around
+from .obstacles import box_around
 
 __all__ = ["carrying"]
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import CartesianLeg, LegPlanner, TarePolicy
 from debrisgrasp.control._rigid import Wrench
-from debrisgrasp.geometry import SE3, PointCloud, Solid
+from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import Trajectory
-from debrisgrasp.kinematics.urdf import UrdfShape
 from debrisgrasp.motion import (
     MotionPlan,
     MotionPlanner,
@@ -24,21 +22,19 @@ from debrisgrasp.motion import (
 from .context import Context, LimbState
 from .drive import Drive, LegEnd
 from .fingers import loosen
-from .pacing import careful, hand_corners
+from .obstacles import BARE, space_of
+from .pacing import widest_corners
+from .relief import relieve
 from .result import FaultFound
 
 __all__ = [
-    "are_near",
     "back_out",
-    "box_around",
     "free_share",
     "is_folded",
     "let_go",
-    "lying",
     "planned",
     "put_down",
     "reversed_motion",
-    "space_of",
     "to_rest",
 ]
 
@@ -52,14 +48,13 @@ _RISES = 3
 """... and so often."""
 _FIRST = 10
 """Looks at the weight before any may count as less."""
-_UNSURE = 0.015
-"""How much farther than its points what was let go may reach [m]."""
-_GRAIN = 0.025
-"""Spacing of the points that stand for it [m]."""
-_STANDS_FREE = 0.02
-"""Where an arm stands there is nothing, whatever noise and boxes say, nor so near [m]:
-else no way out would begin."""
-_BARE = np.array([0.0, 0.0, 1.0, 0.0])
+_STEP, _NEXT = 0.03, 0.5
+"""Between two postures of a way gone others are filled in, so far apart, if they follow
+each other as near as that [rad or m]."""
+_PRESSED = 0.3
+"""Share of a limit above which a hand gives way before it is taken elsewhere."""
+_GUARDED = 0.25
+"""Share of the planned speed that is left on it."""
 
 
 def reversed_motion(trajectory: Trajectory) -> Trajectory:
@@ -70,60 +65,6 @@ def reversed_motion(trajectory: Trajectory) -> Trajectory:
         q=trajectory.q[::-1],
         dq=-trajectory.dq[::-1],
     )
-
-
-def space_of(
-    context: Context,
-    without: int | None = None,
-    *,
-    unknown: UnknownSpace,
-    stands: tuple[MotionPlanner, FloatArray] | None = None,
-    with_guesses: bool = True,
-) -> MotionSpace:
-    """Obstacles by the last look, and what was put down since.
-
-    Parameters
-    ----------
-    without
-        Label of an object that is no obstacle, because the hand holds it.
-    stands
-        Of an arm, and its posture (d,): points so near to where it stands are left out.
-    with_guesses
-        Whether what was put down is also where nobody has seen it.
-    """
-    seen = context.cycle.seen or context.last_seen
-    if seen is None:
-        return MotionSpace(measured=None, unknown=None, ground_plane=_BARE)
-    points = seen.cloud.points
-    if context.cycle.around is not None:
-        points = context.cycle.around
-    elif without is not None:
-        points = points[seen.segmentation.labels != without]
-    guesses = [*context.dropped, *context.fallen] if with_guesses else []
-    points = np.concatenate([points, *context.lain, *guesses])
-    if stands is not None:
-        balls = stands[0].balls_at(stands[1], _STANDS_FREE)
-        rows = cKDTree(points).query_ball_point(balls[:, :3], balls[:, 3])
-        points = np.delete(points, np.unique(np.concatenate(rows)).astype(int), axis=0)
-        links = context.model.links_solids(context.joint_values())
-        robot = [solid for _, solid in links]  # the arms that stand still, too
-        points = points[~are_near(points, robot, _STANDS_FREE)]
-    normals = np.full(points.shape, np.nan)
-    everything = PointCloud(points, normals, seen.cloud.viewpoint)
-    plane = seen.ground_plane
-    return MotionSpace.build(
-        everything, seen.sight, _BARE if plane is None else plane, unknown=unknown
-    )
-
-
-def are_near(points: FloatArray, solids: Sequence[Solid], within: float) -> BoolArray:
-    """Which points (n, 3) are so near to a solid [m], shape (n,)."""
-    found = np.zeros(len(points), dtype=bool)
-    for solid in solids:
-        low, high = solid.bounds.lower - within, solid.bounds.upper + within
-        rows = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
-        found[rows] |= solid.signed_distance(points[rows]) < within
-    return found
 
 
 def planned(
@@ -160,36 +101,6 @@ def _inside(limb: LimbState, q: FloatArray) -> FloatArray | str:
     if np.abs(nearest - q).max() > 0.02 + 1e-9:
         return limits.violation(q)
     return nearest
-
-
-def lying(T_base_hand: SE3, points_hand: FloatArray) -> FloatArray:
-    """Surface of what a hand leaves where it is, base frame [m], shape (n, 3).
-
-    A box around all of it, for little of it was seen, a bit larger than that.
-    """
-    box = box_around(points_hand)
-    half = 0.5 * np.array(box.size) + _UNSURE
-    sides = [np.linspace(-h, h, int(np.ceil(2.0 * h / _GRAIN)) + 1) for h in half]
-    grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
-    surface = grid[(np.abs(grid) > half - 1e-6).any(axis=1)]
-    return (T_base_hand @ box.T_link_shape).apply(surface)
-
-
-def box_around(points: FloatArray) -> UrdfShape:
-    """Box along the principal axes of points (n, 3), in their frame."""
-    middle = points.mean(axis=0)
-    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
-    if np.linalg.det(axes) < 0.0:
-        axes[2] = -axes[2]
-    along = (points - middle) @ axes.T
-    low, high = along.min(axis=0), along.max(axis=0)
-    center = middle + 0.5 * (low + high) @ axes
-    size = np.maximum(high - low, 0.01)
-    return UrdfShape(
-        kind="box",
-        size=tuple(size.tolist()),
-        T_link_shape=SE3.from_parts(axes.T, center),
-    )
 
 
 def back_out(context: Context, arm: str) -> FaultFound | None:
@@ -240,7 +151,7 @@ def free_share(limb: LimbState, q: FloatArray, way: FloatArray) -> float:
 
 def is_folded(limb: LimbState, q: FloatArray) -> bool:
     """Whether an arm is nearer to itself, or to the robot, than plans may be."""
-    alone = MotionSpace(measured=None, unknown=None, ground_plane=_BARE)
+    alone = MotionSpace(measured=None, unknown=None, ground_plane=BARE)
     return not limb.planner.exact_test(alone, with_hand=False).is_free(q[None])[0]
 
 
@@ -253,6 +164,10 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     if np.abs(q - q_rest).max() < 0.01:
         limb.trail.clear()
         return None
+    eased = relieve(context, arm, _PRESSED) if limb.trail else None
+    if eased is not None:
+        return eased
+    q = context.posture(limb)
     limb.went(q[None])
     motion = context.cycle.motion
     if motion is not None and motion.arm == arm:
@@ -261,7 +176,7 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
         is_there = np.abs(q - reach.q[-1]).max() < 0.01
         is_from_rest = np.abs(reach.q[0] - q_rest).max() < 0.01
         if is_there and is_from_rest:
-            return _back(context, drive, reversed_motion(reach))
+            return _back(drive, reversed_motion(reach))
     found = _way_to(context, limb, q_rest)
     for _ in range(_RISES):
         if not isinstance(found, FaultFound) or found.fault != "plan_collision":
@@ -275,19 +190,21 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     if isinstance(found, FaultFound):
         return found
     assert found.trajectory is not None
-    return _back(context, drive, found.trajectory)
+    return _back(drive, found.trajectory)
 
 
-def _back(context: Context, drive: Drive, trajectory: Trajectory) -> FaultFound | None:
-    """Follow a motion to rest, slowly near all that the empty hand may touch."""
-    preshape = next(iter(drive.limb.hand.preshapes))
-    widest = drive.limb.hand.preshape(preshape).widths[1]
-    corners = hand_corners(drive.limb, preshape, widest)
-    fault = drive.follow(
-        trajectory, pace=careful(context, drive.limb, corners, trajectory, 1.0)
-    )
+def _back(drive: Drive, trajectory: Trajectory) -> FaultFound | None:
+    """Follow a motion to rest, slowly near all that the empty hand may touch.
+
+    After a touch the next motion is a slower one.
+    """
+    cycle = drive.context.cycle
+    corners = widest_corners(drive.limb)
+    fault = drive.follow(trajectory, pace=cycle.speed, points=corners)
     if fault is None:
         drive.limb.trail.clear()
+    else:
+        cycle.speed = min(cycle.speed, _GUARDED)
     return fault
 
 
@@ -296,35 +213,66 @@ def _way_to(
 ) -> MotionPlan | FaultFound:
     """Plan to a posture; through what was not seen if there is no other way.
 
-    The way that the arm came leads back, if nothing shorter does. At last only what was
-    seen is in the way: all else is a guess, near which the arm goes slowly.
+    The way that the arm came leads back, if nothing shorter does. Then only what was
+    seen is in the way: all else is a guess, near which the arm goes slowly. What came
+    into the way since the arm went it moved there, and at last is moved again.
     """
     known = np.array(limb.trail) if limb.trail else None
-    stands = limb.planner, context.posture(limb)
+    q = context.posture(limb)
+    stands, gone = (limb.planner, q), (limb.planner, _way_gone(limb, q))
     for unknown, leaves, with_guesses in (
         (UnknownSpace.HIDDEN, None, True),
         (UnknownSpace.IGNORED, None, True),
         (UnknownSpace.IGNORED, stands, True),
         (UnknownSpace.IGNORED, stands, False),
+        (UnknownSpace.IGNORED, gone, False),
     ):
-        if not (with_guesses or context.dropped or context.fallen):
-            break
+        if leaves is stands and not (with_guesses or context.dropped or context.fallen):
+            continue
         space = space_of(
             context, unknown=unknown, stands=leaves, with_guesses=with_guesses
         )
         found = planned(context, limb, goal, space, known=known)
         if not isinstance(found, FaultFound):
-            break
+            return found if with_guesses else _slowed(found)
     return found
 
 
+def _slowed(plan: MotionPlan) -> MotionPlan:
+    """Slow a plan down on which something may be touched, or pushed."""
+    slow = plan.trajectory
+    assert slow is not None
+    slow = replace(slow, times=slow.times / _GUARDED, dq=slow.dq * _GUARDED)
+    return replace(plan, trajectory=slow)
+
+
+def _way_gone(limb: LimbState, q: FloatArray) -> FloatArray:
+    """Postures of the way by which an arm came to one (d,), close together, (k, d)."""
+    ways = pairwise([*limb.trail, q])
+    steps = [_steps(one, other) for one, other in ways]
+    return np.concatenate([*steps, q[None]])
+
+
+def _steps(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Postures from one (d,) to another; only the first if they are far apart."""
+    far = float(np.abs(other - one).max())
+    n = int(np.ceil(far / _STEP)) if far < _NEXT else 1
+    return one + np.arange(n)[:, None] / n * (other - one)
+
+
 def put_down(context: Context, most: float) -> FaultFound | None:
-    """Lower what a hand holds until it lies on something, and let go."""
+    """Lower what a hand holds until it lies on something, and let go.
+
+    So far (``most`` [m]), or as far as its lowest point is over the ground.
+    """
     held = context.held
     if held is None:
         return None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
     if held.is_lifted:
+        if len(held.points_hand):
+            T = limb.pose(context.posture(limb))
+            most = max(most, float(T.apply(held.points_hand)[:, 2].min()))
         share = free_share(limb, context.posture(limb), np.array([0.0, 0.0, -most]))
         depth = most if share > 1.0 - 1e-6 else share * most - _SPARE
         if depth > 2e-3:

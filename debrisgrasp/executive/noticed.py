@@ -38,7 +38,10 @@ def fault_of_stop(stop: Stop, reading: Reading, state: State, arm: str) -> Fault
         name = "plan_collision"  # hand, or what is carried, touched something
     else:
         name = _NAMES[stop.fault]
-    return FaultFound(name, stop.message, arm, {"time": stop.time})
+    words = stop.message
+    if stop.fault is Fault.MOTION_OVERLOAD:
+        words = f"touched something that no plan knew: {words}"
+    return FaultFound(name, words, arm, {"time": stop.time})
 
 
 def _overload(stop: Stop, state: State) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import FloatArray
@@ -10,7 +11,15 @@ from debrisgrasp.kinematics import Trajectory
 
 from .context import Context, LimbState
 
-__all__ = ["careful", "feasible", "hand_corners", "times_at"]
+__all__ = [
+    "careful",
+    "feasible",
+    "hand_corners",
+    "met_safely",
+    "paced",
+    "times_at",
+    "widest_corners",
+]
 
 _KNOT = 0.05
 """Spacing of the looks along a motion, by its own time [s]."""
@@ -18,11 +27,21 @@ _GRAIN = 0.005
 """Spacing of the times between which the pace changes evenly [s]."""
 _GAIN = 0.4
 """Change of the pace in a second, at most [1/s]."""
+_SPARE = 0.9
+"""Share of a planned speed that is used: between its knots a motion, and more so one
+that is run backwards, may exceed its acceleration by a few percent."""
+_BLEND = 1.0
+"""In which it joins the trajectory from where it stands [s]."""
 _NEAR, _NEAR_GROUND = 0.05, 0.02
 """What is nearer than this may be touched [m]; an empty hand, whose shape is known,
 touches the ground only if it is as near as the other length."""
 _BRAKES = 0.6
 """What is farther away may be come to as fast as the arm brakes [m/s^2]."""
+_STIFFNESS = 3e4
+"""Of an arm whose hand meets the hardest thing [N/m]."""
+_FELT_AFTER = 0.02
+"""From a touch until the arm begins to brake [s]: the lag of the sensor, the median of
+three samples, and a tick."""
 _LEAST = 0.02
 """Of the pace."""
 _MOST_POINTS = 400
@@ -86,10 +105,70 @@ def feasible(
     return np.asarray(np.clip(most, least, np.maximum(wanted, least)))
 
 
+def paced(
+    trajectory: Trajectory,
+    paces: FloatArray,
+    q_start: ArrayLike,
+    period: float,
+    acceleration: FloatArray,
+) -> FloatArray:
+    """Postures of each tick of a run, shape (n, d).
+
+    Parameters
+    ----------
+    paces, acceleration
+        See `feasible`.
+    q_start
+        Where the arm stands (d,): a little beside the begin of the trajectory, perhaps,
+        which lies within the limits.
+    period
+        Of a tick [s].
+    """
+    paces = feasible(trajectory, paces, acceleration)
+    path = trajectory.at(times_at(trajectory, _SPARE * paces, period))[0]
+    share = np.minimum(period * np.arange(1, len(path) + 1) / _BLEND, 1.0)
+    fade = 1.0 - share * share * (3.0 - 2.0 * share)
+    path = path + fade[:, None] * (q_start - trajectory.q[0])
+    # Where it stands first: speeds count from the tick of the last command.
+    return np.concatenate([[q_start], path])
+
+
 def hand_corners(limb: LimbState, preshape: str, opening: float) -> FloatArray:
     """Corners of a hand's solids in its frame [m], shape (n, 3)."""
     solids = limb.hand.solids(preshape, opening)
     return np.concatenate([solid.mesh()[0] for solid in solids])
+
+
+def widest_corners(limb: LimbState) -> FloatArray:
+    """Corners of an open hand's solids, whatever its preshape, frame of it, (n, 3)."""
+    preshape = next(iter(limb.hand.preshapes))
+    return hand_corners(limb, preshape, limb.hand.preshape(preshape).widths[1])
+
+
+def met_safely(
+    speed: FloatArray, braking: FloatArray, room: tuple[float, float], reach: float
+) -> FloatArray:
+    r"""Paces at which a touch that nobody foresaw stays below the limits, (n,).
+
+    After it is felt a hand goes on until the arm has reacted, in :math:`t`, and braked:
+    by :math:`p v t + p^2 v b / 2` at pace p, for the braking time falls with the pace,
+    too. Times the stiffness of the arm that is what the force grows by.
+
+    Parameters
+    ----------
+    speed
+        Of the fastest point that moves with the hand, at full pace [m/s], shape (n,).
+    braking
+        Time b in which all joints come to rest from full pace [s], shape (n,).
+    room
+        Force and torque left between where a touch is felt and the limit [N, N m].
+    reach
+        Farthest point from the origin of the hand [m].
+    """
+    depth = max(min(room[0], room[1] / max(reach, 1e-3)), 0.0) / _STIFFNESS
+    reacting, stopping = speed * _FELT_AFTER, speed * braking
+    root = np.sqrt(reacting**2 + 2.0 * stopping * depth)
+    return np.asarray(2.0 * depth / np.maximum(reacting + root, 1e-12))
 
 
 def careful(
@@ -98,31 +177,57 @@ def careful(
     points: FloatArray,
     trajectory: Trajectory,
     pace: float,
+    room: tuple[float, float],
 ) -> FloatArray:
-    """Paces at which what moves with a hand is slow near all that was seen.
+    """Paces at which what moves with a hand is slow where it may touch something.
 
-    Until it was seen how large what is held is, its old place included: what lay under
-    or behind it was never seen, and is near there.
+    That is near all that was seen; and for an empty hand, which goes far, wherever
+    nobody has seen that space is free. Until it was seen how large what is held is, its
+    old place included: what lay under or behind it was never seen, and is near there.
 
     Parameters
     ----------
     points
         Of hand or held object, frame of the hand [m], shape (n, 3).
+    room
+        See `met_safely`.
     """
     n = max(int(np.ceil(trajectory.duration / _KNOT)) + 1, 2)
-    seen = context.cycle.seen
-    if seen is None or not len(points):
+    if not len(points):
         return np.full(n, pace)
+    points = points[:: max(1, len(points) // _MOST_POINTS)]
+    rows, rates, _ = trajectory.at(np.linspace(0.0, trajectory.duration, n))
+    T = limb.reach.chain.fk(rows)
+    where = np.einsum("nij,kj->nki", T.R, points) + T.p[:, None, :]
+    step = np.linalg.norm(np.diff(where, axis=0), axis=2).max(axis=1)
+    speed = np.append(step, 0.0)
+    speed[1:] = np.maximum(speed[1:], step)
+    speed *= (n - 1) / trajectory.duration
+    speed = np.maximum(speed, 1e-9)
+    allowed = context.settings.lift_speed + _near_speed(context, where)
+    paces = np.asarray(np.clip(allowed / speed, _LEAST, pace))
+    if context.held is not None:
+        return paces
+    is_unknown = ~context.known.is_free(where).all(axis=1)
+    # Beside it, too: between two looks it may begin anywhere.
+    is_unknown = np.convolve(is_unknown, np.ones(3), mode="same") > 0.0
+    braking = (np.abs(rates) / limb.limits.planner.acceleration).max(axis=1)
+    reach = float(np.linalg.norm(points, axis=1).max())
+    blind = met_safely(speed, braking, room, reach)
+    return np.where(is_unknown, np.minimum(paces, np.maximum(blind, _LEAST)), paces)
+
+
+def _near_speed(context: Context, where: FloatArray) -> FloatArray:
+    """By how much points (n, k, 3) may be faster than near something [m/s], (n,)."""
+    seen, n = context.cycle.seen, len(where)
+    if seen is None:
+        return np.full(n, np.inf)
     if context.cycle.around is not None:
         others = context.cycle.around
         others = others[others[:, 2] > _GROUND]
     else:
         others = seen.cloud.points[seen.segmentation.labels != 0]
     others = np.concatenate([others, *context.put_down, *context.fallen])
-    points = points[:: max(1, len(points) // _MOST_POINTS)]
-    rows = trajectory.at(np.linspace(0.0, trajectory.duration, n))[0]
-    T = limb.reach.chain.fk(rows)
-    where = np.einsum("nij,kj->nki", T.R, points) + T.p[:, None, :]
     is_empty = context.held is None
     # So near to the ground it may be as fast as so much farther from anything else.
     gap = where[..., 2].min(axis=1) + is_empty * (_NEAR - _NEAR_GROUND)
@@ -130,11 +235,4 @@ def careful(
         tree, flat = cKDTree(others), where.reshape(-1, 3)
         near = np.asarray(tree.query(flat, distance_upper_bound=0.5)[0])
         gap = np.minimum(gap, near.reshape(n, -1).min(axis=1))
-    step = np.linalg.norm(np.diff(where, axis=0), axis=2).max(axis=1)
-    speed = np.append(step, 0.0)
-    speed[1:] = np.maximum(speed[1:], step)
-    speed *= (n - 1) / trajectory.duration
-    allowed = context.settings.lift_speed + np.sqrt(
-        2.0 * _BRAKES * np.maximum(gap - _NEAR, 0.0)
-    )
-    return np.asarray(np.clip(allowed / np.maximum(speed, 1e-9), _LEAST, pace))
+    return np.asarray(np.sqrt(2.0 * _BRAKES * np.maximum(gap - _NEAR, 0.0)))

@@ -9,18 +9,41 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.errors import DebrisGraspError, DriverError
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, DepthSight
 from debrisgrasp.io import Capture
 from debrisgrasp.robot import DepthFrame
 
 from .context import Context
 from .result import Done, FaultFound, StepResult
 
-__all__ = ["capture", "image", "look_of", "segment", "turn_head"]
+__all__ = [
+    "capture",
+    "image",
+    "look_around",
+    "look_of",
+    "look_towards",
+    "segment",
+    "turn_head",
+]
 
 _OLDEST = 0.2
 """An image may be so much older than the wish for it [s]."""
 _HEAD_TIME = 6.0
+_TRIED = 31
+"""Values of each joint of the head."""
+_STOPS = 0.1
+"""So far from its stops, for an encoder may be off [rad]."""
+_INSIDE, _SHY = 0.45, 0.1
+"""So far from the middle of the picture [rad] a place is seen well enough, and this
+share of an angle between this look and the last is as bad as missing it by so much."""
+_SHOWN = 0.01
+"""A look that loses no more is good [rad]."""
+_TOWARDS = 0.75
+"""Of the way from the middle of the pile to a drop-off it is looked at."""
+_CLOSE = 2.5
+"""[m]."""
+_BESIDE = (0.15, 0.95)
+"""Heights of such places [m]."""
 _LEAST_SEEN = 0.02
 """Share of the image of the workspace with depth below which nothing was seen."""
 _DROP_ROOM = 0.2
@@ -29,6 +52,7 @@ _DROP_ROOM = 0.2
 
 def capture(context: Context) -> StepResult:
     """Take an image, and refuse what is old, empty or full of holes."""
+    look_around(context)
     taken = image(context, f"capture_{context.cycle.number:03d}")
     if isinstance(taken, FaultFound):
         return taken
@@ -37,6 +61,32 @@ def capture(context: Context) -> StepResult:
     context.record.keep(taken, taken.name)
     share = float(np.mean(np.isfinite(np.asarray(taken.depth))))
     return Done({"measured_share": round(share, 4)})
+
+
+def look_around(context: Context) -> None:
+    """See what is free where arms will move, above the pile and beside the robot.
+
+    A look that shows nothing to go by is none. Once is enough while the base stands.
+    """
+    if not context.known.is_new:
+        return
+    low, high = context.settings.bounds.lower, context.settings.bounds.upper
+    middle = 0.5 * (low + high)
+    places = [np.array([*middle[:2], 0.75 * high[2]])]
+    for arm in context.limbs:
+        place = np.array(context.settings.drop_off[arm])
+        place = _TOWARDS * place + (1.0 - _TOWARDS) * middle[:2]
+        places += [np.array([*place, height]) for height in _BESIDE]
+    links = context.model.links_solids(context.joint_values())
+    context.known.stands([solid.bounds for _, solid in links])
+    for place in places:
+        look = look_towards(context, context.T_base_way.apply(place))
+        image(context, "around", look, is_wanted=_is_close)
+
+
+def _is_close(points: FloatArray) -> BoolArray:
+    """Whether points (n, 3) of the ground are where every camera measures."""
+    return np.asarray(np.hypot(points[:, 0], points[:, 1]) < _CLOSE)
 
 
 def image(
@@ -67,7 +117,7 @@ def image(
     if wrong is not None:
         return wrong
     try:
-        return Capture(
+        taken = Capture(
             depth=frame.depth,
             intrinsics=frame.intrinsics,
             T_base_camera=T_base_camera,
@@ -78,11 +128,49 @@ def image(
         raise
     except DebrisGraspError as error:
         return FaultFound("stale_cloud", f"the image can't be used: {error}")
+    depth = np.asarray(taken.depth, dtype=np.float32)
+    context.known.saw(DepthSight(depth, frame.intrinsics, T_base_camera))
+    return taken
 
 
 def look_of(context: Context) -> Mapping[str, float]:
     """Joints of the head for a capture."""
     return context.settings.look or context.model.rest
+
+
+def look_towards(
+    context: Context, place: FloatArray, T_base_before: SE3 | None = None
+) -> Mapping[str, float]:
+    """Joints of the head that show a place (3,), and else what was seen before.
+
+    The arm may have turned what carries the head.
+
+    Parameters
+    ----------
+    T_base_before
+        Pose of the camera then; None: the place comes into the middle of the picture.
+    """
+    look = {**look_of(context)}
+    if context.robot.head is None:
+        return look
+    values = context.joint_values()
+
+    def loss(name: str, value: float) -> float:
+        T = context.model.T_base_camera({**values, **look, name: value})
+        x, y, z = T.inverse().apply(place)
+        away = float(np.arctan2(np.hypot(x, y), z))
+        if T_base_before is None:
+            return away
+        turned = float(np.arccos(np.clip(T.R[:, 2] @ T_base_before.R[:, 2], -1, 1)))
+        return max(away - _INSIDE, 0.0) + _SHY * turned
+
+    for name in 2 * context.robot.head.joint_names:
+        joint, first = context.model.tree.joints[name], look.get(name, 0.0)
+        low, high = joint.lower + _STOPS, joint.upper - _STOPS
+        tried = [first, *np.linspace(low, high, _TRIED)]
+        if loss(name, first) > _SHOWN:
+            look[name] = float(min(tried, key=lambda value: loss(name, value)))
+    return look
 
 
 def turn_head(context: Context, look: Mapping[str, float]) -> FaultFound | None:

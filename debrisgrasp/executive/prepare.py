@@ -14,7 +14,8 @@ from debrisgrasp.motion import UnknownSpace
 from .context import Context, LimbState
 from .drive import Drive
 from .fingers import open_hand
-from .moves import planned, space_of, to_rest
+from .moves import planned, to_rest
+from .obstacles import space_of
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["self_test"]

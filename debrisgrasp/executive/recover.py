@@ -13,7 +13,7 @@ from .drag import drive_back
 from .drive import Drive
 from .faults import Action
 from .fingers import loosen
-from .moves import back_out, let_go, lying, put_down, to_rest
+from .moves import back_out, let_go, put_down, to_rest
 from .outcome import FaultEvent
 from .relief import relieve
 from .result import Done, FaultFound, StepResult
@@ -31,7 +31,7 @@ _STANDS_WITHIN, _STILL = 2.0, 0.05
 _LOOK = 0.1
 """How long a hand that should be empty is weighed [s]."""
 _LOWERED = 0.3
-"""How far what is held is lowered at most, to put it back [m]."""
+"""What is put back is lowered so far, or to the ground, until it lies [m]."""
 
 
 def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
@@ -101,7 +101,7 @@ def _remember(context: Context, held: Held) -> None:
     if not len(held.points_hand):
         return
     limb = context.limbs[held.arm]
-    body = lying(limb.pose(context.posture(limb)), held.points_hand)
+    body = limb.pose(context.posture(limb)).apply(held.points_hand)
     is_seen = bool(context.is_in_way(body.mean(axis=0)))
     body -= [0.0, 0.0, max(float(body[:, 2].min()), 0.0)]
     (context.fallen if is_seen else context.dropped).append(body)

@@ -6,13 +6,16 @@ from math import hypot
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import LegOutcome, TarePolicy
 
 from .context import Context
 from .drag import drive_back
-from .drive import Drive
+from .drive import Drive, LegEnd
+from .grasping import aside_of
 from .hanging import looked_after
-from .moves import back_out, let_go, lying, put_down, to_rest
+from .moves import back_out, let_go, put_down, to_rest
+from .obstacles import lying
 from .relief import relieve
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
@@ -24,8 +27,15 @@ _LOWERED = 0.12
 _STANDING = 0.24
 _CAUGHT = 40.0
 """On a hand that should be empty, this force means that it isn't [N]."""
+_OUT = 0.04
+"""How far an open hand is drawn back before it is weighed [m]."""
+_ASIDE, _ASIDES = 0.006, 5
+"""Where the side of a finger is caught it goes aside by so much [m], so many times."""
+_UP = np.array([0.0, 0.0, 1.0])
 _SHAKE = 0.03
-"""How far a hand that does not come free is shaken up and down [m]."""
+"""How far a hand that does not come free is shaken up and down [m] ..."""
+_HARDER = 15.0
+"""... until it is pulled by so much more than before [N]."""
 
 
 def release(context: Context) -> StepResult:
@@ -50,24 +60,53 @@ def release(context: Context) -> StepResult:
 
 
 def _shaken_open(context: Context) -> FaultFound | None:
-    """Open as wide as the hand goes, and shake once."""
+    """Lower the hand off what it hooks, open as wide as it goes, and shake once."""
     held = context.held
     assert held is not None
-    limb = context.limbs[held.arm]
+    limb, drive = context.limbs[held.arm], Drive(context, held.arm)
     motion = context.cycle.motion
     preshape = (
         next(iter(limb.hand.preshapes)) if motion is None else (motion.grasp.preshape)
     )
-    fault = let_go(context, limb.hand.preshape(preshape).widths[1])
+    context.held = None  # its fingers are to squeeze no more
+    fault = _nudged(drive, -_SHAKE * _UP)
+    context.held = held
+    fault = fault or let_go(context, limb.hand.preshape(preshape).widths[1])
     fault = fault or relieve(context, limb.name)
-    drive = Drive(context, limb.name)
-    for way in (_SHAKE, -_SHAKE):
+    return fault or _nudged(drive, _SHAKE * _UP) or _nudged(drive, -_SHAKE * _UP)
+
+
+def _nudged(drive: Drive, way: FloatArray) -> FaultFound | None:
+    """Move a hand that is caught by an offset (3,) [m], until it is pushed harder."""
+    most = max(_CAUGHT, hypot(*drive.weighed()[:3]) + _HARDER)
+    end = drive.leg(
+        way,
+        speed=0.5 * drive.context.settings.lift_speed,
+        tare=TarePolicy.SESSION,
+        until=lambda load: hypot(*load[:3]) > most,
+    )
+    return end if isinstance(end, FaultFound) else None
+
+
+def _drawn_out(drive: Drive, axis: FloatArray) -> LegEnd | FaultFound:
+    """Draw the open hand back along its axis (3,); aside where its side is caught."""
+    left = _OUT
+    for n_before in range(_ASIDES + 1):
+        end = drive.leg(
+            -left * axis,
+            speed=0.5 * drive.context.settings.lift_speed,
+            tare=TarePolicy.SESSION,
+            until=lambda load: hypot(*load[:3]) > _CAUGHT,
+        )
+        if isinstance(end, FaultFound) or end.outcome is not LegOutcome.CONTACT:
+            return end
+        left, aside = end.left, aside_of(drive.push(), axis)
+        if aside is None or n_before == _ASIDES:
+            return end
+        fault = _nudged(drive, _ASIDE * aside)
         if fault is not None:
             return fault
-        speed = context.settings.lift_speed
-        end = drive.leg([0.0, 0.0, way], speed=speed, tare=TarePolicy.SESSION)
-        fault = end if isinstance(end, FaultFound) else None
-    return fault
+    return end
 
 
 def verify_release(context: Context) -> StepResult:
@@ -75,13 +114,7 @@ def verify_release(context: Context) -> StepResult:
     held = context.released
     assert held is not None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
-    T = limb.pose(context.posture(limb))
-    backed = drive.leg(
-        -0.04 * T.R[:, 2],
-        speed=0.5 * context.settings.lift_speed,
-        tare=TarePolicy.SESSION,
-        until=lambda load: hypot(*load[:3]) > _CAUGHT,
-    )
+    backed = _drawn_out(drive, limb.pose(context.posture(limb)).R[:, 2])
     if isinstance(backed, FaultFound):
         return backed
     if backed.outcome is LegOutcome.CONTACT:

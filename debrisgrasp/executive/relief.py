@@ -38,19 +38,24 @@ _LOOK = 0.04
 """[s]."""
 
 
-def relieve(context: Context, arm: str) -> FaultFound | None:
+def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | None:
     """Give way in small steps while the load on a hand is near or over its limit.
 
     Each step goes where the load pushes, or back out of the pile. It is stopped at once
     if the load grows beyond what it was when the step began; a way on which it does not
     fall is not tried again.
+
+    Parameters
+    ----------
+    tight
+        Share of a limit above which the hand gives way.
     """
     limb, drive = context.limbs[arm], Drive(context, arm)
     limits = drive.limits
     load = _load(context, drive)
     if (
         isinstance(load, FaultFound)
-        or _share(load, limits.force, limits.torque) < _TIGHT
+        or _share(load, limits.force, limits.torque) < tight
     ):
         return None
     if _share(load, limits.force, limits.torque) > _MOST:
@@ -59,7 +64,7 @@ def relieve(context: Context, arm: str) -> FaultFound | None:
     n_failed = 0
     for _ in range(_STEPS):
         before = _share(load, limits.force, limits.torque)
-        if before < _EASED:
+        if before < _EASED * tight / _TIGHT:
             return None
         T = limb.pose(context.posture(limb))
         force = T.R @ load[:3]

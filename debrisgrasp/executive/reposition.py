@@ -9,6 +9,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 
 from .context import Context
+from .known import KnownSpace
 
 __all__ = ["repositioned"]
 
@@ -63,6 +64,7 @@ def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
     for bodies in (context.dropped, context.lain, context.fallen):
         bodies[:] = [T_now_before.apply(body) for body in bodies]
     context.marks.moved(T_now_before)
+    context.known = KnownSpace()
     # What was seen was seen from elsewhere.
     context.cycle.seen = context.last_seen = None
     return float(-T_now_before.p[0])

@@ -14,6 +14,7 @@ from debrisgrasp.control import (
     GripPhase,
     LoadModel,
     Reading,
+    SafetyConfig,
     SafetyState,
     Stop,
 )
@@ -24,9 +25,9 @@ from .noticed import fault_of_stop
 from .result import FaultFound
 from .states import State
 
-__all__ = ["Senses", "mean_wrench"]
+__all__ = ["ZERO", "Senses", "mean_wrench"]
 
-_ZERO = (0.0,) * 6
+ZERO: Wrench = (0.0,) * 6
 _CLOSING = (State.CLOSE, State.VERIFY_GRASP)
 _SLACK = 10.0
 """With which fingers stay where they were stopped [N]."""
@@ -50,7 +51,7 @@ class Senses:
             load=context.settings.load_share
         )
         """At which a motion is stopped: what grows until the arm stands has room."""
-        self.load: Wrench = _ZERO
+        self.load: Wrench = ZERO
         """Latest load at the hand, absolute, in its axes [N, N m]."""
 
     def read(self) -> Reading:
@@ -77,7 +78,7 @@ class Senses:
         """Load of what is carried, as the hand is turned now."""
         held = self.context.held
         if held is None or held.payload.mass <= 0.0:
-            return _ZERO
+            return ZERO
         if self._loaded is None:
             self._loaded = self.limb.loads.with_payload(held.payload)
         return self._loaded.payload_ee(self.limb.kinematics.pose(state.q)[0])
@@ -126,6 +127,14 @@ class Senses:
         is_shut = travel >= 0.5 * held.grip.config.slip_travel
         return not is_shut and held.grip.weakest(fingers.forces) >= _STILL_FELT
 
+    def room(self, safety: SafetyConfig) -> tuple[float, float]:
+        """From where a touch ends a motion of an empty hand to the limits [N, N m]."""
+        most, stops = self.limb.limits.controller, self.limits
+        return (
+            most.force - min(safety.motion_force or np.inf, stops.force),
+            most.torque - min(safety.motion_torque or np.inf, stops.torque),
+        )
+
     def carried(self, load: tuple[float, ...]) -> float:
         """Weight that a load at the hand amounts to [N]."""
         R, _ = self.limb.kinematics.pose(self._q)
@@ -148,8 +157,12 @@ class Senses:
         force, torque = hypot(*load[:3]), hypot(*load[3:])
         cycle.peak_force = max(cycle.peak_force, force)
         cycle.peak_torque = max(cycle.peak_torque, torque)
-        if not self._tick % FINGER_TICKS:
-            self.context.trace.append((time, force, torque))
+        trace = self.context.trace
+        if not trace or not self._tick % FINGER_TICKS:
+            trace.append((time, force, torque))
+        elif force > trace[-1][1] or torque > trace[-1][2]:
+            begun, *most = trace[-1]  # what a plot shows at most was the most
+            trace[-1] = begun, max(most[0], force), max(most[1], torque)
 
     def _fault(self, stop: Stop, reading: Reading) -> FaultFound:
         found = fault_of_stop(stop, reading, self.context.state, self.limb.name)

@@ -13,6 +13,7 @@ from enum import Enum
 
 import numpy as np
 
+from debrisgrasp._words import in_kilograms
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import Segment
 
@@ -118,6 +119,6 @@ def _handed(
     widest = order[-1]
     way = Way.CLAW if preferred == widest and len(order) > 1 else Way.PINCH
     words = f"{100 * thickness:.0f} cm across, {100 * thin:.0f} cm thin, "
-    words += f"at most {forecast:.0f} kg by its size"
+    words += f"at most {in_kilograms(forecast)} by its size"
     arms = (preferred, *(arm for arm in order if arm != preferred))
     return Triage(way, words, arms, height, thickness, forecast)

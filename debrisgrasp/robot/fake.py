@@ -356,10 +356,29 @@ def fake_robot(
     grippers
         Hands by name; None: those that ship.
 
+    Returns
+    -------
+    FakeRobot
+        Its ``robot`` has the devices that `check_robot` and the executive take,
+        ``truth()`` tells what really happened, and time goes on as somebody waits.
+        Bodies are rigid, move with a hand or a push, and come to rest without dynamics;
+        `debrisgrasp.sim_robot.sim_robot` has those, and takes minutes for a pile.
+
     Raises
     ------
     UnknownNameError
         If an arm carries a hand that is not among them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from debrisgrasp.kinematics import RobotModel
+    >>> from debrisgrasp.worlds import named_scene
+    >>> rng = np.random.default_rng(0)
+    >>> fake = fake_robot(RobotModel.load("roman"), named_scene("hedgehog"), rng=rng)
+    >>> fake.robot.clock.wait_until(0.1)
+    >>> fake.truth().overloads
+    ()
     """
     hands = load_grippers() if grippers is None else grippers
     return FakeRobot(

@@ -32,6 +32,9 @@ _NO_WAY = 0.01
 """Squares of shorter means say nothing of a direction."""
 _BEHIND = -0.3
 """Cosine to the last push beyond which a side lies behind what is pushed."""
+_SHIFTS = 0.004
+"""So far does the middle of a contact go from one look to the next at most [m]: from
+one part of a body to another the load goes over bit by bit."""
 
 Rotation = tuple[float, ...]
 """Nine numbers: a matrix row by row."""
@@ -57,9 +60,9 @@ class Touch:
         """How deep they were pressed in from there, at the last look [m]."""
         self._settled: set[int] = set()
         self._is_new = False
-        self._pushed: dict[tuple[int, int], tuple[FloatArray, float]] = {}
-        """Direction (3,) in which each contact pushed at the last look, odom, and how
-        deep it was [m]."""
+        self._pushed: dict[tuple[int, int], tuple[FloatArray, float, FloatArray]] = {}
+        """Direction (3,) in which each contact pushed at the last look, odom, how deep
+        it was [m], and where (3,)."""
         self.grip: list[Spring] = []
         """Contacts of the hand with what it holds, in the frame of the hand."""
         counts = [rows.stop - rows.start for rows in self.shape.owned]
@@ -153,9 +156,11 @@ class Touch:
                 normals = guard.normals @ R.T
                 key = guard.owner, guard.body
                 self._add(found, key, where, beyond, normals, -1.0)
+        for key in found.keys() & self._pushed.keys():
+            found[key] = _shifting(found[key], self._pushed[key][2])
         self._pushed = {
-            key: (spring.force / float(np.linalg.norm(spring.force)), spring.depth)
-            for key, spring in found.items()
+            key: (s.force / float(np.linalg.norm(s.force)), s.depth, s.point)
+            for key, s in found.items()
         }
         return yielded(self._eased(found), self.arm_stiffness)
 
@@ -252,7 +257,7 @@ class Touch:
         before = self._pushed.get(key)
         if before is None:
             return beyond
-        direction, depth = before
+        direction, depth, _ = before
         kept = np.where(pushes @ direction < _BEHIND, -np.inf, beyond)
         # Else it is another place that is touched now.
         now = -float(kept.max(axis=1).min())
@@ -367,3 +372,12 @@ class Touch:
             near = np.flatnonzero(gaps < _MARGIN)
             if len(near):
                 self._guards.append(Guard(owner, i, near, normals, offsets))
+
+
+def _shifting(spring: Spring, before: FloatArray) -> Spring:
+    """Contact whose middle was (3,) at the last look."""
+    way = spring.point - before
+    far = float(np.linalg.norm(way))
+    if far <= _SHIFTS:
+        return spring
+    return spring._replace(point=before + _SHIFTS / far * way)

@@ -176,6 +176,11 @@ def sim_robot(
     grippers
         Hands by name; None: those that ship.
 
+    Returns
+    -------
+    SimRobot
+        With ``robot`` and ``truth()`` as `debrisgrasp.robot.fake_robot` has them.
+
     Raises
     ------
     UnknownNameError

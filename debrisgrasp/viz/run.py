@@ -193,7 +193,7 @@ def _timeline(
     ]
     for item in tries:
         for fault in item.faults:
-            x = scale * float(fault["time"])
+            x = min(max(scale * float(fault["time"]), 6.0), 994.0)
             bars.append(
                 f'<path d="M{x:.1f} 42l5 10h-10z" fill="#b23b3b"><title>'
                 f"{escape(str(fault['fault']))}</title></path>"
@@ -201,7 +201,7 @@ def _timeline(
     step = _step(total)
     ticks = [
         f'<text x="{scale * t:.1f}" y="68" text-anchor="middle">{t:g} s</text>'
-        for t in np.arange(step, total, step)
+        for t in np.arange(step, 0.98 * total, step)
     ]
     return f'<svg viewBox="0 0 1000 74">{"".join(bars + ticks)}</svg>'
 

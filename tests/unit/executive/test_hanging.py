@@ -12,7 +12,7 @@ from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.hanging import _divided, looked_after, looked_at
-from debrisgrasp.executive.moves import space_of
+from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done
 from debrisgrasp.geometry import SE3, so3
@@ -95,7 +95,7 @@ def test_the_pile_around_it_is_seen_anew_without_it(lifted):
     space = space_of(context, context.cycle.label, unknown=UnknownSpace.IGNORED)
     points = space.measured_points
     beside = np.abs(points[:, :2] - BEAM.p[:2]).max(axis=1) < 0.08
-    assert np.count_nonzero(beside & (points[:, 2] > 0.35)) < 5  # flying pixels
+    assert np.count_nonzero(beside & (points[:, 2] > 0.35)) < 10  # flying pixels
     face = np.abs(points - BLOCK.p - np.array([0, 0, 0.15])).max(axis=1) < 0.06
     assert np.count_nonzero(face) > 20
 

@@ -113,7 +113,11 @@ def test_only_the_object_in_the_region_is_taken(handle):
 def test_a_mask_marks_the_same_object_as_the_region_it_was_drawn_in(handle):
     context, by_region = handle(region=HANDLE)
     again, by_mask = handle(mark=StaysMarked.of(context.cycle.capture))
-    assert by_mask.facts["object"] == by_region.facts["object"]
+    first, then = (
+        looked.cycle.seen.segmentation.segments[found.facts["object"] - 1].centroid
+        for looked, found in ((context, by_region), (again, by_mask))
+    )
+    assert np.linalg.norm(first - then) < 0.03  # labels change from look to look
     assert again.cycle.capture.mask.sum() == pytest.approx(
         context.cycle.capture.mask.sum(), rel=0.2
     )

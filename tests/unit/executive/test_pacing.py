@@ -11,9 +11,22 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from debrisgrasp.executive import TaskSettings
-from debrisgrasp.executive.pacing import careful, feasible, times_at
+from debrisgrasp.executive.drive import Drive
+from debrisgrasp.executive.moves import planned
+from debrisgrasp.executive.obstacles import space_of
+from debrisgrasp.executive.pacing import (
+    careful,
+    feasible,
+    met_safely,
+    times_at,
+    widest_corners,
+)
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.worlds import make_body
+from tests.unit.executive.test_steps import executive
 
 PERIOD, GAIN = 0.004, 0.4
 
@@ -91,18 +104,22 @@ def test_an_empty_hand_is_slow_only_where_the_ground_is_very_near(height, is_fas
             p=np.column_stack([rows[:, 0], 0.0 * rows[:, 0], 0.0 * rows[:, 0] + height])
         )
     )
-    limb = SimpleNamespace(reach=SimpleNamespace(chain=chain))
+    limits = SimpleNamespace(planner=SimpleNamespace(acceleration=np.array([2.0])))
+    limb = SimpleNamespace(reach=SimpleNamespace(chain=chain), limits=limits)
 
     def paces(held):
         none = np.zeros((0, 3))
         context = SimpleNamespace(
             cycle=SimpleNamespace(seen=object(), around=none),
+            known=SimpleNamespace(
+                is_free=lambda where: np.ones(where.shape[:-1], bool)
+            ),
             held=held,
             put_down=[],
             fallen=[],
             settings=TaskSettings(),
         )
-        return careful(context, limb, np.zeros((1, 3)), trajectory, 1.0)
+        return careful(context, limb, np.zeros((1, 3)), trajectory, 1.0, (105.0, 28.0))
 
     empty, full = paces(None), paces(object())
     if is_faster:
@@ -112,3 +129,74 @@ def test_an_empty_hand_is_slow_only_where_the_ground_is_very_near(height, is_fas
     assert full.max() <= 1.0
     if height < 0.05:
         np.testing.assert_allclose(full, TaskSettings().lift_speed / 0.5, rtol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+@pytest.fixture(scope="module")
+def way(pipeline):
+    """From rest to before the pile, and the limb that goes it."""
+    _, task = executive(pipeline)
+    limb = task.context.limbs["right"]
+    goal = pipeline.robot.posture("right", pipeline.robot.arm("right").present)
+    space = space_of(task.context, unknown=UnknownSpace.IGNORED)
+    found = planned(task.context, limb, limb.reach.chain.vector(goal), space)
+    return found.trajectory, limb
+
+
+def met(pipeline, way, share, offset, size, *, is_known=False):
+    """Run into a body that no camera has seen; the fault, and what was true."""
+    trajectory, limb = way
+    T = limb.pose(trajectory.at(np.array([share * trajectory.duration]))[0][0])
+    sizes = dict.fromkeys(("length", "width", "height"), size)
+    body = make_body("brick", sizes, 500.0, name="unseen")
+    fake, task = executive(pipeline, body.at(SE3.from_parts(p=T.p + offset)))
+    context = task.context
+    drive = Drive(context, "right")
+    context.wait(0.01)
+    drive.limb.baseline_time = context.now()
+    points = widest_corners(drive.limb)
+    if is_known:
+        rows = trajectory.at(np.linspace(0.0, trajectory.duration, 2000))[0]
+        context.known.passed(limb.reach.chain.fk(rows)[:, None].apply(points))
+    fault = drive.follow(trajectory, points=points)
+    context.wait(0.6)
+    return fault, fake.truth(), context.now()
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    st.floats(0.2, 0.95),
+    arrays(np.float64, 3, elements=st.floats(-0.1, 0.1)),
+    st.sampled_from([0.03, 0.08, 0.2]),
+)
+@example(0.95, np.array([0.04, -0.06, -0.02]), 0.03)
+@example(0.87, np.array([0.08, -0.03, 0.0]), 0.2)
+def test_a_hand_that_meets_what_nobody_saw_stays_below_its_limits(
+    pipeline, way, share, offset, size
+):
+    fault, truth, _ = met(pipeline, way, share, offset, size)
+    assert truth.overloads == ()
+    assert truth.violations == ()
+    assert truth.peak_force["right"] < 150.0
+    assert fault is None or fault.fault == "plan_collision"
+    assert (fault is None) == (truth.peak_force["right"] < 45.0)
+
+
+def test_space_that_a_hand_has_passed_is_passed_at_full_speed(pipeline, way):
+    aside = np.array([0.0, 0.0, 2.0])
+    _, _, slow = met(pipeline, way, 0.5, aside, 0.1)
+    _, _, fast = met(pipeline, way, 0.5, aside, 0.1, is_known=True)
+    assert fast < 0.3 * slow
+
+
+def test_what_is_met_is_met_with_what_the_arm_can_still_stop():
+    speed, braking = np.array([0.4, 0.1, 1.5]), np.array([0.25, 0.02, 0.6])
+    pace = met_safely(speed, braking, (105.0, 28.0), 0.2)
+    way = pace * speed * 0.02 + pace**2 * speed * braking / 2.0
+    np.testing.assert_allclose(3e4 * way, 105.0)
+    assert (met_safely(speed, braking, (105.0, 28.0), 0.5) < pace).all()
+    assert (met_safely(speed, braking, (-1.0, 28.0), 0.5) == 0.0).all()

@@ -28,11 +28,10 @@ from debrisgrasp.executive.dropoff import (
 )
 from debrisgrasp.executive.fingers import open_hand
 from debrisgrasp.executive.moves import (
-    lying,
     planned,
     reversed_motion,
-    space_of,
 )
+from debrisgrasp.executive.obstacles import lying, space_of
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.releasing import verify_release
 from debrisgrasp.executive.reposition import repositioned

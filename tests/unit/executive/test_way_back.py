@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import GripConfig, GripController
+from debrisgrasp.executive import carrying as carriage
+from debrisgrasp.executive import moves, releasing
 from debrisgrasp.executive import recover as recovery
-from debrisgrasp.executive import releasing
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
 from debrisgrasp.executive.loaded import carrying
-from debrisgrasp.executive.moves import box_around, planned, space_of, to_rest
+from debrisgrasp.executive.moves import planned, to_rest
+from debrisgrasp.executive.obstacles import box_around, room_for, space_of
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
@@ -100,6 +102,108 @@ def test_at_last_nothing_but_what_was_seen_is_in_the_way(pipeline):
     context.lain[:], context.dropped[:] = [shell], []
     space = space_of(context, unknown=UnknownSpace.IGNORED, with_guesses=False)
     assert not limb.planner.stands_free(goal, space)
+
+
+@pytest.mark.parametrize(
+    ("is_highest", "fault", "action"),
+    [(True, "unreachable", Action.NEXT), (False, "plan_collision", Action.RETRY)],
+)
+def test_what_finds_no_way_is_lifted_again_only_if_that_can_be(
+    pipeline, monkeypatch, is_highest, fault, action
+):
+    _, task = executive(pipeline)
+    context = task.context
+    context.held = holding(context)
+    nowhere = FaultFound("plan_collision", "no way was found", "right")
+    monkeypatch.setattr(carriage, "_way", lambda *_: nowhere)
+    monkeypatch.setattr(carriage, "_bare_way", lambda *_: nowhere)
+    monkeypatch.setattr(carriage, "is_folded", lambda *_: is_highest)
+    monkeypatch.setattr(carriage, "free_share", lambda *_: 0.1)
+    found = carriage.transport(context)
+    assert isinstance(found, FaultFound)
+    assert found.fault == fault
+    answer = answer_to(State.TRANSPORT, fault)
+    assert answer.action is action
+    assert answer.is_cleared_up is is_highest
+
+
+def test_what_came_into_the_way_since_does_not_trap_an_arm(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    limb = context.limbs["right"]
+    q = context.posture(limb)
+    away = q.copy()
+    away[0] += 0.8
+    space = space_of(context, unknown=UnknownSpace.IGNORED)
+    way = planned(context, limb, away, space).trajectory
+    assert Drive(context, "right").follow(way) is None
+    hand = limb.pose(context.posture(limb)).p
+    around = np.random.default_rng(0).normal(size=(4000, 3))
+    shell = hand + 0.25 * around / np.linalg.norm(around, axis=1, keepdims=True)
+    context.lain[:] = [shell]
+    seen = space_of(
+        context,
+        unknown=UnknownSpace.IGNORED,
+        stands=(limb.planner, context.posture(limb)),
+    )
+    assert isinstance(planned(context, limb, q, seen), FaultFound)
+    assert to_rest(context, "right") is None
+    assert np.abs(context.posture(limb) - q).max() < 0.01
+
+
+def test_after_a_touch_a_pressed_hand_gives_way_and_goes_back_slowly(
+    pipeline, monkeypatch
+):
+    _, task = executive(pipeline)
+    context = task.context
+    limb, drive = context.limbs["right"], Drive(context, "right")
+    away = context.posture(limb)
+    away[0] += 0.4
+    space = space_of(context, unknown=UnknownSpace.IGNORED)
+    assert drive.follow(planned(context, limb, away, space).trajectory) is None
+    touch = FaultFound("plan_collision", "it touched something", "right")
+    paces, eased = [], []
+
+    def follow(*_, pace, **__):
+        paces.append(pace)
+        return touch
+
+    monkeypatch.setattr(Drive, "follow", follow)
+    monkeypatch.setattr(moves, "relieve", lambda _, __, tight: eased.append(tight))
+    assert to_rest(context, "right") is touch
+    assert to_rest(context, "right") is touch
+    assert paces[0] == 1.0
+    assert 0.0 < paces[1] <= 0.3
+    assert len(eased) == 2
+    assert max(eased) < 0.5
+
+
+def test_what_leans_on_an_arm_does_not_hold_it(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    limbs = context.limbs.values()
+    ignored, hidden = UnknownSpace.IGNORED, UnknownSpace.HIDDEN
+    free = room_for(context, limbs, unknown=hidden).measured_points
+    np.testing.assert_array_equal(
+        free, space_of(context, unknown=hidden).measured_points
+    )
+    grid = np.linspace(-0.1, 0.1, 21)
+    plate = np.stack(np.meshgrid(grid, grid, [0.0]), axis=-1).reshape(-1, 3)
+    for limb in limbs:
+        q = context.posture(limb)
+        context.lain[:] = [limb.pose(q).p + plate]
+        space = space_of(context, unknown=ignored)
+        assert not limb.planner.stands_free(q, space)
+        cleared = room_for(context, limbs, unknown=ignored)
+        assert limb.planner.stands_free(q, cleared)
+        # Elsewhere all of it stays.
+        left = cleared.measured_points
+        assert len(space.measured_points) - len(plate) <= len(left)
+        assert len(left) < len(space.measured_points)
 
 
 @pytest.mark.parametrize("arm", ["right", "left"])

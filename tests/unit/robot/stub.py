@@ -8,15 +8,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from debrisgrasp.control import GripCommand, LoadModel
+from debrisgrasp.executive import STAGES
 from debrisgrasp.geometry import SE3, Intrinsics
 from debrisgrasp.kinematics import LimitSet, RobotModel
 from debrisgrasp.robot import (
     DepthFrame,
     HandReading,
+    Injection,
     JointReading,
     Limb,
     Robot,
     WrenchReading,
+    inject,
 )
 from debrisgrasp.worlds import World
 
@@ -163,3 +166,17 @@ def stub_robot(model: RobotModel) -> Robot:
         camera=StubCamera(clock),
         head=StubHead(clock),
     )
+
+
+def struck(robot, *faults, rng, world=None, **changes):
+    """The robot once its faults have begun."""
+    injections = [
+        fault
+        if isinstance(fault, Injection)
+        else Injection(fault=fault, **{"at": 0.0, **changes})
+        for fault in faults
+    ]
+    injected = inject(robot, injections, rng=rng, world=world)
+    for state in STAGES:
+        injected.on_state(state.value)
+    return injected

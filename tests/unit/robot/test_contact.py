@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from debrisgrasp.control import GripCommand
-from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder
+from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, so3
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.robot.shapes import BodyShape, HandShape, planes_of
 from debrisgrasp.robot.springs import GROUND, PALM, Spring, yielded
 from debrisgrasp.robot.touch import Touch
-from debrisgrasp.worlds import Body, Ground
+from debrisgrasp.worlds import Body, Ground, make_body
 from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam, downwards, turned
 
 K = FakeConfig().stiffness
@@ -135,6 +135,29 @@ def test_a_hand_pressed_into_a_thin_wall_does_not_come_out_at_its_back():
         T = downwards(0.8, 0.1, top - depth, 0.0)
         palm = [s for s in touch.springs(T.R, T.p, shapes, ()) if s.owner == PALM]
         assert palm[0].force[2] == pytest.approx(K * depth, rel=0.04)
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_the_load_goes_over_from_one_part_of_a_body_to_another_bit_by_bit(seed):
+    rng = np.random.default_rng(seed)
+    sizes = {"length": 0.9, "depth": 0.2, "radius": 0.014, "bays": 4}
+    lies = make_body("truss_ladder", sizes, 3.0, name="lies")
+    held = make_body("truss_ladder", sizes, 3.0, name="held")
+    touch = _touch(FakeConfig(), Ground(np.full((2, 2), -5.0)))
+    shapes = _shapes(held, lies.at(SE3.from_parts(p=[0.8, 0.1, 0.05])))
+    turn = so3.from_rpy(np.array([0.0, 0.0, rng.uniform(-3.0, 3.0)]))
+    touch.hold(0, shapes[0], turn, np.array([0.0, 0.0, 0.1]))
+    T, places, most = downwards(0.85, 0.1, 0.18, 0.0), {}, 0.0
+    for k in range(100):
+        p = T.p - [0.0, 0.0, 1.2e-4 * k]
+        springs = touch.springs(T.R, p, shapes, ())
+        for spring in springs:
+            key = spring.owner, spring.body
+            before = places.get(key, spring.point)
+            most = max(most, float(np.linalg.norm(spring.point - before)))
+        places = {(s.owner, s.body): s.point for s in springs}
+    assert places
+    assert most < 0.004 + 1e-6
 
 
 def test_moving_everything_together_changes_nothing(rng):

@@ -1,0 +1,134 @@
+"""What an arm must keep out of, by what was seen and by what was put down since."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp.geometry import SE3, PointCloud, Solid
+from debrisgrasp.kinematics.urdf import UrdfShape
+from debrisgrasp.motion import MotionPlanner, MotionSpace, UnknownSpace
+
+from .context import Context, LimbState
+
+__all__ = ["BARE", "are_near", "box_around", "lying", "room_for", "space_of"]
+
+_UNSURE = 0.015
+"""How much farther than its points what was let go may reach [m]."""
+_GRAIN = 0.025
+"""Spacing of the points that stand for it [m]."""
+_STANDS_FREE = 0.02
+"""Where an arm stands there is nothing, whatever noise and boxes say, nor so near [m]:
+else no way out would begin."""
+BARE = np.array([0.0, 0.0, 1.0, 0.0])
+"""Plane of the ground where none was seen."""
+
+
+def space_of(
+    context: Context,
+    without: int | None = None,
+    *,
+    unknown: UnknownSpace,
+    stands: tuple[MotionPlanner, FloatArray] | None = None,
+    with_guesses: bool = True,
+) -> MotionSpace:
+    """Obstacles by the last look, and what was put down since.
+
+    Parameters
+    ----------
+    without
+        Label of an object that is no obstacle, because the hand holds it.
+    stands
+        Of an arm, and postures (d,) or (k, d) in which it stands, or stood on its way:
+        points so near to it there are left out.
+    with_guesses
+        Whether what was put down is also where nobody has seen it.
+    """
+    seen = context.cycle.seen or context.last_seen
+    if seen is None:
+        return MotionSpace(measured=None, unknown=None, ground_plane=BARE)
+    points = seen.cloud.points
+    if context.cycle.around is not None:
+        points = context.cycle.around
+    elif without is not None:
+        points = points[seen.segmentation.labels != without]
+    guesses = [*context.dropped, *context.fallen] if with_guesses else []
+    points = np.concatenate([points, *context.lain, *guesses])
+    if stands is not None:
+        planner, tree = stands[0], cKDTree(points)
+        balls = [planner.balls_at(q, _STANDS_FREE) for q in np.atleast_2d(stands[1])]
+        places = np.concatenate(balls)
+        rows = tree.query_ball_point(places[:, :3], places[:, 3])
+        points = np.delete(points, np.unique(np.concatenate(rows)).astype(int), axis=0)
+        links = context.model.links_solids(context.joint_values())
+        robot = [solid for _, solid in links]  # the arms that stand still, too
+        points = points[~are_near(points, robot, _STANDS_FREE)]
+    normals = np.full(points.shape, np.nan)
+    everything = PointCloud(points, normals, seen.cloud.viewpoint)
+    plane = seen.ground_plane
+    return MotionSpace.build(
+        everything, seen.sight, BARE if plane is None else plane, unknown=unknown
+    )
+
+
+def room_for(
+    context: Context,
+    limbs: Iterable[LimbState],
+    without: int | None = None,
+    *,
+    unknown: UnknownSpace,
+) -> MotionSpace:
+    """Obstacles of arms, none where they stand, or no motion would begin.
+
+    Rubble that leans on an arm, or slid there, would else hold it for ever.
+    """
+    space = space_of(context, without, unknown=unknown)
+    for limb in limbs:
+        q = context.posture(limb)
+        if not limb.planner.stands_free(q, space):
+            stands = limb.planner, q
+            return space_of(context, without, unknown=unknown, stands=stands)
+    return space
+
+
+def are_near(points: FloatArray, solids: Sequence[Solid], within: float) -> BoolArray:
+    """Which points (n, 3) are so near to a solid [m], shape (n,)."""
+    found = np.zeros(len(points), dtype=bool)
+    for solid in solids:
+        low, high = solid.bounds.lower - within, solid.bounds.upper + within
+        rows = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+        found[rows] |= solid.signed_distance(points[rows]) < within
+    return found
+
+
+def lying(T_base_hand: SE3, points_hand: FloatArray) -> FloatArray:
+    """Surface of what a hand leaves where it is, base frame [m], shape (n, 3).
+
+    A box around all of it, for little of it was seen, a bit larger than that.
+    """
+    box = box_around(points_hand)
+    half = 0.5 * np.array(box.size) + _UNSURE
+    sides = [np.linspace(-h, h, int(np.ceil(2.0 * h / _GRAIN)) + 1) for h in half]
+    grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
+    surface = grid[(np.abs(grid) > half - 1e-6).any(axis=1)]
+    return (T_base_hand @ box.T_link_shape).apply(surface)
+
+
+def box_around(points: FloatArray) -> UrdfShape:
+    """Box along the principal axes of points (n, 3), in their frame."""
+    middle = points.mean(axis=0)
+    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
+    if np.linalg.det(axes) < 0.0:
+        axes[2] = -axes[2]
+    along = (points - middle) @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    center = middle + 0.5 * (low + high) @ axes
+    size = np.maximum(high - low, 0.01)
+    return UrdfShape(
+        kind="box",
+        size=tuple(size.tolist()),
+        T_link_shape=SE3.from_parts(axes.T, center),
+    )

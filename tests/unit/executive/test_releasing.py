@@ -1,0 +1,58 @@
+"""An open hand that is caught on its way out."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import LegOutcome
+from debrisgrasp.executive import TaskSettings, releasing
+from debrisgrasp.executive.drive import LegEnd
+
+AXIS = np.array([0.0, 0.0, -1.0])
+
+
+class Caught:
+    """A hand that is stopped after 5 mm, so many times, by a push."""
+
+    def __init__(self, times, push):
+        self.times, self._push, self.ways = times, np.asarray(push, float), []
+        self.context = SimpleNamespace(settings=TaskSettings())
+
+    def leg(self, way, **_):
+        way = np.asarray(way)
+        is_back = abs(way @ AXIS) > 0.99 * np.linalg.norm(way)
+        is_stopped = is_back and self.times > 0
+        self.times -= is_back
+        length = float(np.linalg.norm(way))
+        share = 0.005 / length if is_stopped else 1.0
+        self.ways.append(share * way)
+        outcome = LegOutcome.CONTACT if is_stopped else LegOutcome.DONE
+        return LegEnd(outcome, share, length)
+
+    def push(self):
+        return self._push
+
+    def weighed(self):
+        return (*self._push, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("times", [0, 1, 3])
+def test_a_hand_caught_by_its_side_goes_aside_and_comes_out(times):
+    drive = Caught(times, [40.0, 10.0, 5.0])
+    end = releasing._drawn_out(drive, AXIS)
+    assert end.outcome is LegOutcome.DONE
+    out = np.sum(drive.ways, axis=0)
+    assert -out @ AXIS == pytest.approx(0.04)
+    assert np.allclose(out[:2], times * 0.006 * np.array([4.0, 1.0]) / np.sqrt(17.0))
+
+
+@pytest.mark.parametrize(
+    ("times", "push"), [(9, [40.0, 0.0, 0.0]), (1, [1.0, 0.0, -40.0])]
+)
+def test_a_hand_that_is_caught_for_good_is_told(times, push):
+    drive = Caught(times, push)
+    assert releasing._drawn_out(drive, AXIS).outcome is LegOutcome.CONTACT
+    assert len(drive.ways) <= 11

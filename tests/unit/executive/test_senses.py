@@ -1,0 +1,42 @@
+"""What a plot of the load shows is what there was."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import Fault, Reading, Stop
+from debrisgrasp.executive.context import FINGER_TICKS
+from debrisgrasp.executive.drive import Drive
+from debrisgrasp.executive.noticed import fault_of_stop
+from debrisgrasp.executive.states import State
+from debrisgrasp.pipeline import Pipeline
+from tests.unit.executive.test_steps import executive
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+def test_the_trace_leaves_out_no_peak(pipeline, rng):
+    _, task = executive(pipeline)
+    context, drive = task.context, Drive(task.context, "right")
+    loads = rng.normal(scale=20.0, size=(10 * FINGER_TICKS + 3, 6))
+    for k, load in enumerate(loads):
+        drive._note(0.004 * k, tuple(load.tolist()))
+    time, force, torque = np.array(context.trace).T
+    assert (np.diff(time) > 0.0).all()
+    assert len(time) <= 12
+    assert force.max() == context.cycle.peak_force
+    assert torque.max() == context.cycle.peak_torque
+    assert force.max() == pytest.approx(np.linalg.norm(loads[:, :3], axis=1).max())
+
+
+def test_a_touch_that_ends_a_motion_is_called_one():
+    stop = Stop(Fault.MOTION_OVERLOAD, "the load changed by 31 of 30 N", 1.0)
+    reading = Reading(1.0, [0.0], [0.0] * 6, 1.0)
+    found = fault_of_stop(stop, reading, State.TRANSPORT, "left")
+    assert found.fault == "plan_collision"
+    assert found.message.startswith("touched something")
+    assert "31 of 30 N" in found.message
