@@ -43,7 +43,8 @@ docs: $(VENV)/ready
 # Runs the notebooks and stores their outputs, which are read without running them.
 notebooks: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --editable '.[notebooks]'
-	PYTHONWARNINGS=ignore $(BIN)/jupyter nbconvert --to notebook --execute --inplace docs/notebooks/*.ipynb
+	PYTHONWARNINGS=ignore $(BIN)/jupyter nbconvert --to notebook --execute --inplace \
+	    --ExecutePreprocessor.record_timing=False docs/notebooks/*.ipynb
 
 wheel: $(VENV)/ready
 	$(BIN)/python -m build --wheel --outdir dist .
