@@ -6,6 +6,7 @@ single rotation is quicker as a row-major tuple of nine, a vector as a tuple of 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import atan2, cos, hypot, sin, sqrt
 
 import numpy as np
@@ -29,6 +30,7 @@ __all__ = [
     "parts",
     "pose",
     "rotation_error",
+    "share_within",
     "six",
     "times",
     "turned",
@@ -185,3 +187,15 @@ def six(values: ArrayLike, what: str) -> FloatArray:
     if not np.isfinite(array).all():
         raise InputError(what, got=array.tolist(), expected="finite numbers")
     return array
+
+
+def share_within(twist: Sequence[float], translation: float, rotation: float) -> float:
+    """Share of a twist, at most 1, that keeps both of its parts within bounds."""
+    x, y, z, a, b, c = twist
+    gap, angle = x * x + y * y + z * z, a * a + b * b + c * c
+    share = 1.0
+    if gap > translation * translation:
+        share = translation / sqrt(gap)
+    if angle > rotation * rotation:
+        share = min(share, rotation / sqrt(angle))
+    return share

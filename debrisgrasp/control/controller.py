@@ -7,12 +7,12 @@ output. It fits into anybody's loop at 250 Hz or 1 kHz.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite, sqrt
+from math import isfinite
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.kinematics import KinematicChain, LimitSet
 
-from ._rigid import Rotation, Vector, Wrench, norm, parts, pose, six
+from ._rigid import Rotation, Vector, Wrench, norm, parts, pose, share_within, six
 from .compliance import Compliance, deflected, in_base_axes
 from .contact import ContactGuard
 from .faults import Fault
@@ -37,6 +37,9 @@ __all__ = ["LegController"]
 
 _EASY, _CREEP = 0.5, 0.1
 """Up to this share of a limit a leg keeps its speed, at the limit this share of it."""
+
+_RETURN = 0.125
+"""Share of its rate at which a deflection goes back against what still pushes."""
 
 _Sensed = tuple[Wrench, OscillationState, Compliance | None, LegOutcome]
 """Filtered reaction, swinging, compliance in force, and outcome after a load."""
@@ -350,14 +353,18 @@ class LegController:
         )
         period = self.config.period
         change = [a - b for a, b in zip(target, last, strict=True)]
-        rate = _share(
-            change, most.translation_rate * period, most.rotation_rate * period
-        )
+        translation, rotation = most.translation_rate, most.rotation_rate
+        # Back against what still pushes only slowly: the load grows on that way.
+        pushed = sum(c * t for c, t in zip(change[:3], target[:3], strict=True))
+        turned = sum(c * t for c, t in zip(change[3:], target[3:], strict=True))
+        if pushed * rotation**2 + turned * translation**2 < 0.0:
+            period *= _RETURN
+        rate = share_within(change, translation * period, rotation * period)
         moved = target
         if rate < 1.0:
             moved = tuple([b + rate * c for b, c in zip(last, change, strict=True)])
         # About a distant pivot a small turn is a large shift: clamped as one screw.
-        inside = _share(moved, most.translation, most.rotation)
+        inside = share_within(moved, most.translation, most.rotation)
         if inside < 1.0:
             moved = tuple([inside * value for value in moved])
         return moved if isfinite(sum(moved)) else last
@@ -386,15 +393,3 @@ class LegController:
             stop=safety.stop,
         )
         return following, command
-
-
-def _share(twist: Sequence[float], translation: float, rotation: float) -> float:
-    """Share of a twist, at most 1, that keeps both of its parts within bounds."""
-    x, y, z, a, b, c = twist
-    gap, angle = x * x + y * y + z * z, a * a + b * b + c * c
-    share = 1.0
-    if gap > translation * translation:
-        share = translation / sqrt(gap)
-    if angle > rotation * rotation:
-        share = min(share, rotation / sqrt(angle))
-    return share

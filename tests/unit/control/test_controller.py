@@ -208,6 +208,29 @@ def test_swinging_halves_the_compliance_and_then_stops():
     assert k * PERIOD < 2.0
 
 
+def test_a_hand_that_gets_stiffer_goes_back_slowly_against_what_pushes():
+    rig = Rig(Compliance.diagonal(2e-4, 0.0), offset=(0, 0, 0))
+    push = np.array([30.0, 0, 0, 0, 0, 0])
+    state, before = driven(rig, lambda _: push, 400)
+    halved = state._replace(compliance=state.compliance.scaled(0.5))
+    _, after = driven(rig, lambda _: push, 400, state=halved, start=401)
+    gone = np.array([command.deflection[0] for command in [before[-1], *after]])
+    way = gone[0] - gone[-1]
+    assert way == pytest.approx(0.5 * gone[0], rel=0.05)
+    rate = LIMITS.deflection.translation_rate
+    assert -np.diff(gone).min() <= 0.13 * rate * PERIOD
+
+
+def test_a_hand_that_is_pushed_the_other_way_gives_way_at_its_full_rate():
+    rig = Rig(Compliance.diagonal(4e-4, 0.0), offset=(0, 0, 0))
+    state, _ = driven(rig, lambda _: np.array([20.0, 0, 0, 0, 0, 0]), 400)
+    pulled = np.array([-20.0, 0, 0, 0, 0, 0])
+    _, after = driven(rig, lambda _: pulled, 200, state=state, start=401)
+    gone = np.array([command.deflection[0] for command in after])
+    rate = LIMITS.deflection.translation_rate
+    assert -np.diff(gone).min() >= 0.4 * rate * PERIOD
+
+
 def test_slow_handling_is_not_taken_for_swinging():
     rig = Rig(Compliance.diagonal(1e-4, 0.0), offset=(0, 0, 0))
     state, q = rig.engaged(), rig.q_start
