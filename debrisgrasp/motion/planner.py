@@ -29,7 +29,7 @@ from .exact import ExactArm, ExactTest
 from .query import MotionQuery
 from .result import MotionPlan, MotionStatus
 from .space import MotionSpace
-from .spheres import ArmSpheres
+from .spheres import ArmSpheres, discernible
 
 __all__ = ["MotionPlanner"]
 
@@ -67,6 +67,11 @@ class MotionPlanner:
         self._map = reach_map
         self._spheres = ArmSpheres(collision.body)
         self._solids = ExactArm(collision.body)
+
+    @cached_property
+    def _discerned(self) -> ArmSpheres:
+        room = self.config.self_margin + self.config.spare
+        return ArmSpheres(discernible(self._spheres.body, room))
 
     @classmethod
     def of_arm(
@@ -131,6 +136,7 @@ class MotionPlanner:
         watch = Stopwatch(deadline, progress)
         query = MotionQuery(
             spheres_of_arm=self._spheres,
+            discerned=lambda: self._discerned,
             solids_of_arm=self._solids,
             limits=self.limits,
             config=self.config,

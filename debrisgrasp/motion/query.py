@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,6 +35,8 @@ class MotionQuery:
     """One motion that is sought."""
 
     spheres_of_arm: ArmSpheres
+    discerned: Callable[[], ArmSpheres]
+    """Without the pairs of parts that spheres can't tell apart."""
     solids_of_arm: ExactArm
     limits: LimitSet
     config: MotionConfig
@@ -126,14 +129,30 @@ class MotionQuery:
             reason = f"in the best of {len(goals)} postures "
             reason += "; ".join(map(str, contacts))
             return self.failed(MotionStatus.GOAL_IN_COLLISION, reason, contacts)
+        found = self._tried(goals[is_free], self.spheres_of_arm)
+        if found is None and not self.counts.rounds and not self.watch.is_late():
+            # By spheres the arm touches itself where it stands, and all around.
+            found = self._tried(goals[is_free], self.discerned())
+        if found is not None:
+            return found
+        late = ", the deadline passed" if self.watch.is_late() else ""
+        counts = self.counts
+        words = f"{counts.rounds} rounds, {counts.nodes} nodes, "
+        if not counts.rounds and not late:
+            words = "around the start, or all goals, nothing keeps its distance; "
+        words += f"{counts.postures} postures tested{late}"
+        return self.failed(MotionStatus.BUDGET, words)
+
+    def _tried(self, goals: FloatArray, spheres: ArmSpheres) -> MotionPlan | None:
+        """Find a way to one of the goals (g, d) by spheres; None if there is none."""
         step = self.config.step
         for attempt in range(self.config.attempts):
             # What leaves no room to spare is then looked at more closely.
-            test = self.strict if attempt else self.roomy
+            test = replace(self.strict if attempt else self.roomy, arm=spheres)
             edges = EdgeTest(self._counted(test), step)
             step = max(0.5 * step, self.config.exact_step)
             with self.watch.stage("path"):
-                path = self._path(goals[is_free], edges)
+                path = self._path(goals, edges)
             if path is None:
                 if self._rounds_left() <= 0 or self.watch.is_late():
                     break
@@ -148,13 +167,7 @@ class MotionQuery:
                     path=path,
                     counts=self.counts,
                 )
-        late = ", the deadline passed" if self.watch.is_late() else ""
-        counts = self.counts
-        return self.failed(
-            MotionStatus.BUDGET,
-            f"{counts.rounds} rounds, {counts.nodes} nodes, "
-            f"{counts.postures} postures tested{late}",
-        )
+        return None
 
     def _path(self, goals: FloatArray, edges: EdgeTest) -> FloatArray | None:
         """Corners from the start to a goal, shortened."""

@@ -7,7 +7,7 @@ grid around the trunk, and in the grids of the space.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,12 +20,13 @@ from debrisgrasp.kinematics.segments import (
     carried,
     joint_frames_of_segments,
 )
+from debrisgrasp.kinematics.self_gaps import SelfModel
 from debrisgrasp.kinematics.spheres import covering_spheres
 
 from .solid_field import GRID_SPACING, SolidField
 from .space import MotionSpace
 
-__all__ = ["ArmSpheres", "SphereTest"]
+__all__ = ["ArmSpheres", "SphereTest", "discernible"]
 
 _EXCESSES = (0.01, 0.015, 0.02, 0.03)
 """How far spheres may stand out [m]: a solid gets the least that takes few of them."""
@@ -33,8 +34,24 @@ _FEW = 6
 _MAX_RADIUS = 0.08
 _CHUNK = 1024
 """Postures treated at once; keeps the work in the cache."""
+_SEED, _N_SAMPLES, _MOSTLY = 2_718_281_828, 64, 0.5
+"""Of the random postures that tell which parts spheres keep apart, and the share of
+them in which they must."""
 _STEP = 0.01
 """Steps of the first joint at which the trunk is tested [rad or m]."""
+
+
+def discernible(body: RobotBody, margin: float) -> RobotBody:
+    """Leave out the pairs of parts that spheres seldom tell apart by a margin [m].
+
+    Links that pass each other closely are near in every posture: to a search by spheres
+    the arm would always touch itself. What it finds is tested by the solids.
+    """
+    q = body.chain.sampled(_N_SAMPLES, rng=np.random.default_rng(_SEED))
+    most = _EXCESSES[-1]
+    gaps = SelfModel.fit(body, most).gaps(q, most + margin, 0.0)
+    n_near = np.bincount(gaps.pair, minlength=len(body.pairs))
+    return replace(body, pairs=body.pairs[n_near < _MOSTLY * _N_SAMPLES])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.kinematics.packages import package_folders
 from debrisgrasp.motion import (
     MotionConfig,
     MotionPlanner,
@@ -18,6 +21,8 @@ from debrisgrasp.motion import (
 
 from .conftest import GROUND
 from .test_contact import looking_down
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def plan(planner, start, goal, space, seed=0, **more):
@@ -223,3 +228,15 @@ def test_settings_out_of_range_are_refused():
         MotionConfig(exact_step=0.0)
     with pytest.raises(ConfigError, match=r"MotionConfig\.step"):
         MotionConfig(step=0.001)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur10"])
+def test_an_arm_whose_links_pass_closely_finds_its_way(name, empty):
+    robots = [f / "example-robot-data/robots" for f in package_folders()]
+    if not any(folder.is_dir() for folder in robots):
+        pytest.skip("example-robot-data is not installed")
+    robot = RobotModel.load(EXAMPLES / f"robots/{name}.yaml")
+    arm = ArmReach(robot, "arm")
+    planner = MotionPlanner.of_arm(arm)
+    goal = SE3.from_parts(p=[0.0, 0.05, 0.05]) @ arm.chain.fk(arm.q_present)
+    require_free(planner, plan(planner, arm.q_present, goal, empty), empty)
