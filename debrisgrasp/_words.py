@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-__all__ = ["in_kilograms"]
+__all__ = ["counted", "in_kilograms"]
+
+
+def counted(n: int, noun: str) -> str:
+    """Write how many there are of something whose plural ends in s."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 def in_kilograms(*masses: float) -> str:

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from debrisgrasp._words import counted
 from debrisgrasp.prototypes import (
     GraspPrototype,
     PrototypeLibrary,
@@ -133,8 +134,8 @@ def run_check(arguments: argparse.Namespace) -> int:
             turns = ", ".join(half_turns(prototype)) or "none"
             print(f"{prototype.name}: half turns that change nothing: {turns}")
     print(
-        f"{len(prototypes)} prototypes checked, {n_findings} findings, "
-        f"{len(twins)} near duplicates"
+        f"{counted(len(prototypes), 'prototype')} checked, "
+        f"{counted(n_findings, 'finding')}, {counted(len(twins), 'near duplicate')}"
     )
     return 1 if n_findings else 0
 

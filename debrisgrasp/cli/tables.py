@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from debrisgrasp._words import counted
 from debrisgrasp.planning import GraspPlan, LoadForecast
 
 __all__ = ["columns", "plan_summary"]
@@ -46,7 +47,7 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
     ]
     if plan.grasps:
         where = f"object {plan.object_label}" if plan.object_label else "the region"
-        lines.append(f"{len(plan.grasps)} grasps on {where}, best first:")
+        lines.append(f"{counted(len(plan.grasps), 'grasp')} on {where}, best first:")
         if plan.grasps[0].load is not None:
             lines.append(plan.grasps[0].load.in_words)
         lines.append("")

@@ -16,6 +16,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray, Rng, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp._stopwatch import Progress, Stopwatch
+from debrisgrasp._words import counted
 from debrisgrasp.control import CartesianLeg, LegPlan, LegPlanner
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3
@@ -108,7 +109,8 @@ class GraspMotions:
             return "the plan has no grasp"
         n, left = len(self.tried), len(self.passed_over) - len(self.tried)
         index, reason = self.tried[0]
-        why = f"none of {n} grasps tried can be carried out; grasp {index + 1}: "
+        why = f"none of {counted(n, 'grasp')} tried can be carried out; "
+        why += f"grasp {index + 1}: "
         more = f"; {left} more were not tried, the deadline had passed" if left else ""
         return why + reason + more
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from debrisgrasp._words import counted
 from debrisgrasp.planning import Grasp, GraspPlan
 from debrisgrasp.segmentation import Segmentation
 
@@ -28,8 +29,8 @@ def summary(report: Report) -> str:
     robot = report.plan.robot
     hand = "floating hand" if robot == "none" else f"robot {robot}"
     return (
-        f"{_thousands(len(labels))} points, {_counted(n_objects, 'segment')}, "
-        f"{_counted(n_grasps, 'grasp')}, {hand}, seed {report.plan.seed}"
+        f"{_thousands(len(labels))} points, {counted(n_objects, 'segment')}, "
+        f"{counted(n_grasps, 'grasp')}, {hand}, seed {report.plan.seed}"
     )
 
 
@@ -44,7 +45,7 @@ def headline(report: Report) -> str:
     plan = report.plan
     if not plan.grasps and plan.passed_over:
         n = len(plan.passed_over)
-        return f"No grasp: {_counted(n, 'object')} considered, none offers one"
+        return f"No grasp: {counted(n, 'object')} considered, none offers one"
     if not plan.grasps:
         return "No grasp: " + (plan.why_empty or "no reason was recorded")
     best = plan.grasps[0]
@@ -125,7 +126,3 @@ def _named(plan: GraspPlan) -> str:
 
 def _thousands(n: int) -> str:
     return f"{n:,}".replace(",", "\u202f")
-
-
-def _counted(n: int, noun: str) -> str:
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"

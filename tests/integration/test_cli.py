@@ -275,7 +275,7 @@ def test_prototype_check_passes_good_ones_and_tells_what_is_wrong(
     bad = run("prototype", "check", "--prototypes", tmp_path)
     assert bad.status == 1
     assert "cylinder_060_tip: " in bad.out
-    assert "1 prototypes checked" in bad.out
+    assert "1 prototype checked" in bad.out
 
 
 def test_a_capture_without_a_pose_takes_one_in_every_form(

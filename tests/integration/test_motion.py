@@ -111,7 +111,7 @@ def test_what_was_not_tried_is_told_apart():
         chosen=None, passed_over=((0, "reach: too far"), (1, late), (2, late))
     )
     assert found.tried == ((0, "reach: too far"),)
-    assert "none of 1 grasps tried" in found.why_none
+    assert "none of 1 grasp tried" in found.why_none
     assert "2 more were not tried" in found.why_none
 
 
