@@ -239,7 +239,9 @@ class Drive(Senses):
         if isinstance(found, FaultFound):
             return found
         controller, state = found
-        clock = self.clock
+        clock, sent = self.clock, self.limb.sent
+        if sent is None or clock.now() > sent[0]:
+            self._send(state.servo.q)  # speeds count from the tick of the last command
         self.limb.went(np.array([state.servo.q]))
         while True:
             clock.wait_until(clock.now() + self.period)

@@ -365,3 +365,23 @@ def test_a_hand_that_is_pressed_as_it_opens_opens_no_farther(pipeline):
     found = open_hand(drive, shape, hand.model.preshape(shape).widths[1])
     assert found is None or found.fault == "finger_jammed"
     assert fake.truth().peak_force["right"] < 0.5 * drive.limb.limits.hardware.force
+
+
+def test_a_leg_begins_with_a_command_to_stay(pipeline, monkeypatch):
+    fake, task = executive(pipeline)
+    context, sent = task.context, []
+    drive, send = Drive(context, "right"), Drive._send
+    context.wait(0.01)
+    drive.limb.baseline_time = context.now()
+
+    def noted(self, q):
+        sent.append(np.asarray(q))
+        send(self, q)
+
+    monkeypatch.setattr(Drive, "_send", noted)
+    q = context.posture(drive.limb)
+    end = drive.leg(np.array([0.0, 0.0, -0.02]), speed=0.1)
+    assert end.outcome is LegOutcome.DONE
+    np.testing.assert_allclose(sent[0], q, atol=1e-9)
+    assert np.abs(sent[1] - q).max() > 1e-6
+    assert fake.truth().violations == ()
