@@ -16,17 +16,8 @@ HERE = Path(__file__).parent
 
 
 def draw(result: debrisgrasp.PlanningResult, path: Path) -> None:
-    report = Report(
-        title=f"{result.plan.robot} on {result.capture.name}",
-        capture=result.capture,
-        cloud=result.cloud,
-        segmentation=result.segmentation,
-        plan=result.plan,
-        grippers=result.grippers,
-        robot=result.robot,
-        order=result.order,
-    )
-    report_png(path, report)
+    title = f"{result.plan.robot} on {result.capture.name}"
+    report_png(path, Report.of(result, title))
     print(f"  wrote {path}")
 
 

@@ -39,6 +39,13 @@ def holding(context):
     return Held(arm="right", grip=grip, watch=grip, state=state, points_hand=points)
 
 
+def after_a_look(pipeline):
+    _, task = executive(pipeline)
+    assert isinstance(capture(task.context), Done)
+    assert isinstance(segment(task.context), Done)
+    return task.context
+
+
 def test_what_is_let_go_twice_lies_in_one_place(pipeline, monkeypatch):
     _, task = executive(pipeline)
     context = task.context
@@ -83,10 +90,7 @@ def test_an_arm_remembers_its_way_until_it_is_back_at_rest(pipeline):
 
 
 def test_at_last_nothing_but_what_was_seen_is_in_the_way(pipeline):
-    _, task = executive(pipeline)
-    context = task.context
-    assert isinstance(capture(context), Done)
-    assert isinstance(segment(context), Done)
+    context = after_a_look(pipeline)
     limb = context.limbs["right"]
     hand = limb.pose(context.posture(limb)).p
     around = np.random.default_rng(0).normal(size=(4000, 3))
@@ -128,10 +132,7 @@ def test_what_finds_no_way_is_lifted_again_only_if_that_can_be(
 
 
 def test_what_came_into_the_way_since_does_not_trap_an_arm(pipeline):
-    _, task = executive(pipeline)
-    context = task.context
-    assert isinstance(capture(context), Done)
-    assert isinstance(segment(context), Done)
+    context = after_a_look(pipeline)
     limb = context.limbs["right"]
     q = context.posture(limb)
     away = q.copy()
@@ -181,10 +182,7 @@ def test_after_a_touch_a_pressed_hand_gives_way_and_goes_back_slowly(
 
 
 def test_what_leans_on_an_arm_does_not_hold_it(pipeline):
-    _, task = executive(pipeline)
-    context = task.context
-    assert isinstance(capture(context), Done)
-    assert isinstance(segment(context), Done)
+    context = after_a_look(pipeline)
     limbs = context.limbs.values()
     ignored, hidden = UnknownSpace.IGNORED, UnknownSpace.HIDDEN
     free = room_for(context, limbs, unknown=hidden).measured_points
