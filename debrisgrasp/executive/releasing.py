@@ -78,26 +78,25 @@ def _shaken_open(context: Context) -> FaultFound | None:
 
 def _nudged(drive: Drive, way: FloatArray) -> FaultFound | None:
     """Move a hand that is caught by an offset (3,) [m], until it is pushed harder."""
-    most = max(_CAUGHT, hypot(*drive.weighed()[:3]) + _HARDER)
-    end = drive.leg(
+    end = _moved(drive, way, max(_CAUGHT, hypot(*drive.weighed()[:3]) + _HARDER))
+    return end if isinstance(end, FaultFound) else None
+
+
+def _moved(drive: Drive, way: FloatArray, most: float) -> LegEnd | FaultFound:
+    """Move an open hand slowly by an offset (3,) [m], until a force exceeds so much."""
+    return drive.leg(
         way,
         speed=0.5 * drive.context.settings.lift_speed,
         tare=TarePolicy.SESSION,
         until=lambda load: hypot(*load[:3]) > most,
     )
-    return end if isinstance(end, FaultFound) else None
 
 
 def _drawn_out(drive: Drive, axis: FloatArray) -> LegEnd | FaultFound:
     """Draw the open hand back along its axis (3,); aside where its side is caught."""
     left = _OUT
     for n_before in range(_ASIDES + 1):
-        end = drive.leg(
-            -left * axis,
-            speed=0.5 * drive.context.settings.lift_speed,
-            tare=TarePolicy.SESSION,
-            until=lambda load: hypot(*load[:3]) > _CAUGHT,
-        )
+        end = _moved(drive, -left * axis, _CAUGHT)
         if isinstance(end, FaultFound) or end.outcome is not LegOutcome.CONTACT:
             return end
         left, aside = end.left, aside_of(drive.push(), axis)

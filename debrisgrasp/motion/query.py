@@ -129,27 +129,31 @@ class MotionQuery:
             reason = f"in the best of {len(goals)} postures "
             reason += "; ".join(map(str, contacts))
             return self.failed(MotionStatus.GOAL_IN_COLLISION, reason, contacts)
-        found = self._tried(goals[is_free], self.spheres_of_arm)
+        # What leaves no room to spare is then looked at more closely.
+        tests = self.roomy, self.strict
+        found = self._tried(goals[is_free], tests)
         if found is None and not self.counts.rounds and not self.watch.is_late():
             # By spheres the arm touches itself where it stands, and all around.
-            found = self._tried(goals[is_free], self.discerned())
+            spheres = self.discerned()
+            roomy, strict = (replace(test, arm=spheres) for test in tests)
+            found = self._tried(goals[is_free], (roomy, strict))
         if found is not None:
             return found
         late = ", the deadline passed" if self.watch.is_late() else ""
         counts = self.counts
         words = f"{counts.rounds} rounds, {counts.nodes} nodes, "
         if not counts.rounds and not late:
-            words = "around the start, or all goals, nothing keeps its distance; "
+            words = "no search began: start, goals or straight way keep no distance; "
         words += f"{counts.postures} postures tested{late}"
         return self.failed(MotionStatus.BUDGET, words)
 
-    def _tried(self, goals: FloatArray, spheres: ArmSpheres) -> MotionPlan | None:
-        """Find a way to one of the goals (g, d) by spheres; None if there is none."""
+    def _tried(
+        self, goals: FloatArray, tests: tuple[SphereTest, SphereTest]
+    ) -> MotionPlan | None:
+        """Find a way to one of the goals (g, d), by one test, then by the other."""
         step = self.config.step
         for attempt in range(self.config.attempts):
-            # What leaves no room to spare is then looked at more closely.
-            test = replace(self.strict if attempt else self.roomy, arm=spheres)
-            edges = EdgeTest(self._counted(test), step)
+            edges = EdgeTest(self._counted(tests[min(attempt, 1)]), step)
             step = max(0.5 * step, self.config.exact_step)
             with self.watch.stage("path"):
                 path = self._path(goals, edges)

@@ -113,10 +113,11 @@ class GraspSearch:
             merit = self._merit(scene, burden, asked)
             postures = Postures(asked, self.tools.gripper_of, rng)
             states = self._explored(scene, merit, postures, watch, rng)
-            found = self._modes(states, merit.worth, merit.least(beyond))
+            least = merit.least(beyond)
+            found = self._modes(states, merit.worth, least)
             if not watch.is_late():
                 found = self._exchanged(merit, found)
-                found = self._modes(found, merit.worth, merit.least(beyond))
+                found = self._modes(found, merit.worth, least)
             tops = self._refined(merit, postures, found, watch, rng, beyond)
             self._missed(postures, ledger)
             is_asked_why = bool(asked) and not beyond and not len(tops.Ts)

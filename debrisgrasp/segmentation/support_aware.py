@@ -25,7 +25,6 @@ from .support import (
 
 __all__ = ["SupportAware"]
 
-_GRAVITY = 9.81
 _HEAVY = 100.0
 """Load [N] from which on more makes no difference to the cost."""
 _CLEAR = 0.5
@@ -89,7 +88,10 @@ class SupportAware:
                 + self.too_wide * is_wide
                 + self.distance * distance[row]
             )
-            reasons = [_carried(graph, segment.label), _way_out(corridor)]
+            reasons = [
+                _carried(graph, segment.label, self.support.gravity),
+                _way_out(corridor),
+            ]
             if is_wide:
                 reasons.append(
                     f"{100 * width:.0f} cm wide, hands open "
@@ -123,12 +125,12 @@ def _surely_on(graph: SupportGraph, label: int) -> IntArray:
     return above[confidence >= _CLEAR]
 
 
-def _carried(graph: SupportGraph, label: int) -> str:
+def _carried(graph: SupportGraph, label: int, gravity: float) -> str:
     """Say what lies on an object."""
     above, confidence = graph.resting_on(label)
     sure, likely = above[confidence >= _CLEAR], confidence >= _WORTH_SAYING
     if len(sure):
-        low, high = graph.load[label - 1] / _GRAVITY
+        low, high = graph.load[label - 1] / gravity
         first = min(sure, key=lambda k: np.flatnonzero(graph.removal_order == k)[0])
         load = f"up to {in_kilograms(max(high, 0.1))}"
         if low >= 0.05:
