@@ -217,7 +217,9 @@ class RobotModel:
                 expected="an optical frame",
                 mend="Name one under `camera:` in the robot's file.",
             )
-        return self.link_poses(moved)[self.camera]
+        values = self.joint_values(moved)
+        to_base = self.tree.link_pose(self.base, values).inverse()
+        return to_base @ self.tree.link_pose(self.camera, values)
 
 
 def _with_frames(tree: UrdfTree, frames: Sequence[FrameSpec]) -> UrdfTree:

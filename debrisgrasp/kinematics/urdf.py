@@ -205,6 +205,13 @@ class UrdfTree:
             link = joint.parent
         return link
 
+    def link_pose(self, link: str, values: Mapping[str, float]) -> SE3:
+        """Pose of one link, as `link_poses` has it, without that of all others."""
+        pose = SE3.identity()
+        for joint in reversed(self.joints_above(link)):
+            pose = pose @ joint.T_parent_child(values.get(joint.name, 0.0))
+        return pose
+
     def link_poses(self, values: Mapping[str, float]) -> dict[str, SE3]:
         """Pose of every link in the root link's frame.
 

@@ -116,6 +116,18 @@ def test_palm_frames_follow_the_hand_convention(roman: RobotModel) -> None:
         np.testing.assert_allclose(ours.R[:, 0], -palm.R[:, 1], atol=1e-12)
 
 
+def test_the_camera_stands_where_the_tree_of_all_links_has_it(
+    roman: RobotModel, rng: np.random.Generator
+) -> None:
+    above = roman.tree.joints_above(str(roman.camera))
+    names = [joint.name for joint in above if joint.kind != "fixed"]
+    assert len(names) >= 2  # the head pans and tilts
+    for _ in range(5):
+        moved = dict(zip(names, rng.uniform(-0.5, 0.5, len(names)), strict=True))
+        found, expected = roman.T_base_camera(moved), roman.link_poses(moved)
+        np.testing.assert_array_equal(found.matrix, expected[str(roman.camera)].matrix)
+
+
 def test_the_torso_joint_adds_reach_and_can_be_locked(
     roman: RobotModel, rng: np.random.Generator
 ) -> None:
