@@ -18,6 +18,7 @@ __all__ = [
     "Rng",
     "frozen",
     "require_finite",
+    "require_metres",
     "require_range",
     "require_trailing",
 ]
@@ -27,6 +28,8 @@ Float32Array = NDArray[np.float32]
 IntArray = NDArray[np.integer[Any]]
 BoolArray = NDArray[np.bool_]
 Rng = np.random.Generator
+_FARTHEST = 20.0
+"""Coordinates of places near a robot beyond this [m] can only be millimetres."""
 
 
 def require_trailing(
@@ -68,6 +71,20 @@ def require_range(name: str, value: float, low: float, high: float = np.inf) -> 
     if not (isinstance(value, Real) and low <= value <= high):
         limit = f"{low:g} to {high:g}" if high < np.inf else f"{low:g} or more"
         raise ConfigError(name, got=value, expected=limit)
+
+
+def require_metres(name: str, coordinates: ArrayLike) -> None:
+    """Raise `InputError` if coordinates are not finite, or can only be millimetres."""
+    coordinates = np.asarray(coordinates)
+    require_finite(coordinates, name)
+    largest = float(np.abs(coordinates).max(initial=0.0))
+    if largest > _FARTHEST:
+        raise ConfigError(
+            name,
+            got=f"a coordinate of {largest:g}",
+            expected=f"metres, at most {_FARTHEST:g}",
+            mend="If these are millimetres, divide by 1000.",
+        )
 
 
 def frozen(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache, wraps
 from numbers import Integral, Real
 from types import NoneType, UnionType
@@ -12,7 +13,7 @@ from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_typ
 
 import numpy as np
 
-from debrisgrasp.errors import InputError
+from debrisgrasp.errors import ConfigError, InputError
 
 __all__ = ["checked", "checked_fields"]
 
@@ -33,19 +34,25 @@ _WORDS = {
 _MENDS = {
     "Bounds": "Bounds(lower, upper) makes one.",
     "Capture": "Capture.load(path) reads one.",
+    "Generator": "numpy.random.default_rng(seed) makes one.",
+    "Intrinsics": "Intrinsics.from_matrix(K, depth.shape) makes one.",
     "PlanningResult": "debrisgrasp.plan(capture) makes one.",
+    "SE3": "SE3.from_matrix(matrix) makes one.",
     "Segmentation": "debrisgrasp.segment(capture) makes one.",
     "SelectionPolicy": "PriorityPoint(), for instance, of debrisgrasp.segmentation.",
     "Settings": "Settings.load(path) reads one.",
 }
 _LONGEST = 40
+_AN = (*"AEIOU", "SE3")
+"""How names begin that are spoken with a vowel."""
 
 
 def checked(function: Callable[P, T]) -> Callable[P, T]:
     """Make a function refuse arguments that are not what their annotations say.
 
     Classes, protocols with methods, unions, functions, numbers, texts and paths are
-    told apart; arrays, and what a mapping holds, are not looked at.
+    told apart, in tuples and sequences too; a list may stand for a tuple, and no number
+    is NaN. Arrays, and what a mapping holds, are not looked at.
 
     Raises
     ------
@@ -58,15 +65,17 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     @wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
-            given = signature.bind(*args, **kwargs).arguments
+            given = signature.bind(*args, **kwargs)
         except TypeError:
             return function(*args, **kwargs)  # which says what is missing
         kinds = _kinds(function)
-        for name, value in given.items():
+        for name, value in given.arguments.items():
             allowed = kinds.get(name, ())
-            if allowed and not any(_is_a(value, kind) for kind in allowed):
-                raise _complaint(name, value, allowed)
-        return function(*args, **kwargs)
+            if isinstance(value, list) and tuple in map(_holder, allowed):
+                given.arguments[name] = value = tuple(value)
+            if fault := _fault(name, value, allowed):
+                raise fault
+        return function(*given.args, **given.kwargs)
 
     return guarded
 
@@ -77,17 +86,47 @@ def checked_fields(record: type[T]) -> type[T]:
     return record
 
 
+@dataclass(frozen=True, slots=True)
+class _Items:
+    """A tuple or a sequence, and what each of its items may be."""
+
+    holder: Any
+    kinds: tuple[tuple[Any, ...], ...]
+    is_any_number: bool
+
+    def fault(self, name: str, value: Any) -> InputError | None:
+        """Complain about the first item that is not right, or about their number."""
+        n = len(value)
+        if not self.is_any_number and n != len(self.kinds):
+            return InputError(name, got=f"{n} values", expected=str(len(self.kinds)))
+        kinds = self.kinds * n if self.is_any_number else self.kinds
+        faults = (
+            _fault(f"{name}[{i}]", item, kind)
+            for i, (item, kind) in enumerate(zip(value, kinds, strict=True))
+        )
+        return next(filter(None, faults), None)
+
+
 @cache
 def _kinds(function: Callable[..., Any]) -> dict[str, tuple[Any, ...]]:
     """Find what each argument may be; nothing where it may be anything."""
     hints = get_type_hints(function)
     kinds = {name: tuple(_alternatives(hint)) for name, hint in hints.items()}
-    return {name: () if None in allowed else allowed for name, allowed in kinds.items()}
+    return {name: _known(allowed) for name, allowed in kinds.items()}
+
+
+def _known(kinds: tuple[Any, ...]) -> tuple[Any, ...]:
+    return () if None in kinds else kinds
 
 
 def _alternatives(hint: Any) -> Iterator[Any]:
     """Classes of an annotation; None for what isn't checked."""
     origin = get_origin(hint)
+    if origin in (tuple, Sequence):
+        items = [item for item in get_args(hint) if item is not Ellipsis]
+        kinds = tuple(_known(tuple(_alternatives(item))) for item in items)
+        yield _Items(origin, kinds, origin is Sequence or Ellipsis in get_args(hint))
+        return
     if origin in (Union, UnionType):
         for part in get_args(hint):
             yield from _alternatives(part)
@@ -97,12 +136,24 @@ def _alternatives(hint: Any) -> Iterator[Any]:
     yield kind if isinstance(kind, type) and kind is not np.ndarray else None
 
 
+def _fault(name: str, value: Any, allowed: tuple[Any, ...]) -> InputError | None:
+    """Complain about a value that is none of what is allowed."""
+    for kind in allowed:
+        if isinstance(kind, _Items):
+            if isinstance(value, kind.holder) and not isinstance(value, str):
+                return kind.fault(name, value)
+        elif _is_a(value, kind):
+            return None
+    return _complaint(name, value, allowed) if allowed else None
+
+
 def _is_a(value: Any, kind: Any) -> bool:
     if getattr(kind, "_is_protocol", False) and kind is not os.PathLike:
         names = [n for n in vars(kind) if not n.startswith("_")]
         return not isinstance(value, type) and all(hasattr(value, n) for n in names)
-    if isinstance(value, bool) and kind in (Integral, Real):
-        return False
+    if kind in (Integral, Real):
+        is_number = isinstance(value, kind) and not isinstance(value, bool)
+        return is_number and bool(value == value)
     return isinstance(value, kind)
 
 
@@ -111,14 +162,24 @@ def _complaint(name: str, value: object, allowed: tuple[Any, ...]) -> InputError
     if isinstance(value, str | Real) and len(repr(value)) <= _LONGEST:
         got = f"{value!r} ({got})"
     names = [k for k in allowed if not (k is str and os.PathLike in allowed)]
-    words = [_WORDS.get(kind) or _with_article(kind.__name__) for kind in names]
-    return InputError(
+    words = [_named(kind) for kind in names]
+    is_nan = isinstance(value, Real) and value != value
+    return (ConfigError if is_nan else InputError)(
         name,
         got="None" if value is None else got,
         expected=" or ".join(dict.fromkeys(words)),
-        mend=next((m for k in names if (m := _MENDS.get(k.__name__))), ""),
+        mend=next((m for k in names if (m := _MENDS.get(_holder(k).__name__))), ""),
     )
 
 
-def _with_article(name: str) -> str:
-    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
+def _holder(kind: Any) -> Any:
+    return kind.holder if isinstance(kind, _Items) else kind
+
+
+def _named(kind: Any) -> str:
+    holder = _holder(kind)
+    name = holder.__name__
+    words = _WORDS.get(holder, f"{'an' if name.startswith(_AN) else 'a'} {name}")
+    if isinstance(kind, _Items) and not kind.is_any_number:
+        words += f" of {len(kind.kinds)}"
+    return words

@@ -91,6 +91,15 @@ class Fields:
             )
         return value
 
+    def count(self, name: str) -> int:
+        """Read an integer of 0 or more."""
+        value = self.raw(name)
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise ConfigError(
+                self.where(name), got=_shown(value), expected="an integer of 0 or more"
+            )
+        return value
+
     def length(self, name: str, low: float, high: float = MAX_LENGTH) -> float:
         """Read a length [m] within [low, high]."""
         return self.number(name, low, high)

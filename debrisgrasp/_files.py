@@ -52,7 +52,7 @@ UNREADABLE_ARRAY = (
 """What NumPy raises for damaged, encrypted or pickled files."""
 
 _IN_WORDS = {
-    "allow_pickle": "objects rather than numbers",
+    "Object arrays": "objects rather than numbers",
     "pickled": "no arrays at all",
     "not a zip file": "no arrays at all",
     "number of columns changed": "rows of different lengths",
@@ -119,7 +119,9 @@ def read_json(path: PathLike) -> Any:
         return json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
         raise ConfigError(
-            f"{path}, line {error.lineno}", got=error.msg, expected="well-formed JSON"
+            f"{path}, line {error.lineno}",
+            got=error.msg if error.pos else "no JSON",
+            expected="well-formed JSON",
         ) from error
     except (ValueError, RecursionError) as error:
         raise ConfigError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -12,11 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_range
+from debrisgrasp._arrays import FloatArray, frozen, require_metres, require_range
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._fields import Fields
 from debrisgrasp._files import read_yaml
 from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.geometry import so3
 from debrisgrasp.io import CameraPose, Capture, parse_camera_pose
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.kinematics import ArmSpec, RobotModel
@@ -27,11 +29,13 @@ from debrisgrasp.segmentation import (
     SupportAware,
 )
 
+logger = logging.getLogger(__name__)
+
 __all__ = ["POLICIES", "Settings", "SiteLimits"]
 
 _SCHEMA = "debrisgrasp/site/1"
-_FARTHEST = 20.0
-"""Coordinates beyond this [m] can only be millimetres."""
+_SAME = 0.002
+"""Poses of a camera that differ by less [m, rad] are the same."""
 _OF_A_LIMIT = (1e-3, 1e6)
 """What a limit of speed, force or torque may be at all."""
 POLICIES = ("support", "priority")
@@ -133,9 +137,9 @@ class Settings:
     def __post_init__(self) -> None:
         point = frozen(self.priority_point, "priority_point", (3,))
         object.__setattr__(self, "priority_point", point)
-        _require_metres("priority_point", point)
+        require_metres("priority_point", point)
         for arm, place in self.drop_off.items():
-            _require_metres(f"drop_off.{arm}", frozen(place, f"drop_off.{arm}", (2,)))
+            require_metres(f"drop_off.{arm}", frozen(place, f"drop_off.{arm}", (2,)))
         if self.policy not in POLICIES:
             raise UnknownNameError("selection.policy", self.policy, POLICIES)
         if self.seed < 0:
@@ -216,6 +220,9 @@ class Settings:
     ) -> Capture:
         """Read a capture with the pose and the intrinsics of this site's camera.
 
+        A pose of the site replaces that of the capture; where they differ by more than
+        2 mm or 2 mrad, a warning is logged.
+
         Parameters
         ----------
         path
@@ -228,12 +235,13 @@ class Settings:
         CaptureError, ConfigError
             As `Capture.load` and `pose_of_camera` do.
         """
-        return Capture.load(
-            path,
-            camera_pose=self.pose_of_camera(),
-            camera_file=self.camera_file,
-            viewpoint=viewpoint,
-        )
+        capture = Capture.load(path, camera_file=self.camera_file, viewpoint=viewpoint)
+        pose = self.pose_of_camera()
+        if pose is None:
+            return capture
+        posed = capture.posed(pose)
+        _tell_if_replaced(capture, posed)
+        return posed
 
     def selection(self, openings: tuple[float, ...] = ()) -> SelectionPolicy:
         """Policy that orders objects.
@@ -250,13 +258,18 @@ class Settings:
         return SupportAware(point=self.priority_point, openings=openings)
 
 
-def _require_metres(name: str, point: FloatArray) -> None:
-    if not (np.abs(point) <= _FARTHEST).all():
-        raise ConfigError(
-            name,
-            got=point.tolist(),
-            expected=f"coordinates within {_FARTHEST:g} m",
-            mend="Lengths are in metres: 50 mm is 0.05.",
+def _tell_if_replaced(own: Capture, posed: Capture) -> None:
+    """Log how far a pose lies from that of the capture itself, if it has another."""
+    if own.T_base_camera is None or posed.T_base_camera is None:
+        return
+    change = own.T_base_camera.inverse() @ posed.T_base_camera
+    way = float(np.linalg.norm(change.p))
+    turn = float(np.linalg.norm(so3.log(change.R)))
+    if way > _SAME or turn > _SAME:
+        logger.warning(
+            "%s has a camera pose of its own, which is not used: the one given lies "
+            "%.0f mm and %.1f deg from it",
+            *(own.name, 1e3 * way, np.degrees(turn)),
         )
 
 
@@ -278,10 +291,7 @@ def _top(fields: Fields) -> dict[str, Any]:
     if "deadline" in fields:
         values["deadline"] = fields.number("deadline", -np.inf, np.inf)
     if "seed" in fields:
-        seed = fields.number("seed", 0, 2**63 - 1)
-        if seed != int(seed):
-            raise ConfigError(fields.where("seed"), got=seed, expected="an integer")
-        values["seed"] = int(seed)
+        values["seed"] = fields.count("seed")
     return values
 
 
@@ -308,13 +318,6 @@ def _pose(camera: Fields) -> CameraPose:
             "level" if given == "level" else str(_file(camera, "pose"))
         )
     numbers = camera.numbers("pose", 6)
-    if np.abs(numbers[:3]).max() > _FARTHEST:
-        raise ConfigError(
-            camera.where("pose"),
-            got=f"{numbers[:3].tolist()}",
-            expected=f"a place within {_FARTHEST:g} m of the robot",
-            mend="Was it given in millimetres?",
-        )
     try:
         return parse_camera_pose(",".join(map(repr, numbers.tolist())))
     except ConfigError as error:

@@ -17,6 +17,8 @@ def main() -> None:
     pipeline = debrisgrasp.Pipeline(robot="roman")
     plan = pipeline.plan(capture, seed=0).plan
 
+    for note in plan.notes:
+        print(f"note: {note}")
     for passed in plan.passed_over:
         print(f"passed over object {passed.label}: {passed.reason}")
     if plan.why_empty:

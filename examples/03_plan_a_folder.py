@@ -36,8 +36,12 @@ def main() -> None:
     arguments = parser.parse_args()
     pipelines = {name: debrisgrasp.Pipeline(robot=name) for name in ("roman", "none")}
     rows = []
-    files = [f for d in arguments.folders for f in sorted(d.iterdir())]
-    for path in (f for f in files if f.suffix in SUFFIXES):
+    files = [
+        file
+        for folder in arguments.folders
+        for file in (sorted(folder.iterdir()) if folder.is_dir() else [folder])
+    ]
+    for path in (file for file in files if file.suffix in SUFFIXES):
         capture, robot = posed(debrisgrasp.Capture.load(path))
         result = pipelines[robot].plan(capture)
         plan, times = result.plan, result.plan.seconds

@@ -1,19 +1,13 @@
-"""Which arms a command is about, and poses and boxes in metres."""
+"""Which arms a command is about."""
 
 from __future__ import annotations
 
 import argparse
 
-import numpy as np
-
-from debrisgrasp._arrays import FloatArray
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.kinematics import ArmReach, RobotModel
 
-__all__ = ["add_arm", "chosen_arms", "require_metres"]
-
-_FARTHEST = 20.0
-"""Coordinates beyond this [m] can only be millimetres."""
+__all__ = ["add_arm", "chosen_arms"]
 
 
 def add_arm(parser: argparse.ArgumentParser) -> None:
@@ -53,15 +47,3 @@ def chosen_arms(arguments: argparse.Namespace) -> list[ArmReach]:
                 f"gripper of {robot.name}", arguments.gripper, carried
             )
     return [ArmReach(robot, name) for name in names]
-
-
-def require_metres(what: str, coordinates: FloatArray) -> None:
-    """Raise `InputError` if coordinates are so large that they must be millimetres."""
-    largest = float(np.abs(coordinates).max(initial=0.0))
-    if not largest <= _FARTHEST:
-        raise InputError(
-            what,
-            got=f"a coordinate of {largest:g}",
-            expected=f"metres, at most {_FARTHEST:g}",
-            mend="If these are millimetres, divide by 1000.",
-        )

@@ -44,8 +44,9 @@ from debrisgrasp.io.observations_file import (
 
 from . import marker_commands
 from .calibrate_text import change_in_words, plan_table, plan_to_list, summary
-from .reports import PICTURE_FORMS, require_places
+from .reports import PICTURE_FORMS, print_written, require_places
 from .tables import columns
+from .values import some_path
 
 __all__ = ["add"]
 
@@ -81,17 +82,21 @@ def add(subparsers: Any) -> None:
 
 def _add_solve(actions: Any) -> None:
     parser = actions.add_parser("solve", help="fit the camera's pose to observations")
-    parser.add_argument("observations", type=Path, help="a .yaml, .json or .csv file")
+    parser.add_argument(
+        "observations", type=some_path, help="a .yaml, .json or .csv file"
+    )
     _add_robot(parser, "overrides the one in the observations")
     parser.add_argument(
         "--previous",
-        type=Path,
+        type=some_path,
         metavar="FILE",
         help="calibration to start from: it is kept if it still fits, and a slipped "
         "head needs 3 places only",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="result as JSON")
-    parser.add_argument("--report", type=Path, metavar="FILE", help="picture as .png")
+    parser.add_argument("--out", type=some_path, metavar="FILE", help="result as JSON")
+    parser.add_argument(
+        "--report", type=some_path, metavar="FILE", help="picture as .png"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=run_solve)
 
@@ -130,9 +135,7 @@ def run_solve(arguments: argparse.Namespace) -> int:
         print(summary(result, plan))
         if words:
             print(words)
-        written = [str(p) for p in (arguments.out, arguments.report) if p]
-        if written:
-            print("wrote " + ", ".join(written))
+        print_written(arguments.out, arguments.report)
     return 0 if result.decision.accepted else 1
 
 
@@ -167,11 +170,14 @@ def _add_choose(actions: Any) -> None:
         "-n", type=int, default=8, dest="count", help="how many (default: 8)"
     )
     parser.add_argument(
-        "--known", type=Path, metavar="FILE", help="calibration to add to"
+        "--known", type=some_path, metavar="FILE", help="calibration to add to"
     )
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="observations to be filled in, JSON"
+        "--out",
+        type=some_path,
+        metavar="FILE",
+        help="observations to be filled in, JSON",
     )
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=run_choose)
@@ -224,9 +230,9 @@ def _add_watch(actions: Any) -> None:
     parser = actions.add_parser(
         "watch", help="has the camera moved since it was calibrated?"
     )
-    parser.add_argument("calibration", type=Path, help="JSON of an accepted one")
+    parser.add_argument("calibration", type=some_path, help="JSON of an accepted one")
     parser.add_argument(
-        "looks", type=Path, help="observations since then, oldest first"
+        "looks", type=some_path, help="observations since then, oldest first"
     )
     _add_robot(parser, "overrides the one in the looks")
     parser.add_argument("--json", action="store_true", help="print JSON")

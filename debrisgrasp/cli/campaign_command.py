@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .capture_arguments import seed
 from .commands import Subparsers
 from .site_arguments import add_site
+from .values import seed, some_path
 
 __all__ = ["add"]
 
@@ -66,7 +66,7 @@ def add(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--out",
-        type=Path,
+        type=some_path,
         default=Path("campaign"),
         metavar="DIR",
         help="records, results.json, results.csv, campaign.png (default: campaign)",
@@ -74,7 +74,7 @@ def add(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--compare",
         nargs=2,
-        type=Path,
+        type=some_path,
         metavar=("OLD", "NEW"),
         help="compare two campaigns (folders or results.json) instead of running one",
     )

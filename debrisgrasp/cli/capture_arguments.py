@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
-
-import numpy as np
+from collections.abc import Iterable
 
 import debrisgrasp
 from debrisgrasp._arrays import require_range
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.settings import Settings
 
 from .policy_arguments import add_policy, policy_of
 from .site_arguments import add_site, site_of
+from .values import add_region, number, region_of, seed, some_path
 
 __all__ = [
     "add_capture",
@@ -25,7 +23,7 @@ __all__ = [
     "planned",
     "progress",
     "refuse_planning",
-    "seed",
+    "tell",
 ]
 
 _HEAVIEST = 1e4
@@ -39,30 +37,33 @@ def add_capture(
     """Add the capture, the pose and lens of its camera, the site, and ``--json``."""
     parser.add_argument(
         "capture",
-        type=_some_path,
+        type=some_path,
         help=what,
     )
     camera = parser.add_argument_group("where the camera is, and what it is")
     camera.add_argument(
         "--camera-pose",
         metavar="POSE",
-        help="pose of the camera in the base frame, if the capture has none: a file "
-        "with a 4x4 matrix, x,y,z,roll,pitch,yaw, or 'level' for a stored level frame; "
-        "write --camera-pose=-0.1,... where it starts with a minus",
+        help="pose of the camera in the base frame, instead of the one in the capture: "
+        "a file with a 4x4 matrix, x,y,z,roll,pitch,yaw, or 'level' for a stored level "
+        "frame; write --camera-pose=-0.1,... where it starts with a minus",
     )
     camera.add_argument(
         "--calibration",
-        type=Path,
+        type=some_path,
         metavar="FILE",
         help="result of `debrisgrasp calibrate`, taken for the pose of the camera",
     )
     camera.add_argument(
-        "--camera-file", metavar="FILE", help="JSON or YAML camera of a depth PNG"
+        "--camera-file",
+        type=some_path,
+        metavar="FILE",
+        help="JSON or YAML camera of a depth PNG",
     )
     camera.add_argument(
         "--viewpoint",
         nargs=3,
-        type=float,
+        type=number,
         metavar=("X", "Y", "Z"),
         help="position of the sensor in the frame of a cloud, metres",
     )
@@ -80,13 +81,6 @@ def load_capture(
     return settings.capture(arguments.capture, viewpoint=arguments.viewpoint)
 
 
-def _some_path(text: str) -> Path:
-    """Parse a path; an empty one would mean the working folder."""
-    if not text.strip():
-        raise argparse.ArgumentTypeError("it is empty, expected a file or folder")
-    return Path(text)
-
-
 def add_planning(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say with what, on what and for how long to plan."""
     search = parser.add_argument_group("with what, on what and for how long")
@@ -98,40 +92,45 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
     add_policy(search)
     search.add_argument("--arm", help="use only this arm")
     search.add_argument("--gripper", help="use only this hand")
-    search.add_argument("--prototypes", metavar="DIR", help="folder of prototype files")
     search.add_argument(
-        "--grippers", metavar="DIR", help="folder of files of further hands"
+        "--prototypes", type=some_path, metavar="DIR", help="folder of prototype files"
     )
     search.add_argument(
-        "--region",
-        nargs=6,
-        type=float,
-        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="seek grasps only in this box, base frame, metres",
+        "--grippers",
+        type=some_path,
+        metavar="DIR",
+        help="folder of files of further hands",
     )
+    add_region(search, "seek grasps only in this box, base frame, metres")
     search.add_argument(
         "--object", type=int, metavar="N", help="seek grasps only on this object"
     )
     search.add_argument("--seed", type=seed, help="default: 0")
     search.add_argument(
-        "--deadline", type=float, metavar="S", help="settle after so many seconds"
+        "--deadline", type=number, metavar="S", help="settle after so many seconds"
     )
     search.add_argument(
         "--mass",
-        type=float,
+        type=number,
         metavar="KG",
         help="what the first object that is tried weighs, if known",
     )
 
 
-def refuse_planning(arguments: argparse.Namespace, reason: str) -> None:
+def tell(notes: Iterable[str]) -> None:
+    """Say on stderr, where results are not disturbed, what a reader should know."""
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+
+
+def refuse_planning(arguments: argparse.Namespace, where: str) -> None:
     """Refuse arguments of a search where there is none."""
     search = ("arm", "gripper", "prototypes", "policy", "priority_point", "pick")
     for name in (*search, "region", "object", "mass"):
         if getattr(arguments, name) is not None:
             option = "--" + name.replace("_", "-")
             raise ConfigError(
-                option, got=reason, expected=f"no {option}, because nothing is searched"
+                option, got="one", expected=f"none {where}, where nothing is searched"
             )
 
 
@@ -147,12 +146,11 @@ def planned(
             )
     if arguments.mass is not None:
         require_range("--mass [kg]", arguments.mass, 1e-3, _HEAVIEST)
-    box = arguments.region
-    region = None if box is None else Bounds(np.array(box[:3]), np.array(box[3:]))
+    region = region_of(arguments)
     capture = load_capture(arguments, settings)
     pipeline = debrisgrasp.Pipeline.from_settings(settings)
     pipeline.policy = policy_of(arguments, pipeline.policy)
-    return pipeline.plan(
+    result = pipeline.plan(
         capture,
         region=region,
         object_label=arguments.object,
@@ -162,17 +160,8 @@ def planned(
         advise=advise,
         progress=progress(arguments),
     )
-
-
-def seed(text: str) -> int:
-    """Parse a seed; numpy takes no negative ones."""
-    try:
-        number = int(text)
-    except ValueError:
-        number = -1
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not an integer of 0 or more")
-    return number
+    tell(result.plan.notes)
+    return result
 
 
 def progress(arguments: argparse.Namespace) -> debrisgrasp.Progress | None:

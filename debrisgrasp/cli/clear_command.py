@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.settings import Settings
 
-from .capture_arguments import seed
 from .commands import Subparsers, version
-from .reports import require_places
+from .reports import PAGE_FORMS, print_written, require_places
 from .site_arguments import add_site
+from .values import add_region, number, region_of, seed, some_path
 
 if TYPE_CHECKING:
     from debrisgrasp.executive.simulated import Simulated, SimulatedTask
 
 __all__ = ["add"]
-
-_PAGE = (".html",)
 
 
 def add(subparsers: Subparsers) -> None:
@@ -51,17 +48,14 @@ def _add_clear(subparsers: Subparsers) -> None:
     parser.add_argument("--arm", help="use only this arm")
     parser.add_argument("--gripper", help="use only this hand")
     one_object = parser.add_mutually_exclusive_group()
-    one_object.add_argument(
-        "--region",
-        nargs=6,
-        type=float,
-        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="take only the object in this box, base frame, metres; prototypes for "
-        "special objects, such as handles, are used then",
+    add_region(
+        one_object,
+        "take only the object in this box, base frame, metres; prototypes for special "
+        "objects, such as handles, are used then",
     )
     one_object.add_argument(
         "--mask",
-        type=Path,
+        type=some_path,
         metavar="CAPTURE",
         help="take only the object that the mask of this capture (.npz) shows",
     )
@@ -76,16 +70,19 @@ def _add_clear(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--drive-over",
-        type=float,
+        type=number,
         default=0.10,
         metavar="M",
         help="leave what is lower than this [m] (default: 0.10)",
     )
     parser.add_argument(
-        "--record", type=Path, metavar="DIR", help="folder for the record of the run"
+        "--record",
+        type=some_path,
+        metavar="DIR",
+        help="folder for the record of the run",
     )
     parser.add_argument(
-        "--report", type=Path, metavar="FILE", help="page of the run as .html"
+        "--report", type=some_path, metavar="FILE", help="page of the run as .html"
     )
     parser.add_argument(
         "--json", action="store_true", help="print JSON for machines instead of text"
@@ -100,9 +97,12 @@ def _add_replay(subparsers: Subparsers) -> None:
         description="Do a recorded run again with this version, or compare it with "
         "another record, and say where the decisions differ.",
     )
-    parser.add_argument("folder", type=Path, metavar="RUN", help="record of a run")
+    parser.add_argument("folder", type=some_path, metavar="RUN", help="record of a run")
     parser.add_argument(
-        "--against", type=Path, metavar="RUN", help="compare with this record instead"
+        "--against",
+        type=some_path,
+        metavar="RUN",
+        help="compare with this record instead",
     )
     parser.add_argument(
         "--json", action="store_true", help="print JSON for machines instead of text"
@@ -113,6 +113,7 @@ def _add_replay(subparsers: Subparsers) -> None:
 def _clear(arguments: argparse.Namespace) -> int:
     from debrisgrasp.executive.record import MemoryRecord, RunRecord, load_run
 
+    region_of(arguments)
     task = _task(arguments)
     # Whatever can be wrong is found before any work is done.
     pipeline = task.pipeline()
@@ -124,14 +125,18 @@ def _clear(arguments: argparse.Namespace) -> int:
     if arguments.report:
         from debrisgrasp.viz.run import run_html  # slow to load
 
-        require_places([arguments.report], _PAGE)
+        require_places([arguments.report], PAGE_FORMS)
     done = task.run(record, pipeline=pipeline, settings=settings)
     if isinstance(record, RunRecord) and record.fault:
         raise OutputError(record.folder, record.fault)
     if arguments.report:
         stored = load_run(record.folder) if isinstance(record, RunRecord) else record
         run_html(arguments.report, stored)
-    print(json.dumps(_facts(done)) if arguments.json else _summary(done))
+    if arguments.json:
+        print(json.dumps(_facts(done)))
+    else:
+        print(_summary(done))
+        print_written(arguments.record, arguments.report)
     end = done.result.end.value
     return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
 
@@ -199,6 +204,11 @@ def _summary(done: Simulated) -> str:
     )
     if failure is not None and result.faults:
         lines.append(f"ended by: {result.faults[-1].message}")
+    if result.is_all_driven_over:
+        lines.append(
+            "nothing was taken: all that lies in the way may be driven over; with a "
+            "lower --drive-over, in metres, it is taken"
+        )
     return "\n".join(lines)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,11 @@ from debrisgrasp.io import (
     save_labels,
 )
 from debrisgrasp.io.plan_json import plan_to_json
-from debrisgrasp.segmentation import GroundReport
+from debrisgrasp.pipeline import pose_notes
+from debrisgrasp.pipeline.inputs import arms_of
+from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.segmentation import GroundReport, SelectionPolicy
+from debrisgrasp.settings import Settings
 
 from .capture_arguments import (
     add_capture,
@@ -25,13 +28,14 @@ from .capture_arguments import (
     load_capture,
     planned,
     progress,
-    seed,
+    tell,
 )
 from .policy_arguments import add_policy, policy_of
 from .reports import (
     PICTURE_FORMS,
     REPORT_FORMS,
     add_reports,
+    print_written,
     require_places,
     write_plan_reports,
     write_segmentation_picture,
@@ -39,6 +43,7 @@ from .reports import (
 )
 from .site_arguments import site_of
 from .tables import columns, plan_summary
+from .values import seed, some_path
 
 if TYPE_CHECKING:
     from debrisgrasp.pipeline import PlanningResult
@@ -58,7 +63,7 @@ def add_demo(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--out-dir",
-        type=Path,
+        type=some_path,
         default=Path(),
         metavar="DIR",
         help="where to write grasps.json, report.png and report.html (default: here)",
@@ -85,8 +90,8 @@ def run_demo(arguments: argparse.Namespace) -> int:
     print(plan_summary(result.plan))
     print(f"\ntook {_seconds(result)}")
     result.save(grasps)
-    write_plan_reports(result, reports, title="debrisgrasp demo")
-    print("wrote " + ", ".join(str(path) for path in (grasps, *reports)))
+    write_plan_reports(result, reports)
+    print_written(grasps, *reports)
     return 0 if result.plan.grasps else 1
 
 
@@ -104,7 +109,7 @@ def add_plan(subparsers: Subparsers) -> None:
         action="store_true",
         help="say what would help even where the plan is good",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="grasps as JSON")
+    parser.add_argument("--out", type=some_path, metavar="FILE", help="grasps as JSON")
     add_reports(parser, "report")
     parser.set_defaults(run=run_plan)
 
@@ -113,10 +118,11 @@ def run_plan(arguments: argparse.Namespace) -> int:
     """Plan on the user's capture."""
     settings = site_of(arguments)
     if settings.camera_pose == "level" and settings.robot != "none":
-        print(
-            "note: the origin of the level frame is not the robot's base; joints mean "
-            "nothing there, and --robot none plans for the hand alone",
-            file=sys.stderr,
+        tell(
+            [
+                "the origin of the level frame is not the robot's base; joints mean "
+                "nothing there, and --robot none plans for the hand alone"
+            ]
         )
     require_places(
         arguments.report, REPORT_FORMS, arguments.out, source=arguments.capture
@@ -124,10 +130,9 @@ def run_plan(arguments: argparse.Namespace) -> int:
     result = planned(arguments, settings, advise=arguments.advice)
     if arguments.out:
         result.save(arguments.out)
-    write_plan_reports(result, arguments.report, title=arguments.capture.name)
+    write_plan_reports(result, arguments.report)
     ground = result.segmentation.ground
     if arguments.json:
-        _tell_doubt(ground)
         print(plan_to_json(result.plan))
     else:
         if ground.status == "skipped":
@@ -135,16 +140,8 @@ def run_plan(arguments: argparse.Namespace) -> int:
         _print_surroundings(ground)
         print(plan_summary(result.plan))
         print(f"\ntook {_seconds(result)}")
-        written = [arguments.out] * bool(arguments.out) + arguments.report
-        if written:
-            print("wrote " + ", ".join(str(path) for path in written))
+        print_written(arguments.out, *arguments.report)
     return 0 if result.plan.grasps else 1
-
-
-def _tell_doubt(ground: GroundReport) -> None:
-    """Say on stderr, where JSON is not disturbed, that the pose is in doubt."""
-    if ground.pose_doubt:
-        print(f"note: camera pose in doubt: {ground.pose_doubt}", file=sys.stderr)
 
 
 def add_segment(subparsers: Subparsers) -> None:
@@ -152,9 +149,14 @@ def add_segment(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser("segment", help="divide a capture into objects")
     add_capture(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="labels as .npz, one per input point"
+        "--out",
+        type=some_path,
+        metavar="FILE",
+        help="labels as .npz, one per input point",
     )
-    parser.add_argument("--report", type=Path, metavar="FILE", help="picture as .png")
+    parser.add_argument(
+        "--report", type=some_path, metavar="FILE", help="picture as .png"
+    )
     parser.set_defaults(run=run_segment)
 
 
@@ -165,6 +167,7 @@ def run_segment(arguments: argparse.Namespace) -> int:
     )
     capture = load_capture(arguments)
     segmentation = debrisgrasp.segment(capture)
+    tell(pose_notes(segmentation.ground))
     if arguments.out:
         save_labels(capture, segmentation.labels, arguments.out)
     if arguments.report:
@@ -202,13 +205,12 @@ def run_segment(arguments: argparse.Namespace) -> int:
             for s in segmentation.segments
         ]
         print(columns(["object", "points", "x", "y", "z", "extents [cm]"], rows))
+        print_written(arguments.out, arguments.report)
     return 0 if segmentation.segments else 1
 
 
 def _print_surroundings(ground: GroundReport) -> None:
-    """Say what was taken away besides objects, and whether the pose is in doubt."""
-    if ground.pose_doubt:
-        print(f"camera pose in doubt: {ground.pose_doubt}")
+    """Say what was taken away besides objects."""
     for item in ground.surroundings:
         print(f"{item.kind.name.lower()}: {item.n_points} points, {item.reason}")
     counts = ", ".join(f"{kind} {count}" for kind, count in ground.counts.items())
@@ -231,11 +233,11 @@ def run_select(arguments: argparse.Namespace) -> int:
     require_places(arguments.report, REPORT_FORMS, source=arguments.capture)
     capture = load_capture(arguments)
     segmentation = debrisgrasp.segment(capture)
-    _tell_doubt(segmentation.ground)
+    tell(pose_notes(segmentation.ground))
     site = site_of(arguments)
     own = site.selection()
     if arguments.site is not None:  # its hands may open to other widths
-        own = debrisgrasp.Pipeline.from_settings(site).policy
+        own = _policy_of(site)
     order = debrisgrasp.select(capture, segmentation, policy_of(arguments, own))
     for path in arguments.report:
         write_selection_report(capture, segmentation, order, path)
@@ -248,7 +250,18 @@ def run_select(arguments: argparse.Namespace) -> int:
     else:
         rows = [[str(i), str(c.label), c.reason] for i, c in enumerate(order, start=1)]
         print(columns(["turn", "object", "because"], rows))
+        print_written(*arguments.report)
     return 0 if order else 1
+
+
+def _policy_of(site: Settings) -> SelectionPolicy:
+    """Policy of a site with an arm, for which its prototypes need not be read."""
+    robot = site.robot_model()
+    if robot is None:
+        return debrisgrasp.Pipeline.from_settings(site).policy
+    hands = load_grippers(site.grippers)
+    used = {arm.gripper for arm in arms_of(robot, site.arm, site.gripper)}
+    return site.selection(tuple(hands[name].opening_range[1] for name in sorted(used)))
 
 
 def _seconds(result: PlanningResult) -> str:

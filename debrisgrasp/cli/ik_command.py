@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, require_metres
 from debrisgrasp._files import UNREADABLE_ARRAY, why_unreadable
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
@@ -26,7 +26,7 @@ from debrisgrasp.kinematics import (
     solve_distinct,
 )
 
-from .arm_arguments import add_arm, chosen_arms, require_metres
+from .arm_arguments import add_arm, chosen_arms
 from .tables import columns
 
 __all__ = ["add"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,8 @@ from debrisgrasp.errors import CaptureError, ConfigError
 from debrisgrasp.io import Capture
 from debrisgrasp.io.observations_file import SCHEMA, load_observations
 
-from .reports import require_places
+from .reports import PAGE_FORMS, require_places
+from .values import number, some_path
 
 __all__ = ["add_find", "add_pick"]
 
@@ -28,14 +28,17 @@ _SAME_DEPTH = 0.03
 def add_find(actions: Any) -> None:
     """Add ``find``."""
     parser = actions.add_parser("find", help="find a lit marker in a capture")
-    parser.add_argument("capture", type=Path, help="colour and depth, LED on")
+    parser.add_argument("capture", type=some_path, help="colour and depth, LED on")
     parser.add_argument(
-        "--off", type=Path, metavar="CAPTURE", help="the same view with the LED off"
+        "--off",
+        type=some_path,
+        metavar="CAPTURE",
+        help="the same view with the LED off",
     )
     parser.add_argument(
         "--expected",
         nargs=3,
-        type=float,
+        type=number,
         required=True,
         metavar=("X", "Y", "Z"),
         help="where it should be, camera frame, metres",
@@ -43,7 +46,7 @@ def add_find(actions: Any) -> None:
     parser.add_argument(
         "--color",
         nargs=3,
-        type=float,
+        type=number,
         metavar=("R", "G", "B"),
         help="of its light (default: blue)",
     )
@@ -137,24 +140,28 @@ def add_pick(actions: Any) -> None:
         "pick", help="a page on which a person clicks the fiducial"
     )
     parser.add_argument(
-        "captures", nargs="+", type=Path, metavar="CAPTURE", help="one a posture"
+        "captures", nargs="+", type=some_path, metavar="CAPTURE", help="one a posture"
     )
     parser.add_argument(
         "--into",
-        type=Path,
+        type=some_path,
         metavar="FILE",
         help="observations whose points are to be picked, in the order of the captures "
         "(`calibrate choose --out FILE` writes them)",
     )
     parser.add_argument(
-        "--report", type=Path, required=True, metavar="FILE", help="the page, .html"
+        "--report",
+        type=some_path,
+        required=True,
+        metavar="FILE",
+        help="the page, .html",
     )
     parser.set_defaults(run=run_pick)
 
 
 def run_pick(arguments: argparse.Namespace) -> int:
     """Write the page."""
-    require_places([arguments.report], (".html",), source=arguments.captures[0])
+    require_places([arguments.report], PAGE_FORMS, source=arguments.captures[0])
     captures = [Capture.load(path) for path in arguments.captures]
     header: dict[str, Any] = {"schema": SCHEMA}
     rows: list[dict[str, Any]] = [

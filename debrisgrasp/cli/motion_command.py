@@ -22,9 +22,10 @@ from .capture_arguments import (
     refuse_planning,
 )
 from .commands import Subparsers
-from .reports import PICTURE_FORMS, require_places
+from .reports import PICTURE_FORMS, print_written, require_places
 from .site_arguments import site_of
 from .tables import columns
+from .values import some_path
 
 if TYPE_CHECKING:
     from debrisgrasp.pipeline import GraspMotions, PlanningResult
@@ -50,7 +51,7 @@ def add(subparsers: Subparsers) -> None:
     add_planning(parser)
     parser.add_argument(
         "--grasps",
-        type=Path,
+        type=some_path,
         metavar="FILE",
         help="a plan of this capture (`plan --out`), instead of planning anew",
     )
@@ -61,9 +62,9 @@ def add(subparsers: Subparsers) -> None:
         help="space not seen that is an obstacle: behind measured surfaces, or also "
         "where nothing was measured (default: hidden)",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="motions as JSON")
+    parser.add_argument("--out", type=some_path, metavar="FILE", help="motions as JSON")
     parser.add_argument(
-        "--report", type=Path, metavar="FILE", help="picture of the motion as .png"
+        "--report", type=some_path, metavar="FILE", help="picture of the motion as .png"
     )
     parser.set_defaults(run=_run)
 
@@ -77,7 +78,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.grasps is None:
         result = planned(arguments, settings)
     else:
-        refuse_planning(arguments, "--grasps")
+        refuse_planning(arguments, "beside --grasps")
         result = recall_plan(
             arguments.grasps,
             load_capture(arguments, settings),
@@ -108,6 +109,7 @@ def _run(arguments: argparse.Namespace) -> int:
         print(json.dumps(content, indent=1))
     else:
         print(_summary(result, found))
+        print_written(out, None if chosen is None else report)
     return 1 if chosen is None else 0
 
 
@@ -144,7 +146,8 @@ def _draw(result: PlanningResult, found: GraspMotions, path: Path) -> None:
     )
     motion_png(
         path,
-        f"{chosen.grasp.prototype} on object {chosen.grasp.object_label}",
+        f"{chosen.grasp.prototype} on object {chosen.grasp.object_label} of "
+        f"{result.capture.name}",
         robot,
         chosen.arm,
         [

@@ -7,6 +7,8 @@ import argparse
 from debrisgrasp.segmentation import OperatorPick, SelectionPolicy
 from debrisgrasp.settings import POLICIES
 
+from .values import number
+
 __all__ = ["add_policy", "policy_of"]
 
 
@@ -21,7 +23,7 @@ def add_policy(parser: argparse._ActionsContainer) -> None:
     parser.add_argument(
         "--priority-point",
         nargs=3,
-        type=float,
+        type=number,
         metavar=("X", "Y", "Z"),
         help="objects near it are preferred, base frame, metres (default: 0.9 0 1)",
     )

@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
+from typing import NoReturn
 
 from debrisgrasp import __version__
-from debrisgrasp.errors import DebrisGraspError
+from debrisgrasp.errors import DebrisGraspError, InputError
 
 __all__ = ["build_parser", "run"]
 
@@ -41,9 +45,14 @@ def run(argv: Sequence[str] | None = None) -> int:
     only = given[0] if given and given[0] in _COMMANDS else None
     arguments = build_parser(only).parse_args(given)
     try:
-        status: int = arguments.run(arguments)
+        with _warnings_shown():
+            status: int = arguments.run(arguments)
     except DebrisGraspError as error:
-        _complain(error, as_json=getattr(arguments, "json", False))
+        facts = {"error": type(error).__name__, "message": _in_options(error, given)}
+        if getattr(arguments, "json", False):
+            print(json.dumps(facts), file=sys.stderr)
+        else:
+            print(f"debrisgrasp: error: {facts['message']}", file=sys.stderr)
         return 2
     except BrokenPipeError:
         # Whoever read our output has gone, as with `| head`.
@@ -52,17 +61,47 @@ def run(argv: Sequence[str] | None = None) -> int:
     return status
 
 
-def _complain(error: DebrisGraspError, *, as_json: bool) -> None:
-    if as_json:
-        facts = {"error": type(error).__name__, "message": str(error)}
-        print(json.dumps(facts), file=sys.stderr)
-    else:
-        print(f"debrisgrasp: error: {error}", file=sys.stderr)
+@contextmanager
+def _warnings_shown() -> Iterator[None]:
+    """Print what the library warns of while a command runs as notes on stderr."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("note: %(message)s"))
+    logger = logging.getLogger("debrisgrasp")
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+
+
+_SETTING = re.compile(r"(?:[A-Z]\w*\.)?([a-z][a-z_ ]*?)( \[.*\])?")
+"""What errors call a setting: its name, maybe after its class or before its unit."""
+
+
+def _in_options(error: DebrisGraspError, given: Sequence[str]) -> str:
+    """Message of an error, in which a setting is called by the option that gave it."""
+    found = _SETTING.fullmatch(error.what) if isinstance(error, InputError) else None
+    if not isinstance(error, InputError) or found is None:
+        return str(error)
+    option = "--" + re.sub("[_ ]", "-", found[1])
+    if option not in {word.partition("=")[0] for word in given}:
+        return str(error)
+    return str(error).replace(error.what, option + (found[2] or ""), 1)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Refuses arguments in one line, as everything else is refused."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with the message."""
+        prog = self.prog if " " in self.prog else f"{self.prog} COMMAND"
+        more = f"`{prog} --help` tells what can be given"
+        self.exit(2, f"debrisgrasp: error: {message}. {more}.\n")
 
 
 def build_parser(only: str | None = None) -> argparse.ArgumentParser:
     """Describe the commands and their arguments; those of one alone load faster."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="debrisgrasp",
         description="From one depth image of a pile of debris to ranked grasps.",
         epilog="Exit status: 0 done, 1 an honest no (nothing found, or a result "

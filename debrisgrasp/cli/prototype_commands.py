@@ -28,6 +28,7 @@ from .reports import (
     write_prototype_sheet,
 )
 from .tables import columns
+from .values import some_path
 
 __all__ = ["add"]
 
@@ -46,7 +47,7 @@ def add(subparsers: Any) -> None:
     show.add_argument("names", nargs="*", help="default: all")
     show.add_argument(
         "--out",
-        type=Path,
+        type=some_path,
         default=Path("prototypes.png"),
         metavar="FILE",
         help="picture as .png, or page as .html (default: prototypes.png)",
@@ -62,15 +63,21 @@ def add(subparsers: Any) -> None:
     covering = actions.add_parser(
         "coverage", help="which sizes are covered, by hand and approach, and the gaps"
     )
-    covering.add_argument("--out", type=Path, metavar="FILE", help="map as .png")
+    covering.add_argument("--out", type=some_path, metavar="FILE", help="map as .png")
     covering.set_defaults(run=run_coverage)
 
     for action in (listing, show, checking, covering):
         action.add_argument(
-            "--prototypes", metavar="DIR", help="folder of files (default: shipped)"
+            "--prototypes",
+            type=some_path,
+            metavar="DIR",
+            help="folder of files (default: shipped)",
         )
         action.add_argument(
-            "--grippers", metavar="DIR", help="folder of files of further hands"
+            "--grippers",
+            type=some_path,
+            metavar="DIR",
+            help="folder of files of further hands",
         )
         action.add_argument("--json", action="store_true", help="print JSON")
     add_makers(actions)

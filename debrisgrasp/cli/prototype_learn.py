@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 from typing import Any
 
 from debrisgrasp._files import require_folder
@@ -13,6 +12,7 @@ from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.workbench import LearnConfig, learn, load_records
 
 from .tables import columns
+from .values import number, some_path
 
 __all__ = ["add_learn"]
 
@@ -25,14 +25,17 @@ def add_learn(actions: Any) -> None:
         "learn", help="a dictionary from recorded grasps and their outcomes"
     )
     learning.add_argument(
-        "runs", nargs="+", type=Path, help="folders with grasps.jsonl and surfaces/"
+        "runs",
+        nargs="+",
+        type=some_path,
+        help="folders with grasps.jsonl and surfaces/",
     )
     learning.add_argument(
-        "--out", required=True, type=Path, metavar="DIR", help="a new folder"
+        "--out", required=True, type=some_path, metavar="DIR", help="a new folder"
     )
     learning.add_argument(
         "--radius",
-        type=float,
+        type=number,
         default=_DEFAULT.radius,
         metavar="M",
         help="surfaces within this distance are of one kind (default: %(default)s)",
@@ -46,12 +49,14 @@ def add_learn(actions: Any) -> None:
     )
     learning.add_argument(
         "--least-rate",
-        type=float,
+        type=number,
         default=_DEFAULT.least_rate,
         metavar="SHARE",
         help="share of them that must have held (default: %(default)s)",
     )
-    learning.add_argument("--grippers", metavar="DIR", help="folder of further hands")
+    learning.add_argument(
+        "--grippers", type=some_path, metavar="DIR", help="folder of further hands"
+    )
     learning.add_argument("--json", action="store_true", help="print JSON")
     learning.set_defaults(run=run_learn)
 

@@ -9,11 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from debrisgrasp._files import require_folder
-from debrisgrasp.errors import ConfigError, InputError, OutputError
-from debrisgrasp.geometry import SE3, Bounds, fibonacci_sphere
+from debrisgrasp.errors import ConfigError, InputError, OutputError, UnknownNameError
+from debrisgrasp.geometry import SE3, fibonacci_sphere
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import (
     GraspPrototype,
@@ -40,10 +38,12 @@ from debrisgrasp.workbench import (
 
 from .capture_arguments import add_capture, load_capture
 from .tables import columns
+from .values import add_region, number, region_of, some_path
 
 __all__ = ["add_makers"]
 
 _SIZES = ("diameter", "width", "height", "length", "thickness", "depth", "standoff")
+_OPTIONS = tuple(f"--{name}" for name in (*_SIZES, "plate", "ends"))
 _SHAPES = ("bar", "box", "cylinder", "edge", "handle", "rim")
 
 
@@ -57,8 +57,8 @@ def add_makers(actions: Any) -> None:
     )
     new.add_argument("--shape", required=True, choices=_SHAPES, help="its kind")
     for size in (*_SIZES, "plate"):
-        new.add_argument(f"--{size}", type=float, metavar="M", help="if it has one")
-    new.add_argument("--radius", type=float, metavar="M", help="half the diameter")
+        new.add_argument(f"--{size}", type=number, metavar="M", help="if it has one")
+    new.add_argument("--radius", type=number, metavar="M", help="half the diameter")
     new.add_argument("--ends", help="open, closed, one or both, as the shape has them")
     new.add_argument(
         "--grip",
@@ -67,20 +67,20 @@ def add_makers(actions: Any) -> None:
         help="between the fingertips, or near the palm (default: tip)",
     )
     new.add_argument(
-        "--position", nargs=3, type=float, metavar=("X", "Y", "Z"), help="in the palm"
+        "--position", nargs=3, type=number, metavar=("X", "Y", "Z"), help="in the palm"
     )
     new.add_argument(
-        "--rpy-deg", nargs=3, type=float, metavar=("R", "P", "Y"), help="turn of it"
+        "--rpy-deg", nargs=3, type=number, metavar=("R", "P", "Y"), help="turn of it"
     )
     new.set_defaults(run=run_new)
 
     mesh = actions.add_parser(
         "from-mesh", help="from an STL, OBJ or PLY mesh of an object"
     )
-    mesh.add_argument("mesh", type=Path, help="the file")
+    mesh.add_argument("mesh", type=some_path, help="the file")
     mesh.add_argument(
         "--scale",
-        type=float,
+        type=number,
         default=1.0,
         help="metres in a unit of the file: 0.001 for millimetres (default: 1)",
     )
@@ -96,13 +96,7 @@ def add_makers(actions: Any) -> None:
     )
     add_capture(recording)
     recording.add_argument("--object", type=int, metavar="N", help="this object")
-    recording.add_argument(
-        "--region",
-        nargs=6,
-        type=float,
-        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="only what is in this box, base frame, metres",
-    )
+    add_region(recording, "only what is in this box, base frame, metres")
     recording.add_argument(
         "--pose",
         metavar="POSE",
@@ -125,7 +119,7 @@ def add_makers(actions: Any) -> None:
         action.add_argument("--preshape", help="of the fingers; default: what fits")
         action.add_argument(
             "--out",
-            type=Path,
+            type=some_path,
             default=Path("prototypes"),
             metavar="DIR",
             help="folder to write to (default: prototypes)",
@@ -141,12 +135,14 @@ def add_makers(actions: Any) -> None:
             help="sought on every object, or only where a mask or region is given",
         )
         action.add_argument("--description", default="", help="a line for its file")
-        action.add_argument("--grippers", metavar="DIR", help="folder of further hands")
+        action.add_argument(
+            "--grippers", type=some_path, metavar="DIR", help="folder of further hands"
+        )
         if action is not recording:
             action.add_argument("--json", action="store_true", help="print JSON")
     for action in (mesh, recording):
         action.add_argument(
-            "--closed", type=float, metavar="M", help="width when closed, metres"
+            "--closed", type=number, metavar="M", help="width when closed, metres"
         )
         action.add_argument(
             "--choice",
@@ -185,13 +181,24 @@ def run_new(arguments: argparse.Namespace) -> int:
     )
     try:
         chosen, findings = _soundest(made, gripper)
-    except ConfigError as error:
-        _, is_size, size = error.what.partition(", field shape.")
-        if not is_size:
-            raise
-        option = f"--{size.replace('_', '-')} with --shape {arguments.shape}"
-        raise ConfigError.about(option, error) from None
+    except InputError as error:
+        raise _about_option(error, arguments.shape) from None
     return _finish(arguments, chosen, findings)
+
+
+def _about_option(error: InputError, shape: str) -> InputError:
+    """Say of an option what an error says of the field that it would become."""
+    _, is_field, name = error.what.partition(", field shape")
+    if not is_field:
+        return error
+    got, expected = error.got, error.expected
+    if isinstance(error, UnknownNameError) and not name:
+        name, got = f".{error.name}", "one"
+        sizes = [f"--{size.replace('_', '-')}" for size in error.known]
+        expected = f"its sizes: {', '.join(s for s in sizes if s in _OPTIONS)}"
+    option = f"--{name[1:].replace('_', '-')} with --shape {shape}"
+    mend = "" if str(got).startswith("nothing") else error.mend
+    return ConfigError(option, got=got, expected=expected, mend=mend)
 
 
 def run_mesh(arguments: argparse.Namespace) -> int:
@@ -250,13 +257,12 @@ def run_record(arguments: argparse.Namespace) -> int:
         robot = RobotModel.load(arguments.robot)
         joints = _joints(arguments.joints)
         pose = taught_by_joints(robot, arguments.arm, joints, gripper.name)
-    box = arguments.region
     made = record(
         load_capture(arguments),
         arguments.name,
         gripper,
         object_label=arguments.object,
-        region=None if box is None else Bounds(np.array(box[:3]), np.array(box[3:])),
+        region=region_of(arguments),
         T_base_hand=pose,
         preshape=arguments.preshape,
         width=arguments.closed,

@@ -26,9 +26,10 @@ from debrisgrasp.kinematics import (
 )
 from debrisgrasp.planning import Grasp
 
-from .arm_arguments import add_arm, chosen_arms, require_metres
+from .arm_arguments import add_arm, chosen_arms
 from .reports import REPORT_FORMS, add_reports, require_places
 from .tables import columns
+from .values import add_region, region_of, some_path
 
 __all__ = ["add"]
 
@@ -48,16 +49,12 @@ def add(subparsers: Any) -> None:
         "is known here. Exit status 1 if no arm can grip anything of the region.",
     )
     add_arm(parser)
-    parser.add_argument(
-        "--region",
-        nargs=6,
-        type=float,
-        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="box that is asked for, base frame, metres (default: all around)",
+    add_region(
+        parser, "box that is asked for, base frame, metres (default: all around)"
     )
     parser.add_argument(
         "--grasps",
-        type=Path,
+        type=some_path,
         metavar="FILE",
         help="rank places for the base by the grasps of a plan instead of the region",
     )
@@ -68,7 +65,7 @@ def add(subparsers: Any) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     arms = chosen_arms(arguments)
     require_places(arguments.report, REPORT_FORMS, source=arguments.grasps)
-    region, grasps = _region(arguments.region), _grasps(arguments.grasps)
+    region, grasps = region_of(arguments), _grasps(arguments.grasps)
     asked = region or _workspace(arms)
     places = grid_places(asked, _step(asked))
     rng = np.random.default_rng(0)
@@ -228,13 +225,6 @@ def _write_reports(
     writers = {".png": viz.reach_png, ".html": viz.reach_html}
     for path in paths:
         writers[path.suffix.lower()](path, picture)
-
-
-def _region(values: Sequence[float] | None) -> Bounds | None:
-    if values is None:
-        return None
-    require_metres("region", np.array(values))
-    return Bounds(np.array(values[:3]), np.array(values[3:]))
 
 
 def _workspace(arms: Sequence[ArmReach]) -> Bounds:

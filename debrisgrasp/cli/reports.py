@@ -18,10 +18,14 @@ from debrisgrasp.segmentation import Candidate, Segmentation, support_graph
 if TYPE_CHECKING:
     from debrisgrasp.pipeline import PlanningResult
 
+from .values import some_path
+
 __all__ = [
+    "PAGE_FORMS",
     "PICTURE_FORMS",
     "REPORT_FORMS",
     "add_reports",
+    "print_written",
     "require_places",
     "write_coverage",
     "write_plan_reports",
@@ -33,14 +37,17 @@ __all__ = [
 REPORT_FORMS = (".html", ".png")
 """Suffixes of the reports of a plan."""
 PICTURE_FORMS = (".png",)
-"""Suffixes of the picture of a segmentation."""
+"""Suffixes of what is only drawn, not written as a page."""
+PAGE_FORMS = (".html",)
+"""Suffixes of what is only written as a page."""
+_FORMS: Mapping[tuple[str, ...], str] = {PICTURE_FORMS: "picture", PAGE_FORMS: "page"}
 
 
 def add_reports(parser: ArgumentParser, what: str) -> None:
     """Add ``--report`` for a command that writes a page, a picture, or both."""
     parser.add_argument(
         "--report",
-        type=Path,
+        type=some_path,
         action="append",
         default=[],
         metavar="FILE",
@@ -71,7 +78,7 @@ def require_places(
     for path in wanted:
         if path.suffix.lower() not in forms:
             raise ConfigError(
-                "name of a picture or page",
+                f"name of a {_FORMS.get(tuple(forms), 'picture or page')}",
                 got=str(path),
                 expected="a name that ends in " + " or ".join(forms),
             )
@@ -83,16 +90,21 @@ def require_places(
         taken.add(path.resolve())
 
 
-def write_plan_reports(
-    result: PlanningResult, paths: Sequence[Path], *, title: str
-) -> None:
+def print_written(*paths: Path | None) -> None:
+    """Say which files were written, if any were."""
+    if written := ", ".join(str(path) for path in paths if path):
+        print(f"wrote {written}")
+
+
+def write_plan_reports(result: PlanningResult, paths: Sequence[Path]) -> None:
     """Write a report per path, in the form that its suffix names."""
     if not paths:
         return
     viz = _drawing()
+    report = viz.Report.of(result, result.capture.name)
     writers = {".png": viz.report_png, ".html": viz.report_html}
     for path in paths:
-        writers[path.suffix.lower()](path, viz.Report.of(result, title))
+        writers[path.suffix.lower()](path, report)
 
 
 def write_segmentation_picture(

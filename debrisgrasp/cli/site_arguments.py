@@ -11,6 +11,8 @@ from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import parse_camera_pose
 from debrisgrasp.settings import Settings
 
+from .values import some_path
+
 __all__ = ["add_site", "site_of"]
 
 _PLAIN = ("robot", "arm", "gripper", "policy", "priority_point", "seed", "deadline")
@@ -21,7 +23,7 @@ def add_site(parser: argparse.ArgumentParser) -> None:
     """Add ``--site``."""
     parser.add_argument(
         "--site",
-        type=Path,
+        type=some_path,
         metavar="FILE",
         help="settings that stay the same from capture to capture; other arguments go "
         "before them",

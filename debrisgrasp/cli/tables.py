@@ -39,8 +39,7 @@ def _is_number(text: str) -> bool:
 
 def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
     """Table of the best grasps, and in words what was ruled out and why."""
-    lines = [f"note: {note}" for note in plan.notes]
-    lines += [
+    lines = [
         f"passed over object {p.label}: {p.reason}"
         for p in plan.passed_over
         if p.label and plan.grasps

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from debrisgrasp import api
@@ -20,6 +19,7 @@ from .capture_arguments import (
     refuse_planning,
 )
 from .site_arguments import site_of
+from .values import some_path
 
 __all__ = ["add"]
 
@@ -41,7 +41,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--capture",
         dest="of_plan",
-        type=Path,
+        type=some_path,
         metavar="FILE",
         help="the capture that a plan (grasps.json) was made on",
     )
@@ -96,7 +96,7 @@ def _require_effect(arguments: argparse.Namespace) -> None:
     """Refuse options that would do nothing."""
     if arguments.plan:
         return
-    refuse_planning(arguments, "no --plan")
+    refuse_planning(arguments, "without --plan")
     is_saved_plan = arguments.capture.suffix.lower() == ".json"
     if arguments.motion == "" or (arguments.motion and not is_saved_plan):
         raise ConfigError(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3, so3
 
@@ -40,7 +41,7 @@ __all__ = [
     "identify_tool",
 ]
 
-_GRAVITY = (0.0, 0.0, -9.81)
+_DOWN = (0.0, 0.0, -GRAVITY)
 _LEAST_POSES = 4
 _LEAST_SPAN = np.deg2rad(60.0)
 
@@ -74,7 +75,7 @@ class LoadModel:
     """Reading without any force [N, N m], sensor frame, shape (6,)."""
     wrench_sign: float = 1.0
     """-1 for a driver that reports what the tool exerts on the environment."""
-    gravity: FloatArray = field(default_factory=lambda: np.array(_GRAVITY))
+    gravity: FloatArray = field(default_factory=lambda: np.array(_DOWN))
     """In base [m/s^2], shape (3,)."""
     _mount: tuple[Rotation, Vector] = field(init=False, repr=False)
     """`T_ee_ft` as plain floats."""
@@ -198,7 +199,7 @@ def identify_tool(
     *,
     wrench_sign: float = 1.0,
     expected_mass: float | None = None,
-    gravity: ArrayLike = _GRAVITY,
+    gravity: ArrayLike = _DOWN,
 ) -> ToolFit:
     """Find mass, centre of mass and bias of an empty hand in free space.
 

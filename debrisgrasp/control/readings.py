@@ -80,6 +80,9 @@ class SafetyConfig:
     limit counts."""
     motion_torque: float | None = None
     """[N m]."""
+    lead: float = 0.012
+    """Time in which an arm that is stopped comes to stand [s]: the load must stay below
+    its limit until then, if it grows on."""
     bias: BiasBound = BiasBound()
 
     def __post_init__(self) -> None:

@@ -56,6 +56,7 @@ class Supervisor:
         self._kinematics, self._period = kinematics, period
         c = self.config
         self._range = (0.98 * c.sensor_force,) * 3 + (0.98 * c.sensor_torque,) * 3
+        self._lead = c.lead / period
         self._speeds = tuple((2.0 * limits.velocity).tolist())
 
     def load_limits(self, now: float) -> tuple[float, float]:
@@ -252,10 +253,20 @@ class Supervisor:
             return Fault.OVERLOAD, words
         config = self.config
         p, q, r, s, t, u = previous
-        jump, twist = hypot(a - p, b - q, c - r), hypot(d - s, e - t, f - u)
+        u, v, w, x, y, z = a - p, b - q, c - r, d - s, e - t, f - u
+        jump, twist = hypot(u, v, w), hypot(x, y, z)
         if not (jump <= config.jump_force and twist <= config.jump_torque):
             words = f"by {jump:.0f} N, {twist:.1f} N m between two samples"
             return Fault.WRENCH_JUMP, words
+        n = self._lead
+        if not (
+            hypot(a + n * u, b + n * v, c + n * w) < most_force
+            and hypot(d + n * x, e + n * y, f + n * z) < most_torque
+        ):
+            words = f"force {force:.0f} of {most_force:.0f} N and torque {torque:.1f} "
+            words += f"of {most_torque:.1f} N m, growing by {jump:.0f} N and "
+            words += f"{twist:.1f} N m from sample to sample"
+            return Fault.OVERLOAD, words
         if config.motion_force is not None or config.motion_torque is not None:
             p, q, r, s, t, u = reference
             change, turn = hypot(a - p, b - q, c - r), hypot(d - s, e - t, f - u)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control import (
     Compliance,
     LegOutcome,
@@ -45,6 +46,8 @@ _SPARE = 0.02
 """The last bit of what an arm reaches is left to what pushes it [m]."""
 _FREE = 0.6
 """Share of the lift after which what lies below no longer matters."""
+_IMPOSSIBLE = 30.0
+"""Nothing pushes a hand up that it has lifted; a sensor that says so lies [N]."""
 
 
 def lift(context: Context) -> StepResult:
@@ -133,8 +136,12 @@ def verify_hold(context: Context) -> StepResult:
             expected_com=_middle_ft(limb, held),
         )
     except InputError as error:
+        up = float(T.R[2] @ np.array(drive.weighed()[:3]))
+        if up > _IMPOSSIBLE:
+            words = f"the hand, lifted, is pushed up by {up:.0f} N"
+            return FaultFound("wrench_sign", words, held.arm, {"force": up})
         return FaultFound("slip", f"nothing hangs on the hand: {error}", held.arm)
-    weight = 9.81 * payload.mass
+    weight = GRAVITY * payload.mass
     values = {"mass": payload.mass}
     if weight < 0.5 * settings.empty_load:
         words = f"the hand carries {weight:.1f} N: the object was lost"

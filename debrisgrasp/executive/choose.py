@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.motion import MotionSpace, UnknownSpace
+from debrisgrasp.motion import MotionSpace, MotionStatus, UnknownSpace
 from debrisgrasp.pipeline import (
     GraspMotion,
     MotionsConfig,
@@ -40,6 +40,8 @@ _REPEATED = 0.2
 """By so much likelier must a prototype be that failed on an object, each time."""
 _SEARCHES = 3
 """So often at most grasps are sought on an object that was not got the last time."""
+_KNOWN = 40
+"""Corners of ways to earlier grasps that are remembered."""
 _SPECK = 20
 """Fewer cells of surface than this are noise, wherever they are."""
 
@@ -191,6 +193,7 @@ def plan_grasp(context: Context) -> StepResult:
     label = None if cycle.seen.is_marked is not None else cycle.label
     mark = context.marks.of(cycle.centroid or (np.inf,) * 3)
     failed = [] if mark is None else mark.failed
+    in_vain = [] if mark is None else mark.in_vain(cycle.seen)
     # A search is drawn: what found nothing good is repeated, and all finds count.
     n_searches = 1 if mark is None else min(1 + mark.searches + mark.tries, _SEARCHES)
     grasps: list[Grasp] = []
@@ -198,15 +201,15 @@ def plan_grasp(context: Context) -> StepResult:
         seed = int(context.rng.integers(2**31))
         found = context.pipeline.plan(cycle.seen, object_label=label, seed=seed)
         for grasp in found.plan.grasps:
-            known = (*failed, *grasps)
+            known = (*in_vain, *grasps)
             if grasp.arm in context.limbs and not any(
                 _is_like(grasp, other) for other in known
             ):
                 grasps.append(grasp)
     if not grasps:
         why = found.plan.why_empty or "no hand in use takes any of the grasps"
-        if failed and found.plan.grasps:
-            why = "all grasps are like those that failed"
+        if mark is not None and found.plan.grasps:
+            why = mark.reason  # all are like those that failed
         unreached = found.plan.rejections.get("out of reach", 0)
         name = (
             "unreachable"
@@ -304,16 +307,25 @@ def plan_motion(context: Context) -> StepResult:
         space,
         passage=passage,
         present=context.joint_values(),
+        known={
+            name: limb.ways
+            for name, limb in context.limbs.items()
+            if limb.ways is not None
+        },
         config=config,
         accepted=lambda motion: _no_drop(context, motion, space),
         rng=context.rng,
     )
     if found.chosen is None:
         reasons = [reason for _, reason in found.passed_over]
-        is_far = all("posture" in r for r in reasons)
+        is_far = all(MotionStatus.NO_GOAL_POSTURE.value in r for r in reasons)
         name = "unreachable" if is_far else "plan_collision"
         return FaultFound(name, found.why_none)
     cycle.motion = found.chosen
+    limb, path = context.limbs[found.chosen.arm], found.chosen.reach.path
+    assert path is not None
+    before = path[:0] if limb.ways is None else limb.ways
+    limb.ways = np.concatenate([before, path[1:]])[-_KNOWN:]
     seconds = {k: round(v.duration, 3) for k, v in found.chosen.trajectories.items()}
     return Done(
         {

@@ -16,7 +16,6 @@ from debrisgrasp.control import (
 )
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.pipeline import GraspMotion
-from debrisgrasp.planning import Grasp
 
 from .context import FINGER_TICKS, Context, Held, LimbState
 from .drive import Drive
@@ -27,8 +26,9 @@ from .result import Done, FaultFound, StepResult
 
 __all__ = ["close", "verify_grasp"]
 
-_GENTLE, _FIRM = 100.0, 200.0
-"""A claw could crush: a finger squeezes as the weight demands, within these [N]."""
+_SQUEEZE = 200.0
+"""A claw could crush: no finger squeezes harder [N]. Claws that hold, in physics, at
+their full force hold at this, and one of four does not at half of it."""
 _PUSHED = 45.0
 """Pushed by more while it closes, the hand gives way [N] ..."""
 _GIVE = 0.002
@@ -248,7 +248,7 @@ def _grip_of(context: Context, limb: LimbState, motion: GraspMotion) -> Held:
     grasp = motion.grasp
     opening = opening_of(limb, grasp)
     most = limb.hand.max_force
-    squeeze = min(0.9 * most, _squeeze_for(grasp))
+    squeeze = min(0.9 * most, _SQUEEZE)
 
     def config(period: float) -> GripConfig:
         return GripConfig(
@@ -273,10 +273,3 @@ def _grip_of(context: Context, limb: LimbState, motion: GraspMotion) -> Held:
         watch=GripController(config(FINGER_TICKS * period)),
         state=grip.preshape(Drive(context, motion.arm).fingers()),
     )
-
-
-def _squeeze_for(grasp: Grasp) -> float:
-    """Squeeze of each finger that holds what the object may weigh [N]."""
-    if grasp.load is None:
-        return _GENTLE
-    return float(np.clip(grasp.load.grip[1], _GENTLE, _FIRM))

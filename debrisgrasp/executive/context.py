@@ -78,6 +78,8 @@ class LimbState:
     """When joints were commanded last, by the robot's clock [s], and to where (d,)."""
     trail: list[FloatArray] = field(default_factory=list)
     """Postures on its way since it was at rest, each (d,); see `went`."""
+    ways: FloatArray | None = None
+    """Corners (k, d) of ways that it found to grasps, the latest."""
     is_own_joint: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Which of its joints no other arm moves, shape (d,)."""
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control import (
     CartesianLeg,
     Compliance,
@@ -249,8 +250,7 @@ class Drive(Senses):
             state, command = controller.step(state, reading)
             self._note(reading.time, command.load)
             if command.stop is not None:
-                self._halt()
-                return self._fault(command.stop, reading)
+                return self._stopped(command.stop, reading)
             self._send(command.q)
             fault = self._watched_fingers(command.load)
             if fault is not None:
@@ -269,8 +269,7 @@ class Drive(Senses):
             clock.wait_until(clock.now() + self.period)
             state, command = controller.step(state, self.read())
             if command.stop is not None:
-                self._halt()
-                return self._fault(command.stop, reading)
+                return self._stopped(command.stop, reading)
             self._send(command.q)
         return LegEnd(state.outcome, state.share, controller.leg.length)
 
@@ -339,7 +338,7 @@ class Drive(Senses):
         held = self.context.held
         if self.context.state is not State.TRANSPORT or held is None:
             return _SAFETY
-        turn = 9.81 * held.payload.mass * _UNSURE_COM
+        turn = GRAVITY * held.payload.mass * _UNSURE_COM
         return replace(_CARRYING, motion_torque=(_CARRYING.motion_torque or 0.0) + turn)
 
     def supervised(
@@ -391,8 +390,7 @@ class Drive(Senses):
         )
         self._note(reading.time, verdict.load)
         if state.stop is not None:
-            self._halt()
-            return self._fault(state.stop, reading), state, reading
+            return self._stopped(state.stop, reading), state, reading
         if with_fingers:
             return self._watched_fingers(verdict.load), state, reading
         return None, state, reading

@@ -100,11 +100,13 @@ def drop_postures(
     found: list[FloatArray] = []
     partly: list[FloatArray] = []
     places, rest = _places(context, limb), _at_rest(context, limb)
-    # As it will be remembered where it lies.
+    # As it will be remembered where it lies, and is planned with: the corners of a box
+    # may be lower than all that was seen.
     body = lying(SE3.identity(), points_hand) if len(points_hand) else points_hand
-    for n, tilt in enumerate(_TILTS):
-        for place in places[: _LEANING if n else None]:
-            goals = _poses(context, points_hand, limb.pose(q), place, tilt)
+    tries = [(points_hand, _TILTS[0]), *((body, tilt) for tilt in _TILTS)]
+    for n, (points, tilt) in enumerate(tries):
+        for place in places[: _LEANING if n > 1 else None]:
+            goals = _poses(context, points, limb.pose(q), place, tilt)
             goals = goals[~_is_met(rest, body, goals)]
             if not len(goals.p):
                 continue

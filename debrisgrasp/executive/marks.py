@@ -5,6 +5,7 @@ Labels change from look to look; the middle of an object that nobody moved does 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -47,6 +48,18 @@ class Mark:
     """Whether it is too heavy to carry: by the scales, or because it never comes."""
     failed: list[Grasp] = field(default_factory=list)
     """Grasps that were tried on it."""
+    unreached: tuple[object, tuple[Grasp, ...]] = (None, ())
+    """A look, and grasps to which no way was found as the pile lies there."""
+
+    def in_vain(self, look: object) -> list[Grasp]:
+        """Grasps that are no use by a look: tried, or sought a way to by this look."""
+        before, grasps = self.unreached
+        return [*self.failed, *(grasps if before is look else ())]
+
+    def sought(self, look: object, grasps: Sequence[Grasp]) -> None:
+        """Remember grasps to which a search found no way."""
+        before, others = self.unreached
+        self.unreached = look, (*(others if before is look else ()), *grasps)
 
 
 @dataclass(eq=False)

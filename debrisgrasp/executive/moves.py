@@ -315,4 +315,6 @@ def let_go(context: Context, opening: float | None = None) -> FaultFound | None:
     fault = loosen(Drive(context, held.arm), most)
     if fault is not None:
         context.held = held
-    return fault
+        return fault
+    context.cycle.speed = 1.0  # what was held swings and touches no more
+    return None

@@ -23,6 +23,11 @@ _GRAIN = 0.025
 _STANDS_FREE = 0.02
 """Where an arm stands there is nothing, whatever noise and boxes say, nor so near [m]:
 else no way out would begin."""
+_THINNEST = 0.01
+"""No box is thinner [m]."""
+_TURNS = np.radians(np.linspace(-45.0, 45.0, 31))
+_ABOUT = (0, 1, 2, 0, 1, 2)
+"""Axes about which it is turned, one after another, by the best of some angles."""
 BARE = np.array([0.0, 0.0, 1.0, 0.0])
 """Plane of the ground where none was seen."""
 
@@ -118,17 +123,41 @@ def lying(T_base_hand: SE3, points_hand: FloatArray) -> FloatArray:
 
 
 def box_around(points: FloatArray) -> UrdfShape:
-    """Box along the principal axes of points (n, 3), in their frame."""
+    """Small box around points (n, 3), in their frame.
+
+    That along their principal axes may be much larger, for they say little of something
+    that is about as wide as it is high: it is turned until it is small.
+    """
     middle = points.mean(axis=0)
-    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
+    _, _, principal = np.linalg.svd(points - middle, full_matrices=False)
+    turned = [_turned(points - middle, axes) for axes in (principal, np.eye(3))]
+    axes = min(turned, key=lambda axes: _volume((points - middle) @ axes.T))
     if np.linalg.det(axes) < 0.0:
         axes[2] = -axes[2]
     along = (points - middle) @ axes.T
     low, high = along.min(axis=0), along.max(axis=0)
     center = middle + 0.5 * (low + high) @ axes
-    size = np.maximum(high - low, 0.01)
+    size = np.maximum(high - low, _THINNEST)
     return UrdfShape(
         kind="box",
         size=tuple(size.tolist()),
         T_link_shape=SE3.from_parts(axes.T, center),
     )
+
+
+def _turned(points: FloatArray, axes: FloatArray) -> FloatArray:
+    """Axes (3, 3), in rows, turned about each other until the box is small."""
+    for fixed in _ABOUT:
+        one, other = (fixed + 1) % 3, (fixed + 2) % 3
+        c, s = np.cos(_TURNS), np.sin(_TURNS)
+        tried = np.tile(axes, (len(_TURNS), 1, 1))
+        tried[:, one] = c[:, None] * axes[one] + s[:, None] * axes[other]
+        tried[:, other] = c[:, None] * axes[other] - s[:, None] * axes[one]
+        axes = tried[int(_volume(points @ tried.transpose(0, 2, 1)).argmin())]
+    return axes
+
+
+def _volume(along: FloatArray) -> FloatArray:
+    """Volume of boxes around points (..., n, 3) along their axes [m^3], shape (...)."""
+    size = np.maximum(np.ptp(along, axis=-2), _THINNEST)
+    return np.asarray(size.prod(axis=-1))

@@ -96,6 +96,13 @@ class RunResult:
         return sum(attempt.is_removed for attempt in self.attempts)
 
     @property
+    def is_all_driven_over(self) -> bool:
+        """Whether the way is clear with nothing removed, for all in it is low."""
+        is_low = [reason.startswith("drive over") for reason in self.left.values()]
+        is_clear = self.end is RunEnd.CLEARED and not self.n_removed
+        return is_clear and bool(is_low) and all(is_low)
+
+    @property
     def first_fault(self) -> FaultEvent | None:
         """First fault of the first attempt in which there is any, in stage order."""
         return min(self.faults, key=_stage_of, default=None)

@@ -44,6 +44,8 @@ _CLOSE = 2.5
 """[m]."""
 _BESIDE = (0.15, 0.95)
 """Heights of such places [m]."""
+_LOW = 0.3
+"""Height of what is looked at beside the robot [m]."""
 _LEAST_SEEN = 0.02
 """Share of the image of the workspace with depth below which nothing was seen."""
 _DROP_ROOM = 0.2
@@ -73,10 +75,15 @@ def look_around(context: Context) -> None:
     low, high = context.settings.bounds.lower, context.settings.bounds.upper
     middle = 0.5 * (low + high)
     places = [np.array([*middle[:2], 0.75 * high[2]])]
-    for arm in context.limbs:
-        place = np.array(context.settings.drop_off[arm])
-        place = _TOWARDS * place + (1.0 - _TOWARDS) * middle[:2]
+    for name, limb in context.limbs.items():
+        drop_off = np.array(context.settings.drop_off[name])
+        place = _TOWARDS * drop_off + (1.0 - _TOWARDS) * middle[:2]
         places += [np.array([*place, height]) for height in _BESIDE]
+        # To and from its rest a hand swings wide of the robot: twice the middle of rest
+        # and drop-off is beside it.
+        hand = limb.pose(context.posture(limb)).p
+        aside = np.array([*(hand[:2] + drop_off), _LOW])
+        places.append(context.T_base_way.inverse().apply(aside))
     links = context.model.links_solids(context.joint_values())
     context.known.stands([solid.bounds for _, solid in links])
     for place in places:

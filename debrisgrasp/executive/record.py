@@ -180,6 +180,13 @@ def load_run(folder: str | os.PathLike[str]) -> StoredRun:
         If the folder holds none, or a line other than the last is damaged.
     """
     folder = Path(folder)
+    if not (folder / _INPUTS).is_file():
+        raise ConfigError(
+            f"{folder}",
+            got=f"no {_INPUTS} in it" if folder.is_dir() else "no folder",
+            expected="the record of a run",
+            mend="`debrisgrasp clear --record DIR` writes one.",
+        )
     inputs = read_json(folder / _INPUTS)
     if not isinstance(inputs, dict) or inputs.get("schema") != SCHEMA:
         got = inputs.get("schema") if isinstance(inputs, dict) else type(inputs)

@@ -53,6 +53,8 @@ STEPS: Mapping[State, Callable[[Context], StepResult]] = {
     State.RETREAT: releasing.retreat,
 }
 """What each state does."""
+_RECOVERIES = 4
+"""So many times an arm is brought out of the pile and to rest, before the run ends."""
 _OF_THE_PILE = (FaultClass.BAD_GRASP, FaultClass.PLANNING)
 
 
@@ -185,18 +187,19 @@ class Executive:
             return State.SAFE_STOP
         if answer.action is Action.ABORT:
             return State.ABORT
-        if context.cycle.centroid is not None and answer.action in (
-            Action.NEXT,
-            Action.RETRY,
-        ):
+        cycle = context.cycle
+        is_tried_on = answer.action in (Action.NEXT, Action.RETRY)
+        if cycle.centroid is not None and is_tried_on:
             mark = context.marks.add(
-                context.cycle.centroid, found, context.n_changes,
+                cycle.centroid, found, context.n_changes,
                 is_search=state in (State.PLAN_GRASP, State.PLAN_MOTION),
-                is_same_try=context.cycle.is_marked,
+                is_same_try=cycle.is_marked,
             )  # fmt: skip
-            context.cycle.is_marked = True
-            if context.cycle.motion is not None:
-                mark.failed.append(context.cycle.motion.grasp)
+            cycle.is_marked = True
+            if cycle.motion is not None:
+                mark.failed.append(cycle.motion.grasp)
+            elif state is State.PLAN_MOTION and cycle.plan is not None:
+                mark.sought(cycle.seen, cycle.plan.plan.grasps)
         if answer.action is Action.SKIP:
             assert answer.resume is not None
             return answer.resume
@@ -220,7 +223,7 @@ class Executive:
     def _recovered(self, event: FaultEvent, answer: Answer) -> State | None:
         """Carry an answer out; a state if that failed, and the run must end there."""
         context = self.context
-        for n_left in (1, 0):
+        for n_left in reversed(range(_RECOVERIES)):
             result = _guarded(lambda: recover(context, event, answer))
             self._flush_trace(State.RECOVER)
             if not isinstance(result, FaultFound):

@@ -9,6 +9,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import (
+    Fault,
     FingerReading,
     GripCommand,
     GripPhase,
@@ -87,8 +88,21 @@ class Senses:
         """Stop the arm; fingers that were closing go on no more either."""
         self.devices.arm.stop()
         if self.context.state in _CLOSING:
-            command = GripCommand(tuple(self.fingers().openings), _SLACK)
-            self.devices.gripper.command(command)
+            self._stay(_SLACK)
+
+    def _stay(self, force: float) -> None:
+        """Leave the fingers where they are."""
+        command = GripCommand(tuple(self.fingers().openings), force)
+        self.devices.gripper.command(command)
+
+    def _stopped(self, stop: Stop, reading: Reading) -> FaultFound:
+        """Halt, and name the fault; under too much load the fingers press no more."""
+        self._halt()
+        held = self.context.held
+        is_held = held is not None and held.arm == self.limb.name
+        if held is not None and is_held and stop.fault is Fault.OVERLOAD:
+            self._stay(held.grip.config.squeeze)
+        return self._fault(stop, reading)
 
     def _watched_fingers(self, load: tuple[float, ...]) -> FaultFound | None:
         """While something is held: go on squeezing, and notice when it is lost."""

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, require_finite, require_trailing
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import CaptureError
 
 __all__ = ["Intrinsics"]
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intrinsics:
     """Pinhole intrinsics in pixels; pixel centres at integer coordinates.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import counted
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Intrinsics
 
@@ -58,9 +59,7 @@ def checked_depth(depth: object, intrinsics: Intrinsics | None) -> FloatArray:
             mend="Look at the camera: covered, too close, or not streaming.",
         )
     _require_metres(float(np.median(measured)), "median depth", _FARTHEST_MEDIAN)
-    _require_near(
-        float(measured.max()), "depth", "Write 0 or NaN where nothing is seen."
-    )
+    _require_near(measured, "depth", "Write 0 or NaN where nothing is seen.")
     cleaned.flags.writeable = False
     return cleaned
 
@@ -93,7 +92,7 @@ def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, Float
             expected=f"at least {_FEWEST_POINTS}",
         )
     _require_near(
-        float(np.abs(measured).max()),
+        measured,
         "points",
         "Drop broken points, and give positions relative to a near origin.",
     )
@@ -125,17 +124,12 @@ def checked_image(image: object, name: str, shape: tuple[int, ...]) -> NDArray[A
     return copy
 
 
-def checked_pose(pose: object, name: str) -> None:
+def checked_pose(pose: SE3 | None, name: str) -> None:
     """Raise unless ``pose`` is None or one rigid transform."""
     if pose is None:
         return
-    if not isinstance(pose, SE3) or pose.batch:
-        raise CaptureError(
-            name,
-            got=f"a batch {pose.batch}" if isinstance(pose, SE3) else type(pose),
-            expected="one SE3",
-            mend="Build it with SE3.from_matrix(matrix).",
-        )
+    if pose.batch:
+        raise CaptureError(name, got=f"a batch {pose.batch}", expected="one pose")
     SE3.from_matrix(pose.matrix, name)
     if np.abs(pose.p).max() > _FARTHEST:
         raise CaptureError(
@@ -162,11 +156,12 @@ def _require_floats(array: NDArray[Any], name: str) -> None:
     )
 
 
-def _require_near(farthest: float, what: str, mend: str) -> None:
-    if farthest > _FARTHEST_COORDINATE:
+def _require_near(measured: FloatArray, what: str, mend: str) -> None:
+    far = np.abs(measured)
+    if n_far := int(np.count_nonzero(far > _FARTHEST_COORDINATE)):
         raise CaptureError(
             what,
-            got=f"a coordinate of {farthest:g} m",
+            got=f"{counted(n_far, 'value')} of {far.size} up to {far.max():g} m",
             expected=f"at most {_FARTHEST_COORDINATE:g} m",
             mend=mend,
         )

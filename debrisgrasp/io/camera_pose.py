@@ -7,18 +7,24 @@ from typing import Any, Literal
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, require_metres
 from debrisgrasp._files import UNREADABLE_ARRAY, read_json, read_yaml, why_unreadable
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 
-__all__ = ["CameraPose", "parse_camera_pose", "pose_from_rows", "require_radians"]
+__all__ = [
+    "CameraPose",
+    "parse_camera_pose",
+    "parse_pose",
+    "pose_from_rows",
+    "require_radians",
+]
 
 CameraPose = SE3 | Literal["level"]
 """A measured pose of the camera in the base frame, or ``"level"`` for the frame that
 was derived from the scene."""
 
-_FORMS = "'level', x,y,z,roll,pitch,yaw, or a .npy, .json, .yaml or .txt file"
+_FORMS = "x,y,z,roll,pitch,yaw, or a .npy, .json, .yaml or .txt file with a 4x4"
 
 
 def parse_camera_pose(text: str) -> CameraPose:
@@ -38,16 +44,24 @@ def parse_camera_pose(text: str) -> CameraPose:
     """
     if text == "level":
         return "level"
+    return parse_pose(text, "camera pose", f"'level', {_FORMS}")
+
+
+def parse_pose(text: str, what: str, forms: str = _FORMS) -> SE3:
+    """Read a pose as `parse_camera_pose` does, of whatever an error then names."""
     suffix = Path(text).suffix.lower()
     if suffix in _READERS:
-        return pose_from_rows(_READERS[suffix](Path(text)), f"camera pose in {text}")
+        return pose_from_rows(_READERS[suffix](Path(text)), f"{what} in {text}")
     try:
         numbers = np.array([float(word) for word in text.split(",")])
     except ValueError as error:
-        raise ConfigError("camera pose", got=repr(text), expected=_FORMS) from error
-    if numbers.shape != (6,) or not np.isfinite(numbers).all():
-        raise ConfigError("camera pose", got=repr(text), expected=_FORMS)
-    require_radians(numbers[3:], "camera pose")
+        raise ConfigError(what, got=repr(text), expected=forms) from error
+    if numbers.shape != (6,):
+        raise ConfigError(what, got=repr(text), expected=forms)
+    if not np.isfinite(numbers).all():
+        raise ConfigError(what, got=repr(text), expected="finite numbers")
+    require_metres(what, numbers[:3])
+    require_radians(numbers[3:], what)
     return SE3.from_parts(so3.from_rpy(numbers[3:]), numbers[:3])
 
 
@@ -77,9 +91,11 @@ def pose_from_rows(rows: Any, name: str) -> SE3:
     if matrix.shape not in ((4, 4), (16,)):
         raise ConfigError(name, got=f"shape {matrix.shape}", expected="a 4x4 matrix")
     try:
-        return SE3.from_matrix(matrix.reshape(4, 4), name)
+        pose = SE3.from_matrix(matrix.reshape(4, 4), name)
     except InputError as error:
         raise ConfigError.about(error.what, error) from error
+    require_metres(name, pose.p)
+    return pose
 
 
 def _read_npy(path: Path) -> Any:

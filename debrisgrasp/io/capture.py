@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
-from debrisgrasp._checked import checked
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._files import write_atomic
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import (
@@ -34,6 +34,7 @@ from .ply import read_ply
 __all__ = ["Capture"]
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Capture:
     """A depth image with its camera, or a cloud with its viewpoint."""
@@ -127,7 +128,7 @@ class Capture:
                 if content.get("points") is None:
                     raise _unused("viewpoint", "a depth image, seen from its camera")
                 content["viewpoint"] = np.asarray(viewpoint)
-            capture = cls(**content, name=path.stem)
+            capture = cls(**content, name=path.name if path.is_dir() else path.stem)
             return capture if camera_pose is None else capture.posed(camera_pose)
 
     def posed(self, camera_pose: CameraPose) -> Capture:
@@ -145,7 +146,7 @@ class Capture:
             return replace(self, T_base_camera=camera_pose)
         if self.T_level_camera is None:
             raise CaptureError(
-                "camera pose",
+                f"camera pose of {self.name}",
                 got="'level', but the capture has no T_level_camera",
                 expected="a capture with T_level_camera, or a measured pose",
                 mend="Give the pose as a file or as x,y,z,roll,pitch,yaw.",

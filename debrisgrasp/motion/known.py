@@ -16,6 +16,8 @@ from .edges import EdgeTest
 
 __all__ = ["reached"]
 
+_SHORTEST = 1e-6
+"""Length of an edge between two that are the same [rad or m]."""
 _NEIGHBOURS = 6
 """Each posture is joined to so many next to it, and to those before and after it."""
 
@@ -45,7 +47,8 @@ def reached(
     free = edges.are_free(nodes[pairs[:, 0]], nodes[pairs[:, 1]])
     free &= edges.is_free(nodes)[pairs].all(axis=1)
     one, other = pairs[free].T
-    length = np.abs(nodes[one] - nodes[other]).max(axis=1)
+    # Of two that are the same, too, one comes before the other.
+    length = np.maximum(np.abs(nodes[one] - nodes[other]).max(axis=1), _SHORTEST)
     graph = coo_array((length, (one, other)), shape=(len(nodes),) * 2)
     away, before, _ = dijkstra(
         graph.tocsr(),

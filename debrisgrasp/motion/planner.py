@@ -93,6 +93,7 @@ class MotionPlanner:
         *,
         rng: Rng,
         known: ArrayLike | None = None,
+        max_rounds: int | None = None,
         deadline: float | None = None,
         progress: Progress | None = None,
     ) -> MotionPlan:
@@ -112,6 +113,8 @@ class MotionPlanner:
         known
             Postures (k, d) of a way that the arm has gone, for instance to the start:
             where no straight way leads to the goal the search begins from them, too.
+        max_rounds
+            Of the search by trees; None: as configured.
         deadline
             Seconds after which the search gives up.
         progress
@@ -133,13 +136,15 @@ class MotionPlanner:
             )
         start = self._checked_start(q_start)
         self._require_within(start[None], "start posture")
-        watch = Stopwatch(deadline, progress)
+        watch, config = Stopwatch(deadline, progress), self.config
+        if max_rounds is not None:
+            config = replace(config, max_rounds=max_rounds)
         query = MotionQuery(
             spheres_of_arm=self._spheres,
             discerned=lambda: self._discerned,
             solids_of_arm=self._solids,
             limits=self.limits,
-            config=self.config,
+            config=config,
             space=self._opened(space, start),
             start=start,
             rng=rng,

@@ -108,7 +108,9 @@ def connect(query: PathQuery, *, rng: Rng) -> PathSearch:
     if path is not None:
         return PathSearch(path, rounds, len(start.q) + len(goals.q))
     while rounds < query.max_rounds and not query.is_late():
-        mine, other = (start, goals) if rounds % 2 == 0 else (goals, start)
+        # The smaller one, that is in a corner, needs it more.
+        is_mine = len(start.q) <= len(goals.q)
+        mine, other = (start, goals) if is_mine else (goals, start)
         rounds += 1
         new = _extended(mine, _targets(query, rounds, rng), query.edges)
         if not len(new):

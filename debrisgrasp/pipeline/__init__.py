@@ -1,6 +1,8 @@
 """The stages chained: from a capture to ranked grasps, from a grasp to its motions."""
 
-from .executable import GraspMotion, GraspMotions, MotionsConfig, first_executable
+from .executable import GraspMotions, first_executable
+from .grasp_chain import GraspMotion, MotionsConfig
+from .notes import pose_notes
 from .passage import Passage
 from .perception import Perception, motion_space
 from .pipeline import Pipeline, PipelineConfig, Progress
@@ -24,6 +26,7 @@ __all__ = [
     "first_executable",
     "is_ground",
     "motion_space",
+    "pose_notes",
     "recall_plan",
     "too_small",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -42,6 +42,7 @@ def advice_on(
     labels: IntArray,
     *,
     rng: Rng,
+    is_late: Callable[[], bool],
 ) -> tuple[Advice, ...]:
     """Ask what would free the poses that a search ruled out.
 
@@ -51,6 +52,8 @@ def advice_on(
         What was searched.
     cloud, labels
         Every measured point, and the object that each belongs to, shape (n,).
+    is_late
+        Tells when there is no time for further questions.
     """
     if not len(result.ruled_out):
         return ()
@@ -63,6 +66,7 @@ def advice_on(
         footprint=_footprint(arms),
         least_mass=result.least_mass,
         idle=_idle(arms),
+        is_late=is_late,
     )
     return planner.advise(situation, rng=rng)
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, IntArray
+from debrisgrasp.segmentation import GroundReport
 
 from .second_look import BestSoFar
 
-__all__ = ["deadline_notes", "mask_notes", "mass_notes"]
+__all__ = ["deadline_notes", "mask_notes", "mass_notes", "part_notes", "pose_notes"]
 
+_MOST = 0.8
+"""With such a share of its points in it, an object is in a mask as a whole."""
 _SEVERAL = 0.2
 """With such a share of its points a mask covers an object, and not just touches it."""
 
@@ -22,6 +25,13 @@ def deadline_notes(deadline: float | None, *, is_late: bool) -> tuple[str, ...]:
         f"the deadline of {deadline:g} s cut the search short; "
         "a longer one may find better grasps",
     )
+
+
+def pose_notes(ground: GroundReport) -> tuple[str, ...]:
+    """Say what speaks against the pose of the camera, if anything does."""
+    if not ground.pose_doubt:
+        return ()
+    return (f"camera pose in doubt: {ground.pose_doubt}",)
 
 
 def mass_notes(mass: float | None, best: BestSoFar) -> tuple[str, ...]:
@@ -37,6 +47,26 @@ def mass_notes(mass: float | None, best: BestSoFar) -> tuple[str, ...]:
     else:
         words += "tried; what others weigh is estimated"
     return (words,)
+
+
+def part_notes(
+    is_chosen: BoolArray, whole: BoolArray, is_marked: BoolArray | None
+) -> tuple[str, ...]:
+    """Say that a mask or a region holds only a part of an object, if it does.
+
+    Parameters
+    ----------
+    is_chosen, whole
+        Which points are sought, and which are lifted with them, shapes (n,).
+    """
+    share = np.count_nonzero(is_chosen) / max(1, int(np.count_nonzero(whole)))
+    if share > _MOST:
+        return ()
+    holder = "region" if is_marked is None else "mask"
+    return (
+        f"the {holder} holds {share:.0%} of what was seen of the object: it is gripped "
+        "there, and weighed and pulled out as a whole",
+    )
 
 
 def mask_notes(is_marked: BoolArray | None, labels: IntArray) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp._stopwatch import Stopwatch
+from debrisgrasp._workers import beside
 from debrisgrasp.geometry import (
     DepthSight,
     LineOfSight,
@@ -27,7 +28,8 @@ from debrisgrasp.segmentation import (
     segment_cloud,
 )
 
-from .targets import Target
+from .notes import mask_notes, part_notes, pose_notes
+from .targets import Target, whole_of
 
 __all__ = ["Perception", "motion_space"]
 
@@ -52,6 +54,8 @@ class Perception:
     is_marked: BoolArray | None
     """Which points a mask of the capture marks, shape (n,); None without a mask."""
     scene_config: SceneConfig
+    workers: int
+    """See `PipelineConfig.workers`."""
     _order: tuple[SelectionPolicy, tuple[Candidate, ...]] | None = None
     _scenes: dict[tuple[object, ...], GraspScene] = field(default_factory=dict)
 
@@ -62,6 +66,7 @@ class Perception:
         segmentation: SegmentationConfig,
         scene: SceneConfig,
         watch: Stopwatch,
+        workers: int,
     ) -> Perception:
         """Look at a capture.
 
@@ -85,6 +90,7 @@ class Perception:
             segmentation=found,
             is_marked=marked,
             scene_config=scene,
+            workers=workers,
         )
 
     @cached_property
@@ -101,7 +107,9 @@ class Perception:
     def order(self, policy: SelectionPolicy) -> tuple[Candidate, ...]:
         """Order the objects, anew only for another policy."""
         if self._order is None or self._order[0] is not policy:
-            self._order = policy, policy.order(self.segmentation, self.cloud)
+            # Whatever comes first, planning on it asks for the obstacles.
+            with beside(lambda: self.obstacles, workers=self.workers):
+                self._order = policy, policy.order(self.segmentation, self.cloud)
         return self._order[1]
 
     def scene(self, target: Target) -> GraspScene:
@@ -120,19 +128,37 @@ class Perception:
                 self.scene_config,
                 ground_plane=self.ground_plane,
                 belongs=self._belongs(target),
+                workers=self.workers,
             )
         return self._scenes[key]
 
-    def _belongs(self, target: Target) -> FloatArray | None:
-        """How likely each point that planning sees is of one object with a target.
-
-        None for what somebody marked or cut out: that is what they want.
-        """
+    def _belongs(self, target: Target) -> FloatArray:
+        """How likely each point that planning sees is of one object with a target."""
         if not target.label or self.is_marked is not None:
-            return None
+            _, whole = self.chosen_and_whole(target)
+            return whole[self._thinned].astype(np.float64)
         belonging = self.segmentation.belonging(target.label)
         found: FloatArray = belonging[self.segmentation.labels[self._thinned]]
         return found
+
+    def notes(self, chosen: Target | None) -> tuple[str, ...]:
+        """Say what to know of the pose, a mask, and a target that somebody chose."""
+        notes = pose_notes(self.segmentation.ground)
+        notes += mask_notes(self.is_marked, self.segmentation.labels)
+        if chosen is not None:
+            notes += part_notes(*self.chosen_and_whole(chosen), self.is_marked)
+        return notes
+
+    def chosen_and_whole(self, target: Target) -> tuple[BoolArray, BoolArray]:
+        """Which points a mask or a region chooses, and which are lifted with them.
+
+        Returns
+        -------
+        is_chosen, whole
+            Shapes (n,).
+        """
+        is_chosen = target.is_object & target.region.contains(self.cloud.points)
+        return is_chosen, whole_of(self.segmentation, target.label, is_chosen)
 
     @cached_property
     def _thin_cloud(self) -> PointCloud:

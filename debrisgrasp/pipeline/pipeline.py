@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import require_range
+from debrisgrasp._arrays import Rng, require_range
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp.errors import ConfigError
@@ -38,7 +38,7 @@ from debrisgrasp.settings import Settings
 
 from .advice import advice_on, is_poor
 from .inputs import arms_of, require_limits, robot_of
-from .notes import deadline_notes, mask_notes, mass_notes
+from .notes import deadline_notes, mass_notes
 from .perception import Perception
 from .reasons import unfit
 from .result import PlanningResult
@@ -64,15 +64,23 @@ class PipelineConfig:
     """Below this score, objects whose turn is nearly as due are tried too; 0: none."""
     max_further: int = 2
     """How many of them at most."""
+    max_again: int = 2
+    """How often other chains search once more where the best grasp would rather often
+    not hold (below 0.8), or where there is none; 0: never."""
     min_object_points: int = 80
     """Fewer thinned points (one per cell of the planner's grid) than this are a crumb
     of segmentation, not an object to grip."""
+    workers: int = 2
+    """Threads that prepare a scene side by side; more than two find nothing to do. The
+    plan is the same with one."""
 
     def __post_init__(self) -> None:
         require_range("PipelineConfig.max_objects", self.max_objects, 1)
         require_range("PipelineConfig.region_margin [m]", self.region_margin, 0.0)
         require_range("PipelineConfig.doubtful", self.doubtful, 0.0, 1.0)
         require_range("PipelineConfig.max_further", self.max_further, 0)
+        require_range("PipelineConfig.workers", self.workers, 1)
+        require_range("PipelineConfig.max_again", self.max_again, 0)
 
 
 class Pipeline:
@@ -185,7 +193,9 @@ class Pipeline:
 
     def _perceive(self, capture: Capture, watch: Stopwatch) -> Perception:
         config = self.config
-        return Perception.of(capture, config.segmentation, config.planner.scene, watch)
+        return Perception.of(
+            capture, config.segmentation, config.planner.scene, watch, config.workers
+        )
 
     @checked
     def plan(
@@ -214,8 +224,9 @@ class Pipeline:
         seed
             The same seed gives the same plan.
         deadline
-            Seconds after which the search settles for what it has. Objects are tried
-            until one offers a grasp all the same, each with the shortest search.
+            Seconds after which the search settles for what it has, and there is no
+            more advice. Objects are tried until one offers a grasp all the same, each
+            with the shortest search.
         mass
             What the first object that is tried weighs [kg]. Of others, and by default,
             bounds are estimated from what was seen of them; a note of the plan tells if
@@ -253,15 +264,14 @@ class Pipeline:
         is_specific = region is not None or seen.is_marked is not None
         planner = self._specific if is_specific else self._generic
         best = self._first_success(planner, seen, targets, seed, watch, mass)
-        notes = deadline_notes(deadline, is_late=watch.is_late())
-        notes += mass_notes(mass, best)
-        notes += mask_notes(seen.is_marked, seen.segmentation.labels)
         result, target = best.result, best.target
+        notes = deadline_notes(deadline, is_late=watch.is_late())
+        notes += mass_notes(mass, best) + seen.notes(target if is_specific else None)
         grasps: tuple[Grasp, ...] = ()
         advice: tuple[Advice, ...] = ()
         if target is not None:
             grasps = self._grasps(planner, seen, result, target, watch)
-            if advise or is_poor(grasps):
+            if (advise or is_poor(grasps)) and not watch.is_late():
                 advice = self._advice(planner, seen, result, target, seed, watch)
         plan = GraspPlan(
             grasps=grasps,
@@ -319,6 +329,21 @@ class Pipeline:
         """Try the targets in turn until one offers a grasp that is not doubtful."""
         best, n_tried = BestSoFar(self.config.doubtful, self.config.max_further), 0
         root = np.random.default_rng(seed)
+
+        def search(target: Target, beyond: float, rng: Rng) -> SearchResult:
+            with watch.stage("scene"):
+                scene, obstacles = seen.scene(target), seen.obstacles
+            is_first = best.first_tried is None or best.first_tried is target
+            return planner.plan(
+                scene,
+                self.arms,
+                obstacles,
+                rng=rng,
+                watch=watch,
+                mass=mass if is_first else None,  # others weigh something else
+                beyond=beyond,
+            )
+
         for target in targets:
             (rng,) = root.spawn(1)
             is_enough = n_tried == self.config.max_objects
@@ -333,19 +358,12 @@ class Pipeline:
                 best.pass_over(target, reason)
                 continue
             n_tried += 1
-            with watch.stage("scene"):
-                scene, obstacles = seen.scene(target), seen.obstacles
-            known = mass if n_tried == 1 else None  # others weigh something else
-            result = planner.plan(
-                scene,
-                self.arms,
-                obstacles,
-                rng=rng,
-                watch=watch,
-                mass=known,
-                beyond=best.worth_beating(target),
-            )
-            best.take(result, target)
+            best.take(search(target, best.worth_beating(target), rng), target)
+        for target in best.unsettled(self.config.max_again):
+            if watch.is_late():
+                break
+            (rng,) = root.spawn(1)
+            best.improve(search(target, best.score, rng), target)
         return best
 
     def _unfit(self, seen: Perception, target: Target) -> str | None:
@@ -377,4 +395,5 @@ class Pipeline:
                 seen.cloud,
                 seen.segmentation.labels,
                 rng=np.random.default_rng([seed, 1]),
+                is_late=watch.is_late,
             )

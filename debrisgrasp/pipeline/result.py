@@ -16,6 +16,8 @@ from debrisgrasp.planning import GraspPlan
 from debrisgrasp.prototypes import GraspPrototype, GripperModel
 from debrisgrasp.segmentation import Candidate, Segmentation
 
+from .targets import whole_of
+
 __all__ = ["PlanningResult"]
 
 
@@ -40,6 +42,8 @@ class PlanningResult:
         is_own = labels == (plan.object_label or -1)
         if not plan.object_label and plan.region is not None:
             is_own = (labels > 0) & plan.region.contains(self.cloud.points)
+        if not plan.object_label or self.capture.mask is not None:
+            is_own = whole_of(self.segmentation, plan.object_label, is_own)
         points: FloatArray = self.cloud.points[is_own]
         return points
 

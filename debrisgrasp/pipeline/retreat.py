@@ -33,8 +33,8 @@ def with_retreats(
     if not grasps:
         return ()
     points = scene.cloud.points
-    others = points[~scene.is_target & (_height(points, scene.ground_plane) > _GROUND)]
-    own = points[scene.is_target]
+    others = points[~scene.is_own & (_height(points, scene.ground_plane) > _GROUND)]
+    own = points[scene.is_own]
     choice = choose_pull(own, others, _PULL, candidates=_FIRST)
     overlaps = choice.overlaps
     if overlaps.min() > _FREE:

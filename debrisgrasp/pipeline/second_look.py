@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from debrisgrasp.planning import PassedOver, SearchResult
 from debrisgrasp.segmentation import Segmentation
@@ -14,6 +15,8 @@ __all__ = ["BestSoFar"]
 
 _BEST = 0.95
 """Hardly any grasp scores higher: where even this would not do, none is sought."""
+_SETTLED = 0.8
+"""Above this score other chains hardly find better grasps of the same object."""
 
 
 class BestSoFar:
@@ -31,7 +34,7 @@ class BestSoFar:
         self.passed_over: list[PassedOver] = []
         self.result = SearchResult(())
         self.target: Target | None = None
-        self.first_tried: Target | None = None
+        self.tried: list[Target] = []
         self._doubtful, self._left = doubtful, further
         self._first: Target | None = None
         self._worth = 0.0
@@ -40,6 +43,16 @@ class BestSoFar:
     def is_found(self) -> bool:
         """Whether there is a grasp."""
         return self._first is not None
+
+    @property
+    def first_tried(self) -> Target | None:
+        """What was searched first."""
+        return self.tried[0] if self.tried else None
+
+    @property
+    def score(self) -> float:
+        """Score of the best grasp; 0 if there is none."""
+        return self.result.grasps[0].score if self.result.grasps else 0.0
 
     @property
     def is_sure(self) -> bool:
@@ -64,8 +77,7 @@ class BestSoFar:
 
     def take(self, result: SearchResult, target: Target) -> None:
         """Keep the better of what was found and of this."""
-        if self.first_tried is None:
-            self.first_tried = target
+        self.tried.append(target)
         if not result.grasps:
             reason = result.why_empty() or ""
             if self._first is not None and self.target is not None:
@@ -92,6 +104,28 @@ class BestSoFar:
         elif self.target is not None:
             reason = f"{_no_better(self.target)} (score {score:.2f})"
             self.pass_over(target, reason)
+
+    def unsettled(self, times: int) -> Iterator[Target]:
+        """Objects of which one more search may find what the first one missed.
+
+        That is the one with the best grasp, or, if there is none, all that were tried,
+        until a grasp is found that will do; give `improve` what was found.
+        """
+        for _ in range(times):
+            for target in self.tried:
+                is_chosen = target is self.target or not self.is_found
+                if is_chosen and self.score < _SETTLED:
+                    yield target
+
+    def improve(self, result: SearchResult, target: Target) -> None:
+        """Keep the better of what was found and of one more search of an object."""
+        if not result.grasps or result.grasps[0].score <= self.score:
+            return
+        if self._first is None:
+            self._first = target
+            others = [each for each in self.passed_over if each.label != target.label]
+            self.passed_over = others
+        self.result, self.target = result, target
 
     def why_empty(self, segmentation: Segmentation) -> str:
         """One sentence for a plan without grasps."""

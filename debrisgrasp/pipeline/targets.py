@@ -12,7 +12,12 @@ from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import Bounds, PointCloud
 from debrisgrasp.segmentation import Candidate, Segmentation, region_of_interest
 
-__all__ = ["Target", "choose_targets"]
+__all__ = ["Target", "choose_targets", "whole_of"]
+
+_LIKELY = 0.5
+"""More likely than this to be of one object counts as part of it."""
+_SEVERAL = 0.2
+"""What holds such a share of the points in a region lies in it, and not just beside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,3 +97,26 @@ def choose_targets(
     if is_marked is None:
         return targets
     return [replace(t, is_object=t.is_object & is_marked) for t in targets]
+
+
+def whole_of(segmentation: Segmentation, label: int, is_chosen: BoolArray) -> BoolArray:
+    """Find the points of what chosen points are part of, those included, shape (n,).
+
+    A mask or a region says where to grip; what is lifted is the whole.
+
+    Parameters
+    ----------
+    label
+        Of the marked object; 0 for whatever lies in a region.
+    is_chosen
+        Which points are marked or in the region, shape (n,).
+    """
+    labels = segmentation.labels
+    if label:
+        is_part = segmentation.belonging(label) > _LIKELY
+    else:
+        count = np.bincount(labels[is_chosen], minlength=len(segmentation.segments) + 1)
+        is_part = count > _SEVERAL * count.sum()
+        is_part[0] = False
+    whole: BoolArray = is_chosen | is_part[labels]
+    return whole

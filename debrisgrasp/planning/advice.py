@@ -8,7 +8,7 @@ counted.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -87,6 +87,8 @@ class Situation:
     """Lower bound on the mass of the object [kg]."""
     idle: Sequence[Arm] = ()
     """Arms that the robot has, but that were not to be used."""
+    is_late: Callable[[], bool] = lambda: False
+    """Tells when there is no time for further questions."""
 
 
 class Advisor:
@@ -120,7 +122,11 @@ class Advisor:
             self._view(situation, similarity),
             _mass(situation),
         )
-        found = [advice for question in questions for advice in question]
+        found: list[Advice] = []
+        for question in questions:
+            if situation.is_late():
+                break
+            found += question
         found.sort(key=lambda advice: -advice.freed)
         return tuple(found[:_MOST])
 
@@ -295,15 +301,16 @@ class Advisor:
         scene, owners = situation.scene, situation.owners
         Ts, prototype = _picked(situation.ruled_out, *_CROWDED)
         labels, counts = np.unique(
-            owners[~scene.is_target & (owners > 0)], return_counts=True
+            owners[~scene.is_own & (owners > 0)], return_counts=True
         )
         labels = labels[np.argsort(-counts, kind="stable")][:_NEIGHBORS]
         for label in labels.tolist() if len(Ts) else []:
-            kept = scene.is_target | (owners != label)
+            kept = scene.is_own | (owners != label)
             without = replace(
                 scene,
                 cloud=scene.cloud.selected(kept),
                 is_target=scene.is_target[kept],
+                is_own=scene.is_own[kept],
             )
             freed = int(self._is_free(without, self._hands, Ts, prototype).sum())
             if freed:

@@ -100,7 +100,7 @@ class Walkers:
 class Schedule:
     """How the temperature falls."""
 
-    sweeps: int = 12
+    sweeps: int = 9
     """Moves offered to every walker. More finds more and takes proportionally long."""
     hot: float = 0.5
     """Temperature at the start."""

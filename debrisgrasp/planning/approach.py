@@ -19,7 +19,6 @@ from debrisgrasp._arrays import (
 )
 from debrisgrasp.errors import ConfigError
 
-from .hand_space import HandSpace
 from .hands import PackedHands
 from .inspection import Inspection, InspectionConfig
 from .scene import GraspScene
@@ -28,7 +27,10 @@ __all__ = ["ApproachConfig", "Ways"]
 
 _MOST_RELIEVED = 30
 """Poses with a blocked approach for which other ways are looked for."""
-_SOLID = HandSpace.PALM | HandSpace.FINGER
+_ROOM = 0.01
+"""A hand that comes to its stand-off may be off by so much [m]."""
+_ASIDE = _ROOM * np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+"""In these ways, palm frame, shape (4, 3)."""
 _TOGETHER = 150_000
 """Points of all poses that are looked at together: their arrays stay in the cache."""
 
@@ -143,6 +145,43 @@ class Ways:
         found: FloatArray = length[:, None] * ways[np.arange(len(ways)), best]
         return found
 
+    def roomy(
+        self, Ts_base_hand: FloatArray, prototype: IntArray, offsets: FloatArray
+    ) -> FloatArray:
+        """Shorten stand-offs to places where the hand has room for an error.
+
+        Parameters
+        ----------
+        Ts_base_hand, prototype
+            Palm poses (k, 4, 4), and whose hand each carries (k,).
+        offsets
+            Of the palm in base [m], as `approaches` gives them, shape (k, 3).
+
+        Returns
+        -------
+        FloatArray
+            The same or shorter ones, never below the shortest; as they were where no
+            place has room. Shape (k, 3).
+        """
+        length = np.linalg.norm(offsets, axis=1)
+        rows = np.flatnonzero(length >= self._config.shortest)
+        if not len(rows):
+            return offsets
+        Ts, which = Ts_base_hand[rows], prototype[rows]
+        away = offsets[rows] / length[rows, None]
+        ways = away[:, None] @ Ts[:, :3, :3]
+        steps = self._config.steps(self._config.longest)
+        steps = steps[steps >= self._config.shortest - 1e-6]
+        every = np.ones(len(self._targets), dtype=bool)
+        ways = np.repeat(ways, len(_ASIDE), axis=1)
+        is_blocked = self._blocked(Ts, which, ways, steps, every, _ASIDE)
+        has_room = (steps <= length[rows, None] + 1e-6) & ~is_blocked.any(axis=1)
+        last = len(steps) - 1 - has_room[:, ::-1].argmax(axis=1)
+        found = offsets.copy()
+        share = np.where(has_room.any(axis=1), steps[last], length[rows])
+        found[rows] = share[:, None] * away
+        return found
+
     def retreats(
         self,
         Ts_base_hand: FloatArray,
@@ -174,14 +213,8 @@ class Ways:
 
         Parameters
         ----------
-        Ts, which
-            Palm poses (k, 4, 4), and whose hand each carries (k,).
-        ways
-            Unit vectors in the palm frames, shape (k, d, 3).
         longest
             How far to look [m].
-        counts
-            Which points can be in the way, shape (n,).
 
         Returns
         -------
@@ -189,21 +222,55 @@ class Ways:
             [m], shape (k, d).
         """
         steps = self._config.steps(longest)
+        is_blocked = self._blocked(Ts, which, ways, steps, counts)
+        n_free = np.count_nonzero(np.cumsum(is_blocked, axis=-1) == 0, axis=-1)
+        length: FloatArray = np.concatenate([[0.0], steps])[n_free]
+        return length
+
+    def _blocked(
+        self,
+        Ts: FloatArray,
+        which: IntArray,
+        ways: FloatArray,
+        steps: FloatArray,
+        counts: BoolArray,
+        aside: FloatArray | None = None,
+    ) -> BoolArray:
+        """Whether points get into the solids of hands that were moved back.
+
+        Parameters
+        ----------
+        Ts, which
+            Palm poses (k, 4, 4), and whose hand each carries (k,).
+        ways
+            Unit vectors in the palm frames, shape (k, d, 3).
+        steps
+            How far [m], shape (s,).
+        counts
+            Which points can be in the way, shape (n,).
+        aside
+            How far beside the hands each of the ways begins [m], palm frame, (d, 3).
+
+        Returns
+        -------
+        BoolArray
+            Shape (k, d, s).
+        """
+        aside = np.zeros((ways.shape[1], 3)) if aside is None else aside
         spaces, index = self._hands.spaces, self._hands.space_index[which]
         middle = (Ts[:, :3, :3] @ spaces.middle[index][..., None])[..., 0]
         middle += Ts[:, :3, 3]
-        reach = spaces.half[index].max(initial=0.0) * np.sqrt(3.0) + longest
+        reach = spaces.half[index].max(initial=0.0) * np.sqrt(3.0)
+        reach += steps[-1] + np.abs(aside).max()
         near = counts.copy()
         for along, places in zip(self._points, middle.T, strict=True):
             near &= along >= np.float32(places.min(initial=np.inf) - reach)
             near &= along <= np.float32(places.max(initial=-np.inf) + reach)
         points = self._points[:, near]
-        n_free = np.empty(ways.shape[:2], dtype=np.int64)
+        found = np.empty((*ways.shape[:2], len(steps)), dtype=bool)
         n_poses = max(1, _TOGETHER // max(1, points.shape[1]))
         for first in range(0, len(Ts), n_poses):
             some = slice(first, first + n_poses)
-            hits = spaces.hits(points, Ts[some], index[some], ways[some], steps, _SOLID)
-            is_blocked = np.cumsum(hits > self._max_hits, axis=-1) > 0
-            n_free[some] = np.count_nonzero(~is_blocked, axis=-1)
-        length: FloatArray = np.concatenate([[0.0], steps])[n_free]
-        return length
+            hits = spaces.hits(points, Ts[some], index[some], ways[some], aside, steps)
+            found[some] = hits > self._max_hits
+        return found

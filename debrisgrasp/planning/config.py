@@ -57,13 +57,15 @@ class PlannerConfig:
     refinement: LocalMove = LocalMove(position=(0.012, 0.0036), rotation=(0.12, 0.036))
     """Steps of the refinement that follows the annealing: on what the list is sorted
     by."""
-    refinement_sweeps: int = 6
+    refinement_sweeps: int = 4
     """How often steps are offered; only improvements are taken."""
-    refinement_steps: int = 96
+    doubtful_sweeps: int = 6
+    """So many more where the best pose would rather often not hold (below 0.8)."""
+    refinement_steps: int = 144
     """Steps offered in each sweep, to all poses together."""
     refined: tuple[int, int] = (28, 8)
     """So many poses take steps in the first sweep, and in the last: the best."""
-    max_refined: int = 72
+    max_refined: int = 48
     """At most so many distinct poses are judged by what the list is sorted by."""
     exchanged: int = 48
     """At so many of the best poses every other prototype of the hand is tried."""
@@ -74,7 +76,7 @@ class PlannerConfig:
     alignments: int = 2
     """Steps that fit a pose to the surface before it is walked from, and before it is
     refined."""
-    rounds: int = 4
+    rounds: int = 3
     """Parts of the annealing; after each only the best walkers go on."""
     survivors: float = 0.5
     """Share of the walkers that go on after a round."""
@@ -120,6 +122,7 @@ class PlannerConfig:
             )
         for name in _COUNTS:
             require_range(f"PlannerConfig.{name}", getattr(self, name), 1)
+        require_range("PlannerConfig.doubtful_sweeps", self.doubtful_sweeps, 0)
         require_range("PlannerConfig.region_size", self.region_size, 0.0)
         require_range("PlannerConfig.starts", self.starts, self.walkers)
         require_range("PlannerConfig.alignments", self.alignments, 0)

@@ -44,6 +44,12 @@ _SAME = 0.01
 _STRIPS = 4
 """The outline of what was seen is told by the farthest point in each of so many strips
 across the fingers."""
+_HALF_PAD = 0.015
+"""An object that ends by more than this before the middle of a pad misses it [m]."""
+_END_ERROR = 0.008
+"""Standard deviation of where an object ends [m]."""
+_BY_THE_REST = 0.05
+"""Probability that the other fingers hold what one of them misses."""
 _TOGETHER = 200_000
 """Points of all poses looked at together: their arrays stay in the cache."""
 
@@ -108,7 +114,8 @@ class PadLook:
     probability: FloatArray
     """That both sides get to press within their cones, in [0, 1], shape (k,). A side of
     which too little was seen is taken to lean as the outline of the object does, if
-    what was seen of that leaves a finger room there."""
+    what was seen of that leaves a finger room there. Where the object ends before it
+    gets to a finger, that one presses on nothing."""
     is_too_wide: BoolArray
     """Whether a hidden side is so far out that a finger would land on it, (k,)."""
     angles: FloatArray
@@ -148,19 +155,21 @@ class PadContacts:
         Ts_base_hand, prototype
             Poses (k, 4, 4), and whose hand each carries (k,).
         """
-        found = np.empty((len(Ts_base_hand), 6))
+        found = np.empty((len(Ts_base_hand), 7))
         n_poses = max(1, _TOGETHER // max(1, self._points.shape[1]))
         for first in range(0, len(found), n_poses):
             some = slice(first, first + n_poses)
             found[some] = self._look(Ts_base_hand[some], prototype[some])
-        angles, room, leaning = found[:, :2], found[:, 2:4], found[:, 4:]
+        angles, room, leaning = found[:, :2], found[:, 2:4], found[:, 4:6]
         config = self._config
         cone, error = np.arctan(config.friction), config.angle_error
         share = ndtr((cone - np.where(np.isnan(angles), leaning, angles)) / error)
         share /= ndtr(cone / error)
         fits = ndtr((room - _ROOM) / _ROOM_ERROR).prod(axis=1)
+        meets = ndtr((_HALF_PAD - found[:, 6]) / _END_ERROR)
+        meets = _BY_THE_REST + (1.0 - _BY_THE_REST) * meets
         return PadLook(
-            probability=share.prod(axis=1) * fits,
+            probability=share.prod(axis=1) * fits * meets,
             is_too_wide=fits < config.least,
             angles=angles,
             is_seen=np.asarray(np.isfinite(angles).all(axis=1)),
@@ -168,7 +177,7 @@ class PadContacts:
         )
 
     def _look(self, Ts: FloatArray, prototype: IntArray) -> FloatArray:
-        """Angles, room, and lean of the sides, shape (k, 6)."""
+        """Angles, room, and lean of the sides, and overhang, shape (k, 7)."""
         lower, upper = self._zones.lower[prototype], self._zones.upper[prototype]
         wide = np.array([_UNDER, 0.0, 0.0], dtype=np.float32)
         around = self._between(Ts, lower - wide, upper + wide)
@@ -208,7 +217,33 @@ class PadContacts:
                 room[enough] = np.minimum(room[enough], left)
             rooms.append(np.where(is_seen, np.inf, room))
             leaning.append(near.lean(out, is_behind, width))
-        return np.stack(angles + rooms + leaning, axis=1)
+        over = self._overhang(near, is_behind | is_cut, width)
+        return np.stack([*angles, *rooms, *leaning, over], axis=1)
+
+    def _overhang(
+        self, near: _Near, is_open: BoolArray, width: Float32Array
+    ) -> FloatArray:
+        """How far the object ends before the middle of the outermost pad [m], (k,).
+
+        Where it may go on out of sight, that is taken to be so.
+
+        Parameters
+        ----------
+        is_open
+            Which points it may go on behind, shape (m,).
+        width
+            Of the zone of the pads [m], shape (k,).
+        """
+        over = np.full(near.n_poses, -np.inf)
+        margin = np.float32(self._config.margin)
+        for along, end in ((near.y, width), (-near.y, np.zeros_like(width))):
+            last = near.greatest(along, near.pose, -np.inf)
+            is_last = is_open & (along > (last - np.float32(_SAME)).take(near.pose))
+            is_hidden = near.count(is_last) >= self._config.min_points
+            short = np.where(is_hidden, -np.inf, end - margin - last)
+            over = np.maximum(over, short)
+        tells = near.count(near.pose >= 0) >= self._config.min_points
+        return np.where(tells, over, -np.inf)
 
     def _between(
         self, Ts: FloatArray, lower: Float32Array, upper: Float32Array

@@ -39,8 +39,10 @@ _FEWEST = 200
 """Walkers that a search has at least, however few the prototypes."""
 _EARLY = 1.5
 """Above 1 the first rounds, of many walkers, are shorter than the last, of few."""
-_IN_ANY_CASE = 4
+_IN_ANY_CASE = 3
 """Sweeps of the refinement that are made however late it is."""
+_SURE = float(np.log(0.8))
+"""Log of the probability to hold from which a pose is not doubtful."""
 _SETTLE_EVERY = 4
 """Sweeps of the refinement after which the arms are asked."""
 
@@ -151,8 +153,8 @@ def refine(
 ) -> Settled:
     """Take walkers uphill on what grasps are ranked by; only improvements count.
 
-    Each sweep offers the same number of steps to fewer walkers: at first one or two
-    each, in the end many to the best few.
+    Each sweep offers the same number of steps to fewer walkers: at first a few each, in
+    the end many to the best few. Where the best of them is doubtful, these go on.
 
     Parameters
     ----------
@@ -162,10 +164,12 @@ def refine(
         What is sought.
     """
     sweeps, (many, few) = config.refinement_sweeps, config.refined
-    sizes = np.geomspace(many, few, sweeps).round().astype(int)
+    sizes = np.geomspace(many, few, sweeps).round().astype(int).tolist()
     walkers = settled.walkers
-    for index, size in enumerate(sizes.tolist()):
+    for index, size in enumerate(sizes + [few] * config.doubtful_sweeps):
         if index >= _IN_ANY_CASE and is_late():
+            break
+        if index >= sweeps and walkers.best_log_quality.max() >= _SURE:
             break
         rows = distinct(
             walkers.best_Ts_base_hand,
@@ -180,7 +184,7 @@ def refine(
         tries = -(-config.refinement_steps // len(rows))
         every = np.repeat(rows, tries)
         Ts = config.refinement.moved(
-            walkers.best_Ts_base_hand[every], index / sweeps, rng
+            walkers.best_Ts_base_hand[every], min(index / sweeps, 1.0), rng
         )
         # Every other one is fitted to the surface again: long steps along it are free.
         fitted = every[::2]

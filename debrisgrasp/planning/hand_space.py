@@ -42,6 +42,7 @@ class HandSpace(IntFlag):
     """Swept by the fingers while they close, until shortly before they grip."""
 
 
+_SOLID = HandSpace.PALM | HandSpace.FINGER
 MARGIN_STEPS = 7
 """The flags of a place also say how near palm or open fingers come to it, on the way in
 too: their upper three bits are 7 inside, 6 one cell outside, and 0 from 7 cells on."""
@@ -104,7 +105,7 @@ class SpaceOfHand:
             for solid in solids:
                 depth = 0.0 if flag is HandSpace.CLOSING else tolerance
                 hand._mark(solid, flag, depth)
-        is_solid = (flags & (HandSpace.PALM | HandSpace.FINGER)) > 0
+        is_solid = (flags & _SOLID) > 0
         back = max(0, int((approach - widest) / spacing))
         near = np.zeros(shape, dtype=np.uint8)
         near[:, :, back:] = _nearness(is_solid[:, :, back:])
@@ -155,6 +156,8 @@ def _nearness(is_solid: BoolArray) -> np.ndarray:
 
 
 _BEYOND = MARGIN_STEPS**2
+_STILL = 1e-4
+"""What moves less along an axis on all of a way stays in its cell [cells]."""
 
 
 def _greatest_ahead(values: np.ndarray, n: int) -> np.ndarray:
@@ -182,6 +185,9 @@ class PackedSpaces:
     """Centre of each first cell [m], shape (h, 3)."""
     spacing: float
     """Edge of a cell [m]."""
+    solid: IntArray
+    """First cell along x, y, z that the open hand fills, and one past the last, shape
+    (h, 2, 3)."""
 
     @classmethod
     def pack(cls, spaces: Iterable[SpaceOfHand]) -> PackedSpaces:
@@ -194,6 +200,7 @@ class PackedSpaces:
             shape=np.array([space.flags.shape for space in spaces]),
             origin=np.array([space.origin for space in spaces], dtype=np.float32),
             spacing=spaces[0].spacing,
+            solid=np.array([_filled(space.flags) for space in spaces]),
         )
 
     @property
@@ -255,10 +262,10 @@ class PackedSpaces:
         Ts_hand: FloatArray,
         which: IntArray,
         ways: FloatArray,
+        aside: FloatArray,
         steps: FloatArray,
-        solid: HandSpace,
     ) -> IntArray:
-        """Count points that are met by hands that are moved back along straight ways.
+        """Count points that are met by open hands moved back along straight ways.
 
         Parameters
         ----------
@@ -268,10 +275,10 @@ class PackedSpaces:
             Poses of the hands in the frame of the points (k, 4, 4), and grid of each.
         ways
             Unit vectors in the frames of the hands, shape (k, d, 3).
+        aside
+            Where each of them begins in these frames [m], shape (d, 3).
         steps
             Places along them [m], shape (s,).
-        solid
-            What counts as met.
 
         Returns
         -------
@@ -283,39 +290,58 @@ class PackedSpaces:
         to_hand = (Ts_hand[:, :3, :3].swapaxes(1, 2) * per_cell).astype(np.float32)
         begin = (to_hand @ Ts_hand[:, :3, 3:].astype(np.float32))[..., 0]
         begin += self.origin[which] * np.float32(per_cell) - np.float32(0.5)
-        shape = self.shape[which].astype(np.float32)
         moves = (ways * per_cell).astype(np.float32)
-        last = np.float32(steps[-1])
         # A point is met where it is as far ahead as the hand has been moved back.
-        low = np.minimum(moves.min(axis=1) * last, 0.0)
-        high = np.maximum(moves.max(axis=1) * last, 0.0) + shape
+        ends = moves * np.float32(steps[-1])
+        begins = (aside * per_cell).astype(np.float32)
+        first, end = self.solid[which].astype(np.float32).swapaxes(0, 1)
+        least = first[:, None] + begins + np.minimum(ends, 0.0)
+        most = end[:, None] + begins + np.maximum(ends, 0.0)
+        low, high = least.min(axis=1), most.max(axis=1)
         is_in = np.ones((k, points.shape[1]), dtype=bool)
         cells = []
         for axis in range(3):
             cell = to_hand[:, axis] @ points - begin[:, axis, None]
-            is_in &= cell > low[:, axis, None]
+            is_in &= cell >= low[:, axis, None]
             is_in &= cell < high[:, axis, None]
             cells.append(cell)
-        hand, point = np.nonzero(is_in)
+        hands, points_in = np.nonzero(is_in)
+        places = np.stack([cell[hands, points_in] for cell in cells])
         found = np.zeros((d, s, k), dtype=np.int64)
-        flags = np.empty((s, len(hand)), dtype=self.flags.dtype)
+        back = steps[:, None].astype(np.float32)
         for way in range(d):
-            flat = np.zeros((s, len(hand)), dtype=np.int32)
-            for axis, cell in enumerate(cells):
+            hand, start = hands, places
+            if d > 1:  # each way meets few of the points that all of them do
+                meets = places >= least[:, way].T[:, hands]
+                meets &= places < most[:, way].T[:, hands]
+                kept = np.flatnonzero(meets.all(axis=0))
+                hand, start = hands[kept], places[:, kept]
+            flat = np.zeros((1, len(hand)), dtype=np.int32)
+            for axis, place in enumerate(start):
                 n = self.shape[which, axis].astype(np.int32)[hand]
-                move = moves[hand, way, axis]
-                place = cell[hand, point] - steps[:, None].astype(np.float32) * move
+                moved = place[None] - begins[way, axis]
+                if np.abs(ends[:, way, axis]).max(initial=0.0) > _STILL:
+                    moved = moved - back * moves[hand, way, axis]
                 # The outermost layer is empty and takes whatever lies farther out.
-                np.maximum(place, 0, out=place)
-                np.minimum(place, n - np.float32(1), out=place)
-                flat *= n
-                flat += place.astype(np.int32)
+                inside = np.minimum(np.maximum(moved, 0), n - np.float32(1))
+                flat = flat * n + inside.astype(np.int32)
             flat += self.first[which].astype(np.int32)[hand]
-            self.flags.take(flat, out=flags, mode="clip")
-            step, row = np.nonzero(flags & solid)
+            flags = np.broadcast_to(self.flags.take(flat, mode="clip"), (s, len(hand)))
+            step, row = np.nonzero(flags & _SOLID)
             met = np.bincount(step * k + hand[row], minlength=s * k)
             found[way] = met.reshape(s, k)
         return np.moveaxis(found, 2, 0)
+
+
+def _filled(flags: np.ndarray) -> IntArray:
+    """First cell along each axis that palm or fingers fill, and one past the last."""
+    is_solid = (flags & _SOLID) > 0
+    ranges = []
+    for axis in range(3):
+        others = tuple(other for other in range(3) if other != axis)
+        cells = np.flatnonzero(is_solid.any(axis=others))
+        ranges.append((cells[0], cells[-1] + 1) if len(cells) else (0, 0))
+    return np.array(ranges).T
 
 
 def _sweep(

@@ -125,7 +125,7 @@ class Inspector:
         order = np.argsort(scene.cloud.points[:, 0], kind="stable")
         points = np.ones((4, len(order)), dtype=np.float32)
         points[:3] = scene.cloud.points[order].T
-        self._points, self._is_target = points, scene.is_target[order]
+        self._points, self._is_target = points, scene.is_own[order]
 
     def __call__(self, Ts_base_hand: FloatArray, prototype: IntArray) -> Inspection:
         """Count what the hand touches in each pose.

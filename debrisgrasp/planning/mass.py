@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from debrisgrasp._arrays import BoolArray, FloatArray, require_finite, require_range
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import ConfigError, InputError
 
 __all__ = ["Build", "LoadConfig", "ObjectMass", "SeenSurface", "likely_objects"]
@@ -73,7 +74,7 @@ class LoadConfig:
     """Coefficient of friction between pads and object."""
     patch: float = 0.02
     """Half the size of a finger's contact [m]; larger holds more torque."""
-    gravity: float = 9.81
+    gravity: float = GRAVITY
     """Acceleration of free fall [m/s^2]."""
 
     def __post_init__(self) -> None:

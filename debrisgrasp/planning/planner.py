@@ -194,7 +194,8 @@ class GraspPlanner:
         if not grasps:
             return ()
         Ts, which = self._placed(grasps)
-        offsets = self._search.ways(scene).approaches(Ts, which)
+        ways = self._search.ways(scene)
+        offsets = ways.roomy(Ts, which, ways.approaches(Ts, which))
         return tuple(
             replace(
                 grasp,

@@ -14,6 +14,7 @@ from debrisgrasp._arrays import (
     IntArray,
     require_range,
 )
+from debrisgrasp._workers import beside
 from debrisgrasp.errors import CaptureError, ShapeError
 from debrisgrasp.geometry import (
     Bounds,
@@ -74,6 +75,8 @@ class GraspScene:
     """All measured points within reach of V, one per cell; every one an obstacle."""
     is_target: BoolArray
     """Which of them belong to the object and lie in V, shape (n,)."""
+    is_own: BoolArray
+    """Which of them are part of what the object is part of, in V or outside, (n,)."""
     is_cut: BoolArray
     """Which of them lie where the image ends: what they belong to goes on, (n,)."""
     region: Bounds
@@ -110,6 +113,7 @@ class GraspScene:
         *,
         ground_plane: FloatArray | None = None,
         belongs: FloatArray | None = None,
+        workers: int = 1,
     ) -> GraspScene:
         """Prepare a scene.
 
@@ -129,6 +133,8 @@ class GraspScene:
         belongs
             Probability that each point is part of what the object is part of, shape
             (n,); None: what is sought in V is all there is of it.
+        workers
+            With two, the grid is filled beside the work on the object's points.
 
         Raises
         ------
@@ -162,36 +168,32 @@ class GraspScene:
         )
         thinned = cloud.selected(kept)
         is_target = np.isin(kept, target, assume_unique=True)
-        field = DistanceField.build(
-            thinned,
-            around,
-            sight,
-            spacing=config.spacing,
-            truncation=config.truncation,
-        )
         if belongs is None:
             belongs = np.zeros(len(cloud))
             belongs[target] = 1.0
+
+        def filled() -> tuple[DistanceField, Float32Array, IntArray]:
+            return _filled(thinned, around, sight, config, ground_plane)
+
+        with beside(filled, workers=workers) as grid:
+            usable = np.flatnonzero(is_target & np.isfinite(thinned.normals[:, 0]))
+            stride = max(1, -(-len(usable) // config.max_target_points))
+            usable = usable[::stride]
+            tangents = _tangents(
+                thinned.points[is_target],
+                thinned.points[usable],
+                thinned.normals[usable],
+                config.tangent_radius,
+            )
+            surface = _seen_surface(cloud, belongs, near, config.spacing)
+            field, clearance, nearest = grid()
         table = np.zeros((len(thinned) + 1, 8), dtype=np.float32)
         table[:, :6] = field.table
         table[:-1, 6] = is_target
-        usable = np.flatnonzero(is_target & np.isfinite(thinned.normals[:, 0]))
-        stride = max(1, -(-len(usable) // config.max_target_points))
-        usable = usable[::stride]
-        tangents = _tangents(
-            thinned.points[is_target],
-            thinned.points[usable],
-            thinned.normals[usable],
-            config.tangent_radius,
-        )
-        clearance = _with_ground(field, ground_plane, config.ground_roughness)
-        nearest = field.nearest.copy()
-        nearest[field.space == Space.UNKNOWN] |= UNKNOWN_FLAG
-        # Kept in `clearance` alone: a grid of them takes megabytes.
-        field.__dict__.pop("gap", None)
         return cls(
             cloud=thinned,
             is_target=is_target,
+            is_own=belongs[kept] == 1.0,
             is_cut=cloud.at_rim(kept),
             region=region,
             field=field,
@@ -201,7 +203,7 @@ class GraspScene:
             table=table,
             target=usable,
             tangents=tangents,
-            surface=_seen_surface(cloud, belongs, near, config.spacing),
+            surface=surface,
         )
 
     @property
@@ -209,6 +211,29 @@ class GraspScene:
         """Mean of the object's visible points, one per cell [m], shape (3,)."""
         mean: FloatArray = self.cloud.points[self.is_target].mean(axis=0)
         return mean
+
+
+def _filled(
+    thinned: PointCloud,
+    around: Bounds,
+    sight: LineOfSight,
+    config: SceneConfig,
+    ground_plane: FloatArray | None,
+) -> tuple[DistanceField, Float32Array, IntArray]:
+    """Fill the grid of a scene; with its ``clearance`` and ``nearest``."""
+    field = DistanceField.build(
+        thinned,
+        around,
+        sight,
+        spacing=config.spacing,
+        truncation=config.truncation,
+    )
+    clearance = _with_ground(field, ground_plane, config.ground_roughness)
+    nearest = field.nearest.copy()
+    nearest[field.space == Space.UNKNOWN] |= UNKNOWN_FLAG
+    # Kept in `clearance` alone: a grid of them takes megabytes.
+    field.__dict__.pop("gap", None)
+    return field, clearance, nearest
 
 
 def _seen_surface(

@@ -88,7 +88,9 @@ def _loaded(path: Path) -> Any:
         n_faces = len(mesh.faces)
     except Exception as error:
         raise ConfigError(
-            str(path), got=str(error) or type(error).__name__, expected="a mesh"
+            str(path),
+            got=f"nothing that can be read ({str(error) or type(error).__name__})",
+            expected=f"a whole {path.suffix} mesh",
         ) from error
     if not n_faces or not np.isfinite(mesh.vertices).all():
         raise ConfigError(

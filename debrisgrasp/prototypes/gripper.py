@@ -203,16 +203,19 @@ def load_grippers(
     Raises
     ------
     ConfigError
-        If there is no such folder, a file is malformed, or a name is taken already.
+        If there is no file in it, one is malformed, or a name is taken already.
     """
     hands = {name: GripperModel.load(name) for name in known_grippers()}
     if folder is None:
         return hands
-    if not Path(folder).is_dir():
+    files = sorted(Path(folder).glob("*.yaml"))
+    if not files:
         raise ConfigError(
-            "folder of grippers", got=str(folder), expected="an existing folder"
+            f"grippers in {folder}",
+            got="no .yaml file" if Path(folder).is_dir() else "no such folder",
+            expected="one file per hand",
         )
-    for path in sorted(Path(folder).glob("*.yaml")):
+    for path in files:
         hand = GripperModel.load(path)
         if hand.name in hands:
             raise ConfigError(

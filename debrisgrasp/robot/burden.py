@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control._rigid import (
     Rotation,
     Vector,
@@ -14,7 +15,6 @@ from debrisgrasp.control._rigid import (
     turned_back,
 )
 
-from .pushing import GRAVITY
 from .settling import HandState
 from .shapes import BodyShape
 from .springs import HELD

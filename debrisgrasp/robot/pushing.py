@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._physics import GRAVITY
 
 from .config import FakeConfig
 from .rubble import Rubble
 
-__all__ = ["GRAVITY", "Push", "Pushes"]
+__all__ = ["Push", "Pushes"]
 
-GRAVITY = 9.81
-"""[m/s^2]."""
 _SPEED = 0.3
 """At which a body yields at most [m/s]."""
 _CHECK = 0.003

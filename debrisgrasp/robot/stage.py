@@ -8,6 +8,7 @@ from math import dist, hypot
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control._rigid import (
     Rotation,
     Vector,
@@ -26,7 +27,7 @@ from .fake_arm import FakeArm, FakeForceSensor
 from .fake_hand import FakeGripper
 from .holding import Grip, Hold, Seat, is_enclosed, sides_of
 from .links import LinkSpheres
-from .pushing import GRAVITY, Pushes
+from .pushing import Pushes
 from .rubble import Rubble
 from .settling import HandState, Settling
 from .springs import GROUND, PALM

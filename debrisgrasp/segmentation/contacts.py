@@ -217,7 +217,8 @@ def _touching_length(
         near.append(points[inside])
     n_steps = 0
     for own, other in (near, near[::-1]):
-        gap, _ = cKDTree(other).query(own, distance_upper_bound=tolerance)
+        tree = cKDTree(other, balanced_tree=False, compact_nodes=False)
+        gap, _ = tree.query(own, distance_upper_bound=tolerance)
         n_steps += len(np.unique(_step_keys(own[np.isfinite(gap)])))
     return _STEP_LENGTH * n_steps / 2
 

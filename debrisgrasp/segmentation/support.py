@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import PointCloud
 
@@ -59,7 +60,7 @@ class SupportConfig:
     thickness: tuple[float, float] = (0.005, 0.05)
     """How thin an object of which only a face was seen may be, and how thick [m]. Loads
     of flat things grow with both."""
-    gravity: float = 9.81
+    gravity: float = GRAVITY
     """Acceleration of free fall [m/s^2]."""
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_finite
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.prototypes import GripperModel
@@ -33,7 +34,6 @@ _BURIED = 0.005
 """Depth at which a hand that starts in something has collided [m]."""
 _DISTURBED = 0.02
 """A body that moved so far was disturbed [m]."""
-_GRAVITY = 9.81
 _FRICTION_STIFFNESS = 100.0
 """Of friction over pressure. At 10 what is held between slanted pads creeps by 1 mm/s
 and is lost within seconds; at 100 by a twentieth of that, at no cost."""
@@ -269,7 +269,7 @@ class _Flight:
 
     def held_back(self, body: int) -> Verdict:
         """Why the wrist gave way."""
-        weight = _GRAVITY * self.world.bodies[body].mass
+        weight = GRAVITY * self.world.bodies[body].mass
         lever = np.linalg.norm(
             (self.centers()[body] - self.wrist.pose(self.data).p)[:2]
         )

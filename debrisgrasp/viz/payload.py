@@ -64,7 +64,7 @@ def payload(report: Report) -> dict[str, Any]:
         "doubt": doubt_line(report.segmentation),
         "headline": headline(report),
         "reason": object_reason(report),
-        "passedOver": remarks(plan),
+        "passedOver": remarks(report),
         "rejections": [list(row) for row in rejection_rows(plan)],
         "advice": [advice.text for advice in plan.advice],
         "order": [[item.label, item.reason] for item in report.order],

@@ -224,7 +224,7 @@ def _reasons(report: Report, most_lines: int) -> str:
     plan = report.plan
     paragraphs = [headline(report)] if not plan.grasps else []
     n_left = 4 if plan.grasps else 8
-    paragraphs += [object_reason(report), *remarks(plan)[:n_left]]
+    paragraphs += [object_reason(report), *remarks(report)[:n_left]]
     rows = rejection_rows(plan)
     total = sum(n for _, n in rows)
     if rows:

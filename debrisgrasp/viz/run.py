@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any, Protocol
@@ -45,7 +45,9 @@ _COLORS = {
     "carry": "#6fae7f",
     "release": "#4f9aa8",
     "recover": "#c94f4f",
+    "other": "#bbbbbb",
 }
+_FAULT = "#b23b3b"
 _STYLE = """
 body{font:15px/1.45 system-ui,sans-serif;color:#1d2430;background:#f6f7f9;margin:0}
 main{max-width:1060px;margin:0 auto;padding:26px 22px 60px}
@@ -111,13 +113,13 @@ def run_html(path: str | os.PathLike[str], run: RecordedRun) -> None:
     tries = _tries(run.events)
     nothing: Mapping[str, Any] = {}
     end = next((e for e in reversed(run.events) if e.get("event") == "end"), nothing)
+    attempts = [_card(item, run) for item in tries]
     body = [
         f"<h1>{escape(_title(run.inputs))}</h1>",
         f'<p class="note">{escape(_ending(end, total))}</p>',
         "<h2>Timeline</h2>",
-        f'<div class="card">{_timeline(spans, tries, total)}{_key()}</div>',
-        "<h2>Attempts</h2>",
-        *(_card(item, run) for item in tries),
+        f'<div class="card">{_timeline(spans, tries, total)}</div>',
+        *(["<h2>Attempts</h2>", *attempts] if attempts else []),
         _left(end.get("left") or {}),
     ]
     page = (
@@ -182,28 +184,31 @@ def _tries(events: Sequence[Mapping[str, Any]]) -> list[_Try]:
 def _timeline(
     spans: Sequence[tuple[str, float, float]], tries: Sequence[_Try], total: float
 ) -> str:
+    """Draw the states over time, with a key to the groups that there were."""
     scale = 1000.0 / total
     group = {state: name for name, states in _GROUPS.items() for state in states}
+    lasting = [span for span in spans if span[2] > span[1]]
     bars = [
         f'<rect x="{scale * a:.2f}" y="8" height="30" width="{scale * (b - a):.2f}" '
-        f'fill="{_COLORS.get(group.get(state, ""), "#bbb")}">'
+        f'fill="{_COLORS[group.get(state, "other")]}">'
         f"<title>{escape(state)}: {a:.1f} to {b:.1f} s</title></rect>"
-        for state, a, b in spans
-        if b > a
+        for state, a, b in lasting
     ]
-    for item in tries:
-        for fault in item.faults:
-            x = min(max(scale * float(fault["time"]), 6.0), 994.0)
-            bars.append(
-                f'<path d="M{x:.1f} 42l5 10h-10z" fill="#b23b3b"><title>'
-                f"{escape(str(fault['fault']))}</title></path>"
-            )
+    faults = [fault for item in tries for fault in item.faults]
+    for fault in faults:
+        x = min(max(scale * float(fault["time"]), 6.0), 994.0)
+        bars.append(
+            f'<path d="M{x:.1f} 42l5 10h-10z" fill="{_FAULT}"><title>'
+            f"{escape(str(fault['fault']))}</title></path>"
+        )
+    shown = {group.get(state, "other") for state, _, _ in lasting}
     step = _step(total)
     ticks = [
         f'<text x="{scale * t:.1f}" y="68" text-anchor="middle">{t:g} s</text>'
         for t in np.arange(step, 0.98 * total, step)
     ]
-    return f'<svg viewBox="0 0 1000 74">{"".join(bars + ticks)}</svg>'
+    picture = f'<svg viewBox="0 0 1000 74">{"".join(bars + ticks)}</svg>'
+    return picture + _key(shown, has_faults=bool(faults))
 
 
 def _step(total: float) -> float:
@@ -212,12 +217,15 @@ def _step(total: float) -> float:
     return float(next(k * size for k in (1, 2, 5, 10) if k * size >= total / 10.0))
 
 
-def _key() -> str:
-    items = (
+def _key(shown: Set[str], *, has_faults: bool) -> str:
+    items = [
         f'<span><i style="background:{color}"></i>{name}</span>'
         for name, color in _COLORS.items()
-    )
-    return f'<p class="key">{"".join(items)}<span>&#9650; fault</span></p>'
+        if name in shown
+    ]
+    if has_faults:
+        items.append(f'<span><b style="color:{_FAULT}">&#9650;</b> fault</span>')
+    return f'<p class="key">{"".join(items)}</p>'
 
 
 def _card(item: _Try, run: RecordedRun) -> str:
@@ -229,11 +237,12 @@ def _card(item: _Try, run: RecordedRun) -> str:
         x, y, z = item.object["centroid"]
         lines.append(f"object {item.object['object']} at ({x:.2f}, {y:.2f}, {z:.2f})")
         lines.append(f"taken because {item.object['why_it']}")
-        lines.append(f"{item.object['way']}: {item.object['why_so']}")
+        lines.append(f"what suits it: {item.object['way']}; {item.object['why_so']}")
     if item.grasp is not None:
         g = item.grasp
         lines.append(
-            f"{g['prototype']} with the {g['arm']} arm, score {g['score']:.2f}"
+            f"gripped by {g['prototype']} ({g['gripper']} {g['preshape']}) with the "
+            f"{g['arm']} arm, score {g['score']:.2f}"
         )
     faults = "".join(
         f"<tr><td>{escape(f['state'])}</td><td>{escape(f['fault'])}</td>"

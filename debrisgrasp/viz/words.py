@@ -66,10 +66,16 @@ def object_reason(report: Report) -> str:
     return f"Object {label}."
 
 
-def remarks(plan: GraspPlan) -> list[str]:
-    """One line for each note, and for each object that was tried first and left."""
-    return [f"Note: {note}." for note in plan.notes] + [
-        f"Object {item.label} passed over: {item.reason}" for item in plan.passed_over
+def remarks(report: Report) -> list[str]:
+    """One line for each note, and for each object that was tried first and left.
+
+    What speaks against the pose of the camera is told by `doubt_line`.
+    """
+    told = doubt_line(report.segmentation).lower()
+    notes = [note for note in report.plan.notes if note.lower() != told]
+    return [f"Note: {note}." for note in notes] + [
+        f"Object {item.label} passed over: {item.reason}"
+        for item in report.plan.passed_over
     ]
 
 

@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 from debrisgrasp._arrays import BoolArray
 from debrisgrasp.errors import CaptureError, ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Bounds, PointCloud, fibonacci_sphere
-from debrisgrasp.io import Capture, measured, parse_camera_pose, point_colors
+from debrisgrasp.io import Capture, measured, point_colors
+from debrisgrasp.io.camera_pose import parse_pose
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import (
     GraspPrototype,
@@ -191,19 +192,7 @@ def parse_hand_pose(text: str) -> SE3:
     ConfigError
         If it is neither, or no rigid transform.
     """
-    wanted = "x,y,z,roll,pitch,yaw, or a .npy, .json, .yaml or .txt file with a 4x4"
-    if text == "level":
-        raise ConfigError("pose of the hand", got=repr(text), expected=wanted)
-    try:
-        pose = parse_camera_pose(text)
-    except ConfigError as error:
-        what = error.what.replace("camera pose", "pose of the hand")
-        expected = wanted if error.what == "camera pose" else error.expected
-        raise ConfigError(
-            what, got=error.got, expected=expected, mend=error.mend
-        ) from error
-    assert isinstance(pose, SE3)
-    return pose
+    return parse_pose(text, "pose of the hand")
 
 
 def _piece(

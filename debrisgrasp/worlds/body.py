@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray, require_finite
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
 
@@ -20,6 +21,7 @@ Part = Box | Cylinder | Capsule | Sphere | Hull
 """A convex part of a body, in the frame of the body."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
     """A rigid body made of convex parts of one density.
@@ -56,7 +58,6 @@ class Body:
             )
         pose = SE3.from_matrix(self.T_base_body.matrix, f"pose of {self.name}")
         object.__setattr__(self, "T_base_body", pose)
-        object.__setattr__(self, "parts", tuple(self.parts))
         object.__setattr__(self, "sizes", MappingProxyType(dict(self.sizes)))
 
     @property
@@ -117,6 +118,7 @@ def as_part(solid: Solid) -> Part:
     return Hull.around(solid.mesh()[0])
 
 
+@checked
 def volume_and_centroid(part: Part) -> tuple[float, FloatArray]:
     """Volume [m^3] and centroid [m], shape (3,), of a convex part in its frame."""
     if isinstance(part, Box):

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import Rng, require_finite
+from debrisgrasp._arrays import FloatArray, Rng, frozen, require_finite, require_range
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Intrinsics, so3
 
 __all__ = ["draw_intrinsics", "draw_view", "look_at"]
 
 
+@checked
 def look_at(eye: ArrayLike, target: ArrayLike, *, roll: float = 0.0) -> SE3:
     """Pose ``T_base_camera`` whose optical axis meets the target.
 
@@ -28,14 +30,12 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, roll: float = 0.0) -> SE3:
     InputError
         If the target lies at the eye.
     """
-    eye = np.asarray(eye, dtype=np.float64)
-    require_finite(eye, "eye of a camera")
-    require_finite(np.asarray(target, dtype=np.float64), "target of a camera")
-    z = np.asarray(target, dtype=np.float64) - eye
+    eye, target = _place(eye, "eye of a camera"), _place(target, "target of a camera")
+    z = target - eye
     if not np.linalg.norm(z) > 1e-9:
         raise InputError(
             "target of a camera",
-            got=f"{np.asarray(target).tolist()}, where the camera is",
+            got=f"{target.tolist()}, where the camera is",
             expected="another place",
         )
     x = np.cross(z, (0.0, 0.0, 1.0))
@@ -46,6 +46,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, roll: float = 0.0) -> SE3:
     return SE3.from_parts(R @ so3.exp(np.array([0.0, 0.0, roll])), eye)
 
 
+@checked
 def draw_intrinsics(rng: Rng) -> Intrinsics:
     """Draw intrinsics of one D435 or another, at 640 x 480."""
     f = rng.uniform(610.0, 622.0)
@@ -59,6 +60,7 @@ def draw_intrinsics(rng: Rng) -> Intrinsics:
     )
 
 
+@checked
 def draw_view(
     target: ArrayLike,
     *,
@@ -78,8 +80,16 @@ def draw_view(
         Range of the camera's height above the base plane [m].
     tilt
         Range of the angle below the horizon at which it looks [degrees].
+
+    Raises
+    ------
+    InputError
+        If a range is none, or too wide.
     """
-    target = np.asarray(target, dtype=np.float64)
+    target = _place(target, "target of a camera")
+    for name, (low, high), most in (("height", height, 50.0), ("tilt", tilt, 89.0)):
+        require_range(f"least {name}", low, 0.1, most)
+        require_range(f"greatest {name}", high, low, most)
     z = rng.uniform(*height)
     angle = np.radians(rng.uniform(*tilt))
     distance = (z - target[2]) / np.tan(angle)
@@ -88,3 +98,9 @@ def draw_view(
     eye = np.array([*(target[:2] + distance * back), z])
     aside = rng.normal(0.0, 0.05, 2)
     return look_at(eye, target + np.array([*aside, 0.0]))
+
+
+def _place(position: ArrayLike, name: str) -> FloatArray:
+    place = frozen(position, name, (3,))
+    require_finite(place, name)
+    return place

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from debrisgrasp._arrays import FloatArray, Rng, frozen, require_finite
+from debrisgrasp._arrays import (
+    FloatArray,
+    Rng,
+    frozen,
+    require_finite,
+    require_metres,
+    require_range,
+)
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import InputError
 
 __all__ = ["Ground"]
@@ -16,6 +24,7 @@ __all__ = ["Ground"]
 _ITERATIONS = 7
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
     """Heights over a regular grid; beyond it the border goes on."""
@@ -44,6 +53,7 @@ class Ground:
         return cls(np.zeros((2, 2)), spacing=1.0)
 
     @classmethod
+    @checked
     def uneven(
         cls,
         rng: Rng,
@@ -65,7 +75,16 @@ class Ground:
             Typical distance from bump to bump [m].
         size, center
             Edge length and middle (x, y) of the square that is uneven [m].
+
+        Raises
+        ------
+        ConfigError
+            If one of them is out of range.
         """
+        require_range("peak_to_peak [m]", peak_to_peak, 0.0, 1.0)
+        require_range("wavelength [m]", wavelength, 0.1, 10.0)
+        require_range("size [m]", size, 0.5, 50.0)
+        require_metres("center", center)
         spacing = 0.04
         count = round(size / spacing) + 1
         white = rng.standard_normal((count, count))

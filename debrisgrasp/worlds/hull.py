@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_finite
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Bounds, Box
 
@@ -117,13 +117,15 @@ class Hull:
         return centers[meets], radii[meets]
 
 
+@checked
 def prism(profile: ArrayLike, length: float) -> Hull:
     """Extrude a convex profile (k, 2) in y and z [m] along x, centred in x."""
-    profile = np.asarray(profile, dtype=np.float64)
+    profile = frozen(profile, "profile of a prism", (None, 2))
     ends = [np.insert(profile, 0, side * length / 2, axis=1) for side in (-1, 1)]
     return Hull.around(np.concatenate(ends))
 
 
+@checked
 def frustum(radius_low: float, radius_high: float, low: float, high: float) -> Hull:
     """Return a truncated cone about z between two heights [m]; its sides are flat."""
     ring = _ring(0, _ARC)
@@ -134,9 +136,10 @@ def frustum(radius_low: float, radius_high: float, low: float, high: float) -> H
     )
 
 
+@checked
 def staves(
-    radii_low: Sequence[float],
-    radii_high: Sequence[float],
+    radii_low: tuple[float, float],
+    radii_high: tuple[float, float],
     low: float,
     high: float,
     *,
@@ -154,7 +157,21 @@ def staves(
         Heights of the ends [m].
     count
         Number of staves, a divisor of 48.
+
+    Raises
+    ------
+    InputError
+        If a radius is not above the one inside it, or the number is no divisor.
     """
+    for least, most in (radii_low, radii_high):
+        if not 0.0 < least < most:
+            raise InputError(
+                "radii of a wall",
+                got=f"{least:g} m inside {most:g} m",
+                expected="above 0, and the outer one larger",
+            )
+    if count < 1 or _ARC % count:
+        raise InputError("count of staves", got=count, expected=f"a divisor of {_ARC}")
     parts = []
     for start in range(0, _ARC, _ARC // count):
         outer = _ring(start, start + _ARC // count + 1)

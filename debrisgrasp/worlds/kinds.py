@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp._arrays import Rng
+from debrisgrasp._arrays import Rng, require_range
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError, UnknownNameError
 
 from . import shapes
@@ -16,6 +17,9 @@ from .body import Body, Part
 __all__ = ["KINDS", "Kind", "draw_body", "make_body"]
 
 _COUNTS = ("bays", "rungs", "slats")
+_MOST = 50
+_THINNEST, _LONGEST = 0.001, 5.0
+"""Between these all lengths are [m]; beyond, they are most likely millimetres."""
 _WOOD = (181, 142, 92)
 _STEEL = (140, 146, 152)
 _CONCRETE = (165, 163, 158)
@@ -163,17 +167,30 @@ KINDS: Mapping[str, Kind] = {
 and blocks are the light (aerated) ones, barriers the plastic ones."""
 
 
+@checked
 def make_body(
     kind: str, sizes: Mapping[str, float], mass: float, *, name: str | None = None
 ) -> Body:
     """Build a body of a kind, its frame at its centre of mass.
+
+    Parameters
+    ----------
+    kind
+        One of `KINDS`.
+    sizes
+        One value for each of ``KINDS[kind].sizes``, which tells the usual range of
+        each: lengths in [m], and whole counts of bays, rungs or slats.
+    mass
+        [kg].
+    name
+        Of the body; its kind by default.
 
     Raises
     ------
     UnknownNameError
         If there is no such kind.
     InputError
-        If sizes are missing, unknown or not positive.
+        If sizes are missing, unknown, out of range, or don't fit together.
     """
     if kind not in KINDS:
         raise UnknownNameError("kind of debris", kind, KINDS)
@@ -183,13 +200,26 @@ def make_body(
             f"sizes of a {kind}", got=sorted(sizes), expected=", ".join(known)
         )
     for size, value in sizes.items():
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{size} of a {kind}", got=value, expected="more than 0")
-    parts = KINDS[kind].shape(**sizes)
+        if size in _COUNTS:
+            require_range(f"{size} of a {kind}", value, 1, _MOST)
+            if value != round(value):
+                raise InputError(f"{size} of a {kind}", got=value, expected="a count")
+        else:
+            require_range(f"{size} of a {kind} [m]", value, _THINNEST, _LONGEST)
+    try:
+        parts = KINDS[kind].shape(**sizes)
+    except InputError as error:
+        raise InputError(
+            f"sizes of a {kind}",
+            got=dict(sizes),
+            expected="sizes that fit together",
+            mend=f"They give {error.what} of {error.got}.",
+        ) from error
     body = Body(name or kind, kind, parts, mass, color=KINDS[kind].color, sizes=sizes)
     return body.recentered()
 
 
+@checked
 def draw_body(
     kind: str, *, rng: Rng, name: str | None = None, mass: float | None = None
 ) -> Body:

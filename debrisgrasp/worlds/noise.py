@@ -7,11 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from debrisgrasp._arrays import BoolArray, FloatArray, Rng, require_range
-from debrisgrasp.errors import ShapeError
+from debrisgrasp._arrays import BoolArray, FloatArray, Rng, frozen, require_range
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.geometry import Intrinsics
 
 __all__ = ["Measured", "StereoNoise"]
+
+
+_FARTHEST = 100.0
+"""No stereo camera sees farther [m]; larger depths are millimetres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +28,7 @@ class Measured:
     """Pixels that show a depth between two surfaces, shape (height, width)."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StereoNoise:
     """Errors of matching two images; all of them can be turned off by zero."""
@@ -63,13 +68,15 @@ class StereoNoise:
         require_range("edge_jump", self.edge_jump, 1e-6)
         require_range("grazing", self.grazing, 0.0, 90.0)
 
+    @checked
     def noisy(self, depth: FloatArray, intrinsics: Intrinsics, *, rng: Rng) -> Measured:
         """Measure an exact depth image.
 
         Parameters
         ----------
         depth
-            Metres along the optical axis, shape (height, width); 0 = nothing there.
+            Metres along the optical axis, shape (height, width); 0 and what is not
+            finite = nothing there.
         intrinsics
             Camera of the image, which is the left imager of the pair.
         rng
@@ -79,14 +86,13 @@ class StereoNoise:
         ------
         ShapeError
             If the image is not of the camera's size.
+        InputError
+            If depths are negative, or can only be millimetres.
         """
-        depth = np.asarray(depth, dtype=np.float64)
-        if depth.shape != (intrinsics.height, intrinsics.width):
-            raise ShapeError(
-                "depth",
-                got=depth.shape,
-                expected=f"({intrinsics.height}, {intrinsics.width})",
-            )
+        depth = frozen(depth, "depth", (intrinsics.height, intrinsics.width))
+        depth = np.where(np.isfinite(depth), depth, 0.0)
+        require_range("least depth [m]", depth.min(), 0.0)
+        require_range("greatest depth [m]", depth.max(), 0.0, _FARTHEST)
         has_depth = depth > 0.0
         far = np.where(has_depth, depth, np.inf)
         scale = intrinsics.fx * self.baseline

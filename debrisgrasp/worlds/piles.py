@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp._arrays import FloatArray, Rng, require_metres, require_range
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, random_rotations, so3
 
@@ -31,6 +32,7 @@ LARGE = ("barrier", "hedgehog", "jersey")
 COMMON = tuple(kind for kind in KINDS if kind not in LARGE)
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PileConfig:
     """Which piles are drawn."""
@@ -56,6 +58,11 @@ class PileConfig:
             raise ConfigError(
                 "n_bodies", got=self.n_bodies, expected="1 <= fewest <= most"
             )
+        require_range("most of n_bodies", self.n_bodies[1], 1, 1000)
+        require_metres("center", self.center)
+        require_range("spread [m]", self.spread, 0.0, 2.0)
+        for name in ("uneven_share", "heavy_share", "large_share"):
+            require_range(name, getattr(self, name), 0.0, 1.0)
         for name in self.arrangements:
             if name not in ARRANGEMENTS:
                 raise UnknownNameError("arrangement", name, ARRANGEMENTS)
@@ -209,6 +216,7 @@ ARRANGEMENTS: Mapping[str, Callable[[_Builder], None]] = {
 """Ways to make a pile, by name."""
 
 
+@checked
 def generate_pile(
     *, rng: Rng, config: PileConfig | None = None, name: str = ""
 ) -> World:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Sphere
 
 from .body import Part
@@ -16,6 +17,7 @@ Span = tuple[FloatArray, FloatArray]
 """Where each ray enters and leaves, in lengths of the ray; empty if entry > exit."""
 
 
+@checked
 def first_hits(part: Part, origin: FloatArray, rays: FloatArray) -> FloatArray:
     """How many lengths of each ray lead from the origin to the solid.
 
@@ -37,6 +39,7 @@ def first_hits(part: Part, origin: FloatArray, rays: FloatArray) -> FloatArray:
     return np.where((enter <= leave) & (enter > 0.0), enter, np.inf)
 
 
+@checked
 def corners_around(part: Part) -> FloatArray:
     """Corners (v, 3) [m] of a polytope that contains the solid."""
     if isinstance(part, Hull):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray, require_range
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Intrinsics, Solid
 
@@ -35,6 +36,7 @@ class Rendered:
     """Colours of the materials under one lamp, uint8, shape (height, width, 3)."""
 
 
+@checked
 def render(
     world: World,
     intrinsics: Intrinsics,
@@ -65,13 +67,6 @@ def render(
         If nothing could be within the greatest depth.
     """
     require_range("max_depth", max_depth, 1e-3)
-    if not isinstance(T_base_camera, SE3):
-        raise InputError(
-            "T_base_camera",
-            got=type(T_base_camera).__name__,
-            expected="SE3",
-            mend="Build it with SE3.from_matrix(matrix).",
-        )
     pose = SE3.from_matrix(T_base_camera.matrix, "T_base_camera")
     _require_free(world, extra, pose.p)
     shape = (intrinsics.height, intrinsics.width)

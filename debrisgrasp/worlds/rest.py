@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import lsq_linear, nnls
 
 from debrisgrasp._arrays import FloatArray, frozen, require_range
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.geometry import SE3, Box, so3
 
 from .body import Body, Part, volume_and_centroid
@@ -31,6 +32,7 @@ _DEEPEST = 0.002
 """Overlap that one step undoes at most [m]."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RestConfig:
     """How bodies move until they rest."""
@@ -69,6 +71,7 @@ class Rested:
     """Bodies that are not where they were."""
 
 
+@checked
 def come_to_rest(
     world: World,
     config: RestConfig | None = None,
@@ -121,6 +124,7 @@ def come_to_rest(
     return Rested(world.placed([b.T_base_body for b in bodies]), is_at_rest, names)
 
 
+@checked
 def let_down(world: World, config: RestConfig | None = None) -> Rested:
     """Lower bodies onto each other in their order, each to where it rests.
 

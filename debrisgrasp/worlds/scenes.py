@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
@@ -19,6 +20,7 @@ _TRUSS = {"length": 0.9, "depth": 0.2, "radius": 0.014, "bays": 4.0}
 _BLOCK = {"length": 0.39, "width": 0.19, "height": 0.19, "wall": 0.032}
 
 
+@checked
 def named_scene(name: str) -> World:
     """Build a scene by its name.
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3
 
@@ -15,6 +16,7 @@ from .ground import Ground
 __all__ = ["World"]
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
     """Bodies on a ground, frame base (z up).
@@ -30,7 +32,6 @@ class World:
     name: str = "world"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "bodies", tuple(self.bodies))
         if not self.bodies:
             raise InputError("bodies of a world", got="none", expected="one or more")
         counts = Counter(body.name for body in self.bodies)
@@ -57,8 +58,19 @@ class World:
             raise UnknownNameError("body", name, self.names)
         return self.names.index(name)
 
+    @checked
     def placed(self, poses: Sequence[SE3]) -> World:
-        """Return the same bodies at other poses ``T_base_body``."""
+        """Return the same bodies at other poses ``T_base_body``.
+
+        Raises
+        ------
+        InputError
+            If there is not one pose for each body.
+        """
+        if len(poses) != len(self.bodies):
+            raise InputError(
+                "poses", got=len(poses), expected=f"one for each of {len(self.bodies)}"
+            )
         moved = [b.at(pose) for b, pose in zip(self.bodies, poses, strict=True)]
         return replace(self, bodies=tuple(moved))
 

@@ -44,6 +44,13 @@ def test_an_object_out_of_reach_is_reached_from_where_the_advice_sends_the_base(
     assert roman.plan(moved).plan.grasps
 
 
+def test_there_is_no_advice_once_the_deadline_has_passed(roman):
+    plan = roman.plan(FAR, deadline=1e-3, advise=True).plan
+    assert not plan.advice
+    assert "advice" not in plan.seconds
+    assert "deadline" in plan.notes[0]
+
+
 def test_an_idle_arm_is_named_if_it_gets_there(dictionary):
     left = capture_of([lying_pipe(length=0.5, position=(0.85, 0.75, 0.3))])
     right = Pipeline(robot="roman", arm="right", prototypes=dictionary)

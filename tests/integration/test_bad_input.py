@@ -159,8 +159,12 @@ BAD_CHOICES = {
         ["region", "finite"],
     ),
     "huge region": (
-        ["--region", "-50", "-50", "-50", "50", "50", "50"],
-        ["region", "100.6", "40000000 cells", "smaller region"],
+        ["--region", "-19", "-19", "-19", "19", "19", "19"],
+        ["region", "38.6", "40000000 cells", "smaller region"],
+    ),
+    "region in millimetres": (
+        ["--region", "500", "-300", "0", "900", "300", "400"],
+        ["--region", "900", "millimetres, divide by 1000"],
     ),
     "unknown hand": (["--gripper", "robotik_3f"], ["camhand", "robotiq_3f", "mean"]),
     "deadline of zero": (["--deadline", "0"], ["deadline", "0.0", "positive"]),
@@ -377,3 +381,73 @@ def test_what_was_typed_wrong_is_found_before_anything_is_read(refused, tmp_path
     assert "region" in refused(*plan, "--region", *"110001")
     assert "one with an arm" in refused("ik", *"100000", "--robot", "none")
     assert "path of a .yaml file" in refused("reach", "--robot", ".")
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        ("plan {} --deadline nan", "--deadline: 'nan' is not a finite number"),
+        ("plan {} --deadline -1", "--deadline: got -1"),
+        ("plan {} --camera-pose nan,0,0,0,0,0", "--camera-pose: got 'nan"),
+        ("plan {} --camera-pose 100,0,1500,0,0,0", "--camera-pose: got a coordinate"),
+        ("plan {} --priority-point 900 0 0", "--priority-point: got a coordinate"),
+        ("clear --max-removals 0 --objects 1", "--max-removals: got 0"),
+        ("clear --drive-over 7", "--drive-over: got 7"),
+        ("clear --objects 99", "--objects: got 99"),
+        ("clear --region 500 0 0 900 300 400", "--region: got a coordinate"),
+    ],
+)
+def test_a_setting_is_called_by_the_option_that_gave_it(
+    refused, pipe_file, words, option
+):
+    message = refused(*words.format(pipe_file).split())
+    assert option in message
+    assert "TaskSettings" not in message
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("plan", "{}", "--prototypes", ""),
+        ("plan", "{}", "--grippers", ""),
+        ("plan", "{}", "--site", ""),
+        ("plan", "{}", "--out", ""),
+        ("segment", "{}", "--report", ""),
+        ("clear", "--record", ""),
+        ("replay", ""),
+        ("prototype", "list", "--prototypes", ""),
+    ],
+)
+def test_an_empty_option_is_not_the_working_folder_either(refused, pipe_file, words):
+    message = refused(*(word.format(pipe_file) for word in words))
+    assert "it is empty" in message
+    assert len(message.splitlines()) == 1
+
+
+def test_files_that_are_something_else_are_called_what_they_are(refused, tmp_path):
+    text = tmp_path / "text.npz"
+    text.write_text("these are words")
+    assert "no arrays at all" in refused("segment", text)
+    assert "clear --record DIR" in refused("replay", tmp_path)
+    broken = tmp_path / "broken.obj"
+    broken.write_text("v 1 2\nf 1 2 3\n")
+    said = refused("prototype", "from-mesh", broken, "--name", "a")
+    assert "nothing that can be read" in said
+    assert "a whole .obj mesh" in said
+
+
+def test_a_few_absurd_depths_are_counted(refused, tmp_path, pipe_capture):
+    depth = pipe_capture.depth.copy()
+    depth[:2, :3] = 1e30
+    path = tmp_path / "far.npz"
+    pipe_capture.save(path)
+    arrays = dict(np.load(path))
+    np.savez(path, **{**arrays, "depth": depth})
+    message = refused("segment", path)
+    for words in ("far.npz", "6 values", "1e+30 m"):
+        assert words in message
+
+
+def test_a_matrix_is_no_camera():
+    with pytest.raises(debrisgrasp.DebrisGraspError, match=r"Intrinsics\.from_matrix"):
+        debrisgrasp.Capture(depth=np.ones((4, 5)), intrinsics=np.eye(3))

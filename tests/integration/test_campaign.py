@@ -109,7 +109,7 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
         (("--site", "no/such.yaml"), "no/such.yaml"),
         (("--site", JAW), "a robot with arms"),
         (("--workers", -1), "workers"),
-        (("--max-removals", 0), "max_removals"),
+        (("--max-removals", 0), "--max-removals"),
         (("--compare", "no", "such"), "such"),
     ],
 )

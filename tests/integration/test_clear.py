@@ -94,6 +94,17 @@ def test_an_injected_fault_ends_the_run_in_its_class(pipeline):
     assert done.truth.violations == ()
 
 
+def test_with_a_load_in_the_hand_a_sensor_that_lies_stops_the_robot(pipeline):
+    task = SimulatedTask(
+        objects=1, seed=3, drive_over=0.02, faults=("wrench_sign@verify_hold",)
+    )
+    done = api.clear(task, pipeline=pipeline)
+    assert done.result.end is RunEnd.STOPPED
+    assert done.result.faults[-1].fault == "wrench_sign"
+    assert done.result.faults[-1].action is Action.STOP
+    assert done.truth.overloads == ()
+
+
 def test_an_empty_image_never_means_that_the_way_is_clear(pipeline):
     task = SimulatedTask(objects=1, seed=3, faults=("empty_cloud@capture",))
     done = api.clear(task, pipeline=pipeline)

@@ -328,3 +328,16 @@ def test_two_results_never_go_to_one_place(run, tmp_path):
     ended = run("plan", path, "--out", both, "--report", both)
     assert ended.status == 2
     assert not both.exists()
+
+
+@pytest.mark.parametrize("command", ["segment", "select"])
+def test_every_command_says_what_it_wrote(run, pipe_file, tmp_path, command):
+    out = tmp_path / "report.png"
+    assert run(command, pipe_file, "--report", out).out.endswith(f"wrote {out}\n")
+    assert "wrote" not in run(command, pipe_file, "--report", out, "--json").out
+
+
+@pytest.mark.parametrize("command", ["segment", "motion"])
+def test_what_is_only_drawn_is_not_called_a_page(refused, pipe_file, command):
+    message = refused(command, pipe_file, "--report", "report.html")
+    assert "name of a picture: got report.html" in message

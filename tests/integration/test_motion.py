@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,17 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.io.motion_json import load_motion
 from debrisgrasp.kinematics import RobotModel
-from debrisgrasp.pipeline import GraspMotions, MotionsConfig, recall_plan
+from debrisgrasp.motion import MotionPlanner, MotionSpace, UnknownSpace
+from debrisgrasp.pipeline import (
+    GraspMotions,
+    MotionsConfig,
+    first_executable,
+    grasp_chain,
+    motion_space,
+    recall_plan,
+)
+
+GROUND = np.array([0.0, 0.0, 1.0, 0.0])
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +51,56 @@ def test_the_whole_chain_hangs_together_and_keeps_the_limits(result):
     goals = [grasp.T_base_pregrasp.p, grasp.T_base_hand.p, grasp.T_base_hand.p + lift]
     for pose, goal in zip(reached, goals, strict=True):
         np.testing.assert_allclose(pose.p, goal, atol=2e-3)
+
+
+def test_where_short_searches_fail_one_serves_all_grasps(result, monkeypatch):
+    asked, plan = [], MotionPlanner.plan
+
+    def stingy(self, q_start, goal, space, *, max_rounds=None, **more):
+        asked.append((len(goal), max_rounds))
+        if max_rounds == grasp_chain._SHORT:
+            point = self.chain.fk(q_start).p[None]
+            space = MotionSpace.from_points(point, ground_plane=GROUND)
+        return plan(self, q_start, goal, space, max_rounds=max_rounds, **more)
+
+    monkeypatch.setattr(MotionPlanner, "plan", stingy)
+    best = replace(result, plan=replace(result.plan, grasps=result.plan.grasps[:4]))
+    found = debrisgrasp.plan_motion(best)
+    chosen = found.chosen
+    assert chosen is not None, found.why_none
+    over = [index for index, _ in found.passed_over]
+    assert sorted([*over, chosen.index]) == list(range(4))
+    assert all(reason for _, reason in found.passed_over)
+    grasp = result.plan.grasps[chosen.index]
+    np.testing.assert_array_equal(chosen.grasp.T_base_hand.p, grasp.T_base_hand.p)
+    np.testing.assert_allclose(
+        chosen.reach.trajectory.q[-1], chosen.approach.trajectory.q[0], atol=1e-9
+    )
+    n_goals, rounds = asked[-1]
+    assert n_goals > 1
+    assert rounds > grasp_chain._SHORT
+
+
+def test_a_way_that_is_known_is_gone_again(result, monkeypatch):
+    first = debrisgrasp.plan_motion(result).chosen
+    hidden = UnknownSpace.HIDDEN
+    space = motion_space(result.capture, result.cloud, result.segmentation, hidden)
+    given, plan = [], MotionPlanner.plan
+
+    def noted(self, *places, known=None, **more):
+        given.append(known)
+        return plan(self, *places, known=known, **more)
+
+    monkeypatch.setattr(MotionPlanner, "plan", noted)
+    again = first_executable(
+        result.plan,
+        result.robot,
+        space,
+        known={first.arm: first.reach.path},
+        rng=np.random.default_rng(0),
+    )
+    assert again.chosen is not None
+    assert all(known is first.reach.path for known in given)
 
 
 def test_same_seed_same_motion(result):

@@ -166,6 +166,19 @@ def test_after_the_deadline_objects_are_tried_until_one_offers_a_grasp(
     assert fake_time.sweeps == (len(tried) + 1) * (1 + 1)
 
 
+def test_one_worker_makes_the_plan_of_two(
+    pipeline, dictionary, block_capture, monkeypatch
+):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    config = PipelineConfig(workers=1)
+    alone = Pipeline(robot="none", prototypes=dictionary, config=config)
+    one, two = (p.plan(block_capture).plan for p in (alone, pipeline))
+    assert one.grasps
+    assert plan_to_json(replace(one, seconds={})) == plan_to_json(
+        replace(two, seconds={})
+    )
+
+
 def test_threads_that_share_a_pipeline_get_the_plans_of_one(
     pipeline, pipe_capture, block_capture
 ):

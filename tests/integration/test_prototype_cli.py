@@ -94,6 +94,16 @@ def test_a_mesh_with_a_given_pose_becomes_a_prototype(capsys):
         ("record pile.npz --name a --object 6 --joints elbow", "NAME=VALUE"),
         ("record pile.npz --name a --object 6 --joints elbow=1", "joint of roman"),
         ("record pile.npz --name a --object 6 --preshape fist", "basic"),
+        ("new --shape handle --diameter 0.03 --name a", "--length with --shape handle"),
+        (
+            "new --shape cylinder --diameter 0.05 --length 0.2 --plate 1 --name a",
+            "its sizes: --diameter, --ends, --length",
+        ),
+        ("new --shape rim --diameter 0.1 --name a", "--thickness with --shape rim"),
+        (
+            "record pile.npz --name a --object 6 --pose 500,0,300,0,0,0",
+            "divide by 1000",
+        ),
         ("coverage --out map.pdf", ".png"),
         ("show --out sheet.pdf", ".html"),
     ],

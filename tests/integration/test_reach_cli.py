@@ -63,7 +63,7 @@ def test_ik_reads_matrices_archives_and_plans(run, tmp_path):
     [
         (("ik", 0.9, 0, 0.4), "six numbers a pose"),
         (("ik", 900, 0, 400, 0, 0, 0), "divide by 1000"),
-        (("ik", "nan", 0, 0.4, 0, 0, 0), "at most 20"),
+        (("ik", "nan", 0, 0.4, 0, 0, 0), "finite"),
         (("ik", "none.json"), "none.json"),
         (("ik", "none.npz"), "none.npz"),
         (("ik", 0.9, 0, 0.4, 0, 0, 0, "--arm", "rigth"), "Did you mean 'right'"),

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from debrisgrasp._files import data_path
 from debrisgrasp.cli import doctor_checks
 from debrisgrasp.cli.doctor_checks import EXTRAS, Finding
+from debrisgrasp.geometry import SE3
+from debrisgrasp.io import Capture
+from debrisgrasp.io.plan_json import load_plan
 
 JAW = Path(__file__).parents[2] / "examples/jaw_site.yaml"
 SITE = """
@@ -78,6 +84,34 @@ def test_segment_takes_the_pose_of_the_camera_from_the_site(run, tmp_path, pipe_
         for given in ((), ("--site", path))
     )
     assert before != after
+
+
+def test_a_pose_that_replaces_that_of_a_capture_is_told_of(run, tmp_path, pipe_file):
+    path = tmp_path / "site.yaml"
+    level = "schema: debrisgrasp/site/1\ncamera: {pose: [0.1, 0, 1.4, -2.2, 0, -1.57]}"
+    path.write_text(level, encoding="utf-8")
+    ended = run("segment", pipe_file, "--site", path, "--json")
+    assert "has a camera pose of its own, which is not used" in ended.err
+    assert "mm and" in ended.err
+    assert json.loads(ended.out)["ground"]["pose_doubt"] in ended.err
+    np.save(tmp_path / "own.npy", Capture.load(pipe_file).T_base_camera.matrix)
+    same = run("segment", pipe_file, "--camera-pose", tmp_path / "own.npy")
+    assert same.err == ""
+
+
+def test_a_doubtful_pose_is_told_on_stderr_and_stays_with_the_plan(
+    run, dictionary, tmp_path, pipe_capture
+):
+    raised = SE3.from_parts(p=[0.0, 0.0, 0.3]) @ pipe_capture.T_base_camera
+    path, out = tmp_path / "raised.npz", tmp_path / "grasps.json"
+    replace(pipe_capture, T_base_camera=raised).save(path)
+    ended = run(
+        "plan", path, "--robot", "none", "--prototypes", dictionary, "--out", out
+    )
+    assert ended.status == 0
+    assert "note: camera pose in doubt" in ended.err
+    assert "in doubt" not in ended.out
+    assert any("camera pose in doubt" in note for note in load_plan(out).notes)
 
 
 def test_a_wrong_site_is_refused_in_one_block(refused, site, pipe_file):

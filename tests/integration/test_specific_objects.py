@@ -92,3 +92,34 @@ def test_supports_leave_a_cylinder_no_free_turn():
         symmetry = library[name].symmetry
         assert symmetry.spin is None
         assert len(symmetry.turns.matrix) == n
+
+
+def test_a_mark_on_a_part_says_where_to_grip_and_the_whole_is_lifted():
+    body = make_body("lumber_4x4", {"length": 0.7, "width": 0.09, "height": 0.09}, 3.0)
+    turn = so3.from_rpy(np.array([0.0, 0.0, 1.2]))
+    body = body.at(SE3.from_parts(turn, [0.95, 0.0, 0.045]))
+    picture = render(World((body,)), CAMERA, VIEW)
+    points = VIEW.apply(CAMERA.deproject(picture.depth))
+    along = (points - body.T_base_body.p) @ turn[:, 0]
+    is_beam, is_end = picture.labels == 1, (picture.labels == 1) & (along > 0.1)
+    facts = {"depth": picture.depth, "intrinsics": CAMERA, "T_base_camera": VIEW}
+    pipeline = Pipeline(robot="none", gripper="robotiq_3f")
+
+    whole = pipeline.plan(Capture(**facts, mask=is_beam))
+    part = pipeline.plan(Capture(**facts, mask=is_end))
+    cut = Bounds.around(points[is_end], 0.02)
+    region = pipeline.plan(Capture(**facts), region=cut)
+    heavy = whole.plan.grasps[0].load.mass
+    for result, holder in ((part, "mask"), (region, "region")):
+        plan = result.plan
+        # Gripped at the marked end, but weighed and pulled out as one beam.
+        ends = [
+            (g.T_base_hand.p - body.T_base_body.p) @ turn[:, 0] for g in plan.grasps
+        ]
+        assert min(ends) > 0.0
+        np.testing.assert_allclose(plan.grasps[0].load.mass, heavy, rtol=0.15)
+        assert len(result.object_points) > 0.95 * np.count_nonzero(is_beam)
+        assert plan.grasps[0].retreat.overlap < 0.1
+        assert any(note.startswith(f"the {holder} holds") for note in plan.notes)
+        assert not any("object" in advice.text for advice in plan.advice)
+    assert not any("holds" in note for note in whole.plan.notes)

@@ -14,11 +14,13 @@ PACKAGE = Path(__file__).parents[2] / "debrisgrasp"
 
 LAYERS = {
     "errors": 0,
+    "_physics": 0,
     "_arrays": 1,
     "_checked": 1,
     "_files": 1,
     "_fields": 2,
     "_stopwatch": 1,
+    "_workers": 1,
     "_words": 1,
     "geometry": 2,
     "segmentation": 3,

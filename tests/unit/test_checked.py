@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -117,3 +117,41 @@ def test_public_calls_name_the_argument_that_is_of_the_wrong_type(call):
 def test_numbers_of_numpy_read_as_numbers():
     error = InputError("box", got=[np.float64(0.5), np.int64(2)], expected="three")
     assert "got [0.5, 2]," in str(error)
+
+
+@checked
+def stack(
+    sizes: tuple[float, float],
+    names: tuple[str, ...] = (),
+    waiters: Sequence[Orders] = (),
+) -> tuple[object, ...]:
+    """Stack."""
+    return sizes, names, waiters
+
+
+def test_a_list_stands_for_a_tuple():
+    assert stack([1, 2.5], ["a"]) == ((1, 2.5), ("a",), ())
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"sizes": 3}, ["sizes", "3 (int)", "a tuple of 2"]),
+        ({"sizes": (1.0, 2.0, 3.0)}, ["sizes", "3 values", "expected 2"]),
+        ({"sizes": (1.0, "2")}, ["sizes[1]", "'2'", "a number"]),
+        ({"sizes": (1.0, np.nan)}, ["sizes[1]", "nan", "a number"]),
+        ({"sizes": (1, 2), "names": "ab"}, ["names", "'ab'", "a tuple"]),
+        ({"sizes": (1, 2), "names": ("a", 3)}, ["names[1]", "a text"]),
+        ({"sizes": (1, 2), "waiters": [Waiter(), 4]}, ["waiters[1]", "an Orders"]),
+    ],
+)
+def test_what_a_tuple_or_a_sequence_holds_is_looked_at(given, words):
+    with pytest.raises(InputError) as refused:
+        stack(**given)
+    for word in words:
+        assert word in str(refused.value)
+
+
+def test_no_number_is_nan():
+    with pytest.raises(InputError, match="share: got nan"):
+        serve(3, share=float("nan"))

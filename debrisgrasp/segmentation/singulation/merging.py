@@ -89,6 +89,11 @@ def merged_regions(
             if into is None:
                 break
             state.merge(into)
+    # What a mark keeps apart may be one object all the same, of which it is a part.
+    apart = np.flatnonzero(_marks(state.graph, slice(None)) == 1)
+    if len(apart):
+        features = pair_features(state.graph, state.shapes, cells, apart)
+        state.score[apart] = _heard(state.graph, apart, score(features), color_weight)
     return state.result()
 
 
@@ -96,6 +101,23 @@ def _marked(
     graph: RegionGraph, which: IntArray, score: FloatArray, color_weight: float
 ) -> FloatArray:
     """Scores after hearing what cuts, colours, and a mark on an object say."""
+    score = _heard(graph, which, score, color_weight)
+    # What is marked is one object, and nothing else is part of it.
+    n_marked = _marks(graph, which)
+    return np.where(n_marked == 2, 1.0, np.where(n_marked == 1, 0.0, score))
+
+
+def _marks(graph: RegionGraph, which: IntArray | slice) -> IntArray:
+    """How many ends of each edge are marked, shape (k,)."""
+    of_interest = graph.regions[:, RegionSum.OF_INTEREST] > 0
+    n_marked: IntArray = of_interest[graph.edges[which]].sum(axis=1)
+    return n_marked
+
+
+def _heard(
+    graph: RegionGraph, which: IntArray, score: FloatArray, color_weight: float
+) -> FloatArray:
+    """Scores after hearing what cuts and colours say."""
     a, b = graph.edges[which].T
     border = graph.borders[which]
     is_cut = border[:, BorderSum.CUT] > 0.5 * border[:, BorderSum.TOUCHING]
@@ -109,10 +131,7 @@ def _marked(
         odds = score / np.maximum(1.0 - score, 1e-9)
         odds *= np.exp(-color_weight * np.clip(differs - 0.2, -0.2, 1.0))
         score = odds / (1.0 + odds)
-    # What is marked is one object, and nothing else is part of it.
-    of_interest = graph.regions[:, RegionSum.OF_INTEREST] > 0
-    score = np.where(of_interest[a] & of_interest[b], 1.0, score)
-    return np.where(of_interest[a] != of_interest[b], 0.0, score)
+    return score
 
 
 class _State:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from debrisgrasp.control import (
     BiasBound,
@@ -47,12 +49,22 @@ def wrench(*force: float) -> np.ndarray:
 
 def test_overload_stops_within_two_samples_however_slow_the_filter():
     rig = Rig(SOFT)
-    ramp = [wrench(0, 0, -40 * min(k, 3)) for k in range(4)]
-    _, seen = pushed(rig, [*[wrench(0, 0, 0)] * 20, *ramp, *[wrench(0, 0, -160)] * 3])
-    assert not seen[23].is_stop
-    assert seen[25].is_stop
-    assert seen[25].stop.fault is Fault.OVERLOAD
-    assert seen[25].stop.fault.fault_class is FaultClass.SAFETY
+    ramp = [wrench(0, 0, -4.0 * k) for k in range(33)]
+    _, seen = pushed(rig, [*[wrench(0, 0, 0)] * 20, *ramp, *[wrench(0, 0, -160)] * 2])
+    assert not seen[52].is_stop
+    assert seen[54].is_stop
+    assert seen[54].stop.fault is Fault.OVERLOAD
+    assert seen[54].stop.fault.fault_class is FaultClass.SAFETY
+
+
+@settings(max_examples=20, deadline=None)
+@given(growth=st.floats(2.0, 45.0))
+def test_a_load_that_grows_stops_the_arm_before_it_reaches_its_limit(growth):
+    rig = Rig(SOFT)
+    _, seen = pushed(rig, [wrench(0, 0, -growth * k) for k in range(90)])
+    first = next(k for k, command in enumerate(seen) if command.is_stop)
+    assert seen[first].stop.fault is Fault.OVERLOAD
+    assert growth * first < 148.0
 
 
 def test_torque_alone_stops_too():

@@ -265,6 +265,28 @@ def test_postures_over_a_drop_off_hold_the_object_over_the_ground_and_are_free(
         assert np.linalg.norm(middle - context.settings.drop_off["right"]) < 0.5
 
 
+def test_what_has_a_box_with_a_corner_below_it_is_held_higher(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    q, s = context.posture(limb), 0.15
+    square = np.array([[s, s], [s, -s], [-s, s], [-s, 0.1 - s], [0.1 - s, -s]])
+    u, v = np.repeat(square, 2, axis=0).T / np.sqrt(2.0)
+    side = np.tile([-0.03, 0.03], 5)
+    # On its corner, which is cut off: of a box around it, that is the lowest.
+    points = (np.column_stack([u - v, side, u + v]) - [0.0, 0.0, 0.2]) @ limb.pose(q).R
+
+    def is_free(rows):
+        bodies = [lying(limb.pose(row), points) for row in rows]
+        return np.array([body[:, 2].min() > 0.0 for body in bodies])
+
+    found = drop_postures(context, limb, points, q, is_free, 2)
+    assert len(found) == 2
+    for row in found:
+        lowest = limb.pose(row).apply(points)[:, 2].min()
+        assert lowest > context.settings.drop_height + 0.02
+
+
 def test_a_motion_run_backwards_ends_where_it_began():
     one = Trajectory(
         joint_names=("a",),

@@ -10,7 +10,8 @@ import pytest
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive import TaskSettings
 from debrisgrasp.executive.choose import _ordered
-from debrisgrasp.executive.marks import Marks
+from debrisgrasp.executive.marks import Mark, Marks
+from debrisgrasp.executive.outcome import RunEnd, RunResult
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.triage import Way, judge
 from debrisgrasp.geometry import Bounds
@@ -144,3 +145,24 @@ def test_what_failed_on_an_object_comes_after_other_prototypes_about_as_likely()
     # A grasp is noted at each fault of one try; it failed once.
     assert _ordered([span, rim, other], triage, [failed, failed]) == (rim, span, other)
     assert _ordered([span, grasp("rim", 0.56, "right")], triage)[0].prototype == "rim"
+
+
+def test_a_grasp_without_a_way_is_in_vain_until_the_pile_is_seen_again():
+    look, tried, unreached, other = (object() for _ in range(4))
+    mark = Mark(np.zeros(3), "no way", "plan_collision", failed=[tried])
+    mark.sought(look, (unreached,))
+    mark.sought(look, (other,))
+    assert mark.in_vain(look) == [tried, unreached, other]
+    assert mark.in_vain(object()) == [tried]
+
+
+def test_a_way_clear_because_all_is_low_says_so():
+    low = {"object 1": "drive over: 8 cm high", "object 2": "drive over: 3 cm high"}
+
+    def result(left, end=RunEnd.CLEARED):
+        return RunResult(end=end, attempts=(), faults=(), left=left)
+
+    assert result(low).is_all_driven_over
+    assert not result({}).is_all_driven_over
+    assert not result(low, RunEnd.LEFT).is_all_driven_over
+    assert not result({**low, "object 3": "leave: a structure"}).is_all_driven_over

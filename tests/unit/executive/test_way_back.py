@@ -21,6 +21,7 @@ from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
+from debrisgrasp.geometry import so3
 from debrisgrasp.kinematics import ArmReach
 from debrisgrasp.motion import MotionPlanner, MotionSpace, UnknownSpace
 from debrisgrasp.pipeline import Pipeline
@@ -222,3 +223,18 @@ def test_what_is_held_is_a_part_of_the_arm_as_if_its_file_had_it(pipeline, arm):
     found = carrying(context, limb).exact_test(space).is_free(q)
     np.testing.assert_array_equal(found, oracle.exact_test(space).is_free(q))
     assert 0 < found.sum() < limb.planner.exact_test(space).is_free(q).sum()
+
+
+def test_the_box_around_something_as_wide_as_high_is_about_its_size(rng):
+    size = np.array([0.5, 0.45, 0.45])
+    points = rng.uniform(-0.5, 0.5, (1500, 3))
+    side = rng.integers(3, size=1500)
+    points[np.arange(1500), side] = rng.choice([-0.5, 0.5], 1500)
+    points = points[(points[:, 2] > -0.1) | (points[:, 0] < -0.4)]  # half of it seen
+    turned = so3.from_rpy(np.array([0.4, -0.8, 1.1]))
+    seen = (points * size) @ turned.T + [1.0, -2.0, 0.5]
+    box = box_around(seen)
+    inside = box.T_link_shape.inverse().apply(seen)
+    assert (np.abs(inside) <= 0.5 * np.array(box.size) + 1e-9).all()
+    assert np.prod(box.size) < 1.1 * np.prod(np.ptp(points * size, axis=0))
+    assert np.linalg.det(box.T_link_shape.R) == pytest.approx(1.0)

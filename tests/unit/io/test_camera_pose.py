@@ -38,9 +38,22 @@ def test_every_kind_of_file_gives_the_same_pose(tmp_path, T_base_camera):
         assert_allclose(pose.matrix, matrix, atol=1e-12)
 
 
-@pytest.mark.parametrize("text", ["", "here", "1,2,3", "1,2,3,4,5,nan", "a,b,c,d,e,f"])
+@pytest.mark.parametrize("text", ["", "here", "1,2,3", "a,b,c,d,e,f"])
 def test_other_words_are_refused_with_all_forms(text):
     with pytest.raises(ConfigError, match="roll,pitch,yaw"):
+        parse_camera_pose(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("1,2,3,4,5,nan", "finite"),
+        ("100,200,1500,0,0,0", "millimetres"),
+        ("0,0,1,-126,0,-90", "radians"),
+    ],
+)
+def test_six_numbers_that_make_no_pose_are_refused_for_what_they_are(text, why):
+    with pytest.raises(ConfigError, match=why):
         parse_camera_pose(text)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from debrisgrasp.errors import MissingExtraError
 from debrisgrasp.motion import EdgeTest, PathQuery, connect, connect_by_ompl
+from debrisgrasp.motion.known import reached
 from debrisgrasp.motion.shorten import path_cost, shortened
 
 ENGINES = [
@@ -105,3 +107,19 @@ def test_shortcuts_only_make_a_path_quicker_and_keep_it_free(rng):
 def test_without_ompl_its_engine_names_the_extra(rng):
     with pytest.raises(MissingExtraError, match=r"debrisgrasp\[motion\]"):
         connect_by_ompl(query(gap), rng=rng)
+
+
+def test_ways_that_repeat_postures_are_entered_in_order(rng):
+    asked = query(gap)
+    # Only the last of those that are the same is joined to what is near the start.
+    same = np.tile([-0.5, 0.9], (8, 1))
+    beside = asked.q_start + 0.01 * rng.normal(size=(8, 2))
+    known = np.concatenate([same, beside])
+    nodes, parents = reached(asked.q_start[None], known, asked.edges)
+    entered = {0}
+    for node, parent in zip(nodes.tolist(), parents.tolist(), strict=True):
+        assert parent in entered
+        entered.add(node)
+    assert len(nodes) == len(known)
+    found = connect(replace(asked, known=known), rng=rng)
+    assert gap(densely(found.path)).all()

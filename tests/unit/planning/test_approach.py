@@ -57,6 +57,25 @@ def way_of(scene, hands, config=CONFIG, T=GRIP) -> np.ndarray:
     return ways.approaches(T.matrix[None], np.zeros(1, dtype=int))[0]
 
 
+def test_a_stand_off_leaves_room_for_an_error_of_the_hand(hands):
+    """A wall beside the way, near to the palm where it starts from."""
+    ways = Ways(scene_with(), hands, CONFIG, InspectionConfig())
+    poses, which = GRIP.matrix[None], np.zeros(1, dtype=int)
+    free = ways.approaches(poses, which)
+    assert np.allclose(ways.roomy(poses, which, free), free)
+    side = np.array([[0.0, y, z] for y in np.arange(-0.1, 0.1, 0.004)
+                     for z in np.arange(0.42, 0.6, 0.004)])  # fmt: skip
+    for gap in np.arange(0.2, 0.0, -0.004):
+        scene = scene_with(side + np.array([gap, 0.0, 0.0]))
+        ways = Ways(scene, hands, CONFIG, InspectionConfig())
+        beside = ways.approaches(poses, which)
+        if not np.allclose(beside, free):
+            break
+        wide = ways.roomy(poses, which, beside)
+    assert CONFIG.shortest <= np.linalg.norm(wide) < np.linalg.norm(free) - 0.01
+    assert np.allclose(np.cross(wide, free), 0.0)
+
+
 def touched(scene, library, offset, T=GRIP) -> int:
     """Points more than 6 mm inside the hand's solids anywhere on a way in."""
     prototype = library[NAME]

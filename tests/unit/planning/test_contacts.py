@@ -22,6 +22,8 @@ PADS = LIBRARY.grippers[PROTOTYPE.gripper].pad_positions(
 )
 CONFIG = ContactConfig()
 FIRST = np.zeros(1, dtype=int)
+ACROSS = np.linspace(-0.048, 0.048, 5)
+"""Places across the fingers, from beyond one of the pair to beyond the other [m]."""
 
 
 def scene_of(cloud: PointCloud, *, is_target: bool = True) -> SimpleNamespace:
@@ -34,7 +36,7 @@ def scene_of(cloud: PointCloud, *, is_target: bool = True) -> SimpleNamespace:
 def contacts(tilts: dict[int, float], T: SE3 | None = None, n: int = 5) -> PadContacts:
     """Faces at the pads of sides (-1, 1), tilted [rad] towards the palm's far side."""
     points, normals = [], []
-    spread = np.linspace(-0.008, 0.008, n)
+    spread = np.linspace(ACROSS[0], ACROSS[-1], n)
     for side, tilt in tilts.items():
         middle = np.array([side * 0.04, PADS[:, 1].mean(), PADS[:, 2].mean()])
         points.append(middle + spread[:, None] * [0.0, 1.0, 0.0])
@@ -47,6 +49,13 @@ def contacts(tilts: dict[int, float], T: SE3 | None = None, n: int = 5) -> PadCo
     )
     scene = scene_of(cloud)
     return PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
+
+
+def extruded(points: np.ndarray) -> np.ndarray:
+    """Copies of points (n, 3) all across the fingers, (5 n, 3)."""
+    beside = np.stack([0.0 * ACROSS, ACROSS, 0.0 * ACROSS], axis=1)
+    found: np.ndarray = (points + beside[:, None]).reshape(-1, 3)
+    return found
 
 
 def at(found: PadContacts, T: SE3 | None = None) -> float:
@@ -68,7 +77,8 @@ def test_upright_faces_are_certain_and_slanted_ones_are_not():
 def test_a_side_that_was_not_seen_is_as_the_prototype_says():
     assert at(contacts({1: 0.0})) == pytest.approx(1.0, abs=1e-3)
     assert at(contacts({-1: 0.6, 1: 0.0})) == pytest.approx(at(contacts({-1: 0.6})))
-    assert at(contacts({-1: 1.2, 1: 1.2}, n=CONFIG.min_points - 1)) == 1.0
+    few = contacts({-1: 1.2, 1: 1.2}, n=CONFIG.min_points - 1)
+    assert at(few) == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +120,8 @@ def test_on_a_curved_face_the_part_that_is_turned_to_the_pad_counts():
     angle = np.linspace(0.0, 1.3, 9)
     surface = np.stack([0.03 * np.cos(angle), 0 * angle, -0.03 * np.sin(angle)], 1)
     middle = np.array([0.01, PADS[:, 1].mean(), PADS[:, 2].mean()])
-    cloud = PointCloud(surface + middle, surface / 0.03, np.array([0.0, 0.0, 2.0]))
+    points, normals = extruded(surface + middle), np.tile(surface / 0.03, (5, 1))
+    cloud = PointCloud(points, normals, np.array([0.0, 0.0, 2.0]))
     scene = scene_of(cloud)
     pipe = PadContacts(scene, around._zones, CONFIG)
     assert at(pipe) == pytest.approx(1.0, abs=1e-3)
@@ -136,8 +147,8 @@ def half_seen(shape: str, half: float, middle: float) -> PadContacts:
         nx, nz = (np.repeat(pair, (13, 12)) for pair in ([0.0, 1.0], [-1.0, 0.0]))
     y, level = PADS[:, 1].mean(), PADS[:, 2].mean() - half
     points = np.stack([x + middle, np.full_like(x, y), depth + level], axis=1)
-    normals = np.stack([nx, 0.0 * nx, nz], axis=1)
-    cloud = PointCloud(points, normals, np.array([0.0, 0.0, -2.0]))
+    normals = np.tile(np.stack([nx, 0.0 * nx, nz], axis=1), (5, 1))
+    cloud = PointCloud(extruded(points), normals, np.array([0.0, 0.0, -2.0]))
     scene = scene_of(cloud)
     return PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
 
@@ -166,9 +177,8 @@ def test_what_goes_on_to_where_a_finger_comes_down_has_no_side_before_it():
     points = np.stack(
         [across, np.full(40, PADS[:, 1].mean()), np.full(40, 0.06)], axis=1
     )
-    beside = 0.004 * np.array([[[0.0, k, 0.0]] for k in range(3)])
-    points = (points + beside).reshape(-1, 3)
-    cloud = PointCloud(points, np.tile([0.0, 0.0, -1.0], (120, 1)), np.zeros(3))
+    points = extruded(points)
+    cloud = PointCloud(points, np.tile([0.0, 0.0, -1.0], (200, 1)), np.zeros(3))
     scene = scene_of(cloud)
     found = PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
     look = found.look(np.eye(4)[None], FIRST)
@@ -179,6 +189,31 @@ def test_what_goes_on_to_where_a_finger_comes_down_has_no_side_before_it():
 
 def test_one_flat_face_tells_nothing_of_the_side_behind_it():
     assert at(contacts({1: 0.0}, n=12)) == pytest.approx(1.0, abs=1e-3)
+
+
+def bar_to(end: float, hidden: float | None = None) -> float:
+    """Probability on a bar that ends at y [m]; something nearer may hide that end."""
+    x, y = np.meshgrid(np.linspace(-0.04, 0.04, 9), np.arange(-0.1, end, 0.004))
+    points = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.07)], axis=1)
+    which = np.ones(len(points), dtype=bool)
+    if hidden is not None:
+        points = np.concatenate([points, points * [1, 0, 0] + [0, end + 0.01, hidden]])
+        which = np.arange(len(points)) < len(which)
+    normals = np.tile([0.0, 0.0, -1.0], (len(points), 1))
+    cloud = PointCloud(points, normals, np.array([0.0, 0.0, -1.0]))
+    scene = scene_of(cloud)
+    scene.is_target[:] = which
+    return at(PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG))
+
+
+def test_a_finger_beyond_the_end_of_the_object_presses_on_nothing():
+    last = float(PADS[:, 1].max())
+    assert bar_to(0.1) > 0.999
+    assert bar_to(last + 0.01) > 0.99
+    assert bar_to(last - 0.035) < 0.1
+    ends = [bar_to(last + beyond) for beyond in np.arange(-0.05, 0.03, 0.005)]
+    assert (np.diff(ends) >= -1e-9).all()
+    assert bar_to(last - 0.035, hidden=0.02) > 0.99
 
 
 TILT = st.floats(0.0, 1.3)
@@ -211,7 +246,7 @@ def test_senseless_settings_are_refused(bad):
 
 @pytest.mark.parametrize(("column", "goes_on"), [(637, True), (500, False)])
 def test_what_the_image_cuts_off_may_go_on_to_the_finger_beyond(column, goes_on):
-    across, beside = np.meshgrid(np.linspace(-0.03, 0.02, 26), 0.004 * np.arange(3))
+    across, beside = np.meshgrid(np.linspace(-0.03, 0.02, 26), 0.045 * np.arange(-1, 2))
     y, z = PADS[:, 1].mean(), np.full(across.size, 0.06)
     points = np.stack([across.ravel(), y + beside.ravel(), z], axis=1)
     columns = column - np.arange(26)[::-1]
@@ -229,7 +264,7 @@ def test_what_the_image_cuts_off_may_go_on_to_the_finger_beyond(column, goes_on)
 
 @pytest.mark.parametrize(("height", "may_go_on"), [(0.0, True), (0.05, False)])
 def test_what_vanishes_behind_something_nearer_may_go_on(height, may_go_on):
-    across, beside = np.meshgrid(np.linspace(-0.03, 0.02, 26), 0.004 * np.arange(3))
+    across, beside = np.meshgrid(np.linspace(-0.03, 0.02, 26), 0.045 * np.arange(-1, 2))
     flat = np.stack([across, PADS[:, 1].mean() + beside, 0.0 * across], axis=-1)
     target = flat.reshape(-1, 3) + np.array([0.0, 0.0, 0.06])
     hiding = flat.reshape(-1, 3) + np.array([0.05, 0.0, height])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from debrisgrasp.planning import PlannerConfig
 from debrisgrasp.planning.exploration import refine
@@ -55,3 +56,37 @@ def test_walkers_do_not_climb_out_of_reach(rng):
     arm = SlidingArm("right", "right_hand", length=1.0)
     gained = climbed(1.2, (arm,), rng)
     assert (np.linspace(0.9, 0.99, 10) + gained <= 1.0).all()
+
+
+class Level(Hill):
+    """The same score everywhere, which counts how often it is asked."""
+
+    def __init__(self, probability: float) -> None:
+        self.value, self.n_asked = np.log(probability), 0
+
+    def __call__(
+        self, Ts: np.ndarray, _prototype: np.ndarray, _needed: np.ndarray
+    ) -> np.ndarray:
+        self.n_asked += 1
+        return np.full(len(Ts), self.value)
+
+
+@pytest.mark.parametrize(("probability", "more"), [(0.5, 3), (0.9, 0)])
+def test_doubtful_walkers_go_on_climbing_until_the_deadline(probability, more, rng):
+    config = PlannerConfig(refinement_sweeps=5, doubtful_sweeps=3)
+    asked = []
+    for late_after in (100, 6):
+        level = Level(probability)
+        postures = Postures((), HANDS, rng)
+        start = at(np.linspace(0.5, 1.5, 10), np.full(10, level.value))
+        refine(
+            postures.unknown(start),
+            np.ones(10, dtype=int),
+            level,
+            postures,
+            config,
+            rng=rng,
+            is_late=lambda level=level, most=late_after: level.n_asked >= most,
+        )
+        asked.append(level.n_asked)
+    assert asked == [5 + more, 5 + min(more, 1)]

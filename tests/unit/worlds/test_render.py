@@ -169,11 +169,8 @@ def test_extra_solids_occlude_and_get_the_next_label():
         def __init__(self, box):
             self.box = box
 
-        def contains(self, points):
-            return self.box.contains(points)
-
-        def mesh(self):
-            return self.box.mesh()
+        def __getattr__(self, name):
+            return getattr(self.box, name)
 
         def moved(self, T):
             return Plate(self.box.moved(T))

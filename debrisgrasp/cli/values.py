@@ -1,0 +1,69 @@
+"""Values of arguments: paths, numbers and boxes."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+
+from debrisgrasp._arrays import require_metres
+from debrisgrasp.geometry import Bounds
+
+__all__ = ["add_region", "number", "region_of", "seed", "some_path"]
+
+
+def some_path(text: str) -> Path:
+    """Parse a path; an empty one would mean the working folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty, expected a file or folder")
+    return Path(text)
+
+
+def number(text: str) -> float:
+    """Parse a number; NaN and infinity are none."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return value
+
+
+def seed(text: str) -> int:
+    """Parse a seed; numpy takes no negative ones."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = -1
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an integer of 0 or more")
+    return number
+
+
+def add_region(parser: argparse._ActionsContainer, what: str) -> None:
+    """Add ``--region``."""
+    parser.add_argument(
+        "--region",
+        nargs=6,
+        type=number,
+        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
+        help=what,
+    )
+
+
+def region_of(arguments: argparse.Namespace) -> Bounds | None:
+    """Box that ``--region`` gives, if it does.
+
+    Raises
+    ------
+    InputError
+        If it can only be in millimetres, or is no box.
+    """
+    if arguments.region is None:
+        return None
+    corners = np.array(arguments.region)
+    require_metres("region", corners)
+    return Bounds(corners[:3], corners[3:])
