@@ -36,6 +36,8 @@ class KnownSpace:
 
     def __init__(self) -> None:
         self._sights: list[DepthSight] = []
+        self._stirred: list[tuple[Bounds, DepthSight]] = []
+        """Where things moved, and the last look before that."""
         self._cells = np.zeros(0, dtype=np.int64)
         self._behind: Bounds | None = None
 
@@ -69,14 +71,24 @@ class KnownSpace:
         """Take note of where parts of a hand were without touching, (..., 3) [m]."""
         self._cells = np.union1d(self._cells, _cells(points))
 
+    def stirred(self, box: Bounds) -> None:
+        """Take note that things moved in a box: there only later looks count."""
+        self._cells = self._cells[~box.contains(_middles(self._cells))]
+        if self._sights:
+            self._stirred = [*self._stirred[1 - _MOST :], (box, self._sights[-1])]
+
     def is_free(self, points: FloatArray) -> BoolArray:
         """Which points (..., 3) [m] are known to be free, shape (...)."""
         flat = points.reshape(-1, 3)
         free: BoolArray = np.isin(_cells(flat), self._cells)
         if self._behind is not None:
             free |= self._behind.contains(flat)
+        doubtful = np.zeros(len(flat), dtype=bool)
         for sight in reversed(self._sights):
-            rows = np.flatnonzero(~free)
+            for box, last in self._stirred:
+                if last is sight:
+                    doubtful |= box.contains(flat)
+            rows = np.flatnonzero(~free & ~doubtful)
             if not len(rows):
                 break
             ahead = sight.clearance(*flat[rows].T.astype(np.float32))
@@ -88,3 +100,11 @@ def _cells(points: FloatArray) -> IntArray:
     """One number for the cell of each point (..., 3), shape (n,)."""
     at = np.floor(points.reshape(-1, 3) / _CELL).astype(np.int64) + _HALF
     return np.asarray((at[:, 0] << 42) | (at[:, 1] << 21) | at[:, 2])
+
+
+def _middles(cells: IntArray) -> FloatArray:
+    """Middle of each cell [m], shape (n, 3)."""
+    low = (1 << 21) - 1
+    at = np.stack([cells >> 42, cells >> 21 & low, cells & low], axis=-1)
+    middles: FloatArray = (at - _HALF + 0.5) * _CELL
+    return middles

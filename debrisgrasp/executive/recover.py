@@ -7,6 +7,7 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp.errors import DriverError
+from debrisgrasp.geometry import Bounds
 
 from .context import Context, Held
 from .drag import drive_back
@@ -30,6 +31,8 @@ _STANDS_WITHIN, _STILL = 2.0, 0.05
 """[s]."""
 _LOOK = 0.1
 """How long a hand that should be empty is weighed [s]."""
+_STIRRED = 0.2
+"""So far around a hand things may have slid or rolled [m]."""
 _LOWERED = 0.3
 """What is put back is lowered so far, or to the ground, until it lies [m]."""
 
@@ -80,6 +83,8 @@ def clear_up(context: Context) -> FaultFound | None:
         _remember(context, held)
     if fault is not None:
         return fault
+    if busy is not None:
+        _stir(context, busy, held)
     # A trunk that both arms share must be back before the idle arm is at rest again.
     for name, limb in sorted(context.limbs.items(), key=lambda item: item[0] != busy):
         if name == busy:
@@ -105,6 +110,13 @@ def _remember(context: Context, held: Held) -> None:
     is_seen = bool(context.is_in_way(body.mean(axis=0)))
     body -= [0.0, 0.0, max(float(body[:, 2].min()), 0.0)]
     (context.fallen if is_seen else context.dropped).append(body)
+
+
+def _stir(context: Context, arm: str, held: Held | None) -> None:
+    """Forget what was seen to be free around a hand that moved something."""
+    T = context.limbs[arm].pose(context.posture(context.limbs[arm]))
+    points = T.p[None] if held is None else T.apply(held.points_hand).reshape(-1, 3)
+    context.known.stirred(Bounds.around(np.vstack([points, T.p]), _STIRRED))
 
 
 def _hanging(context: Context, arm: str) -> FaultFound | None:

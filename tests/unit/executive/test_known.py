@@ -51,3 +51,23 @@ def test_where_a_hand_was_and_what_is_behind_the_robot_is_free():
     points = np.array([[0.51, 0.11, 0.41], [0.5, 0.1, 0.5], [-0.8, 0.2, 0.5]])
     assert space.is_free(points).tolist() == [True, False, True]
     assert not space.is_free(np.array([0.2, 0.0, 0.5]))
+
+
+def test_where_something_moved_only_a_later_look_counts():
+    depth = np.full((100, 100), 1.0)
+    space, sight = (
+        seen(depth),
+        DepthSight(np.asarray(depth, np.float32), CAMERA, SE3.identity()),
+    )
+    places = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.8]])
+    hand = np.array([[0.02, 0.02, 1.31], [0.02, 0.02, 1.52]])
+    space.passed(hand)
+    assert space.is_free(np.concatenate([places, hand])).all()
+    space.stirred(Bounds.around(np.array([[0.0, 0.0, 0.8], [0.0, 0.0, 1.3]]), 0.1))
+    expected = [True, False, False, True]
+    assert space.is_free(np.concatenate([places, hand])).tolist() == expected
+    space.saw(sight)
+    assert space.is_free(places).all()
+    assert not space.is_free(hand[:1]).any()  # behind what is seen there
+    space.passed(hand[:1])
+    assert space.is_free(hand).all()
