@@ -74,7 +74,13 @@ def require_range(name: str, value: float, low: float, high: float = np.inf) -> 
 
 
 def require_metres(name: str, coordinates: ArrayLike) -> None:
-    """Raise `InputError` if coordinates are not finite, or can only be millimetres."""
+    """Raise `InputError` unless coordinates are finite.
+
+    Raises
+    ------
+    ConfigError
+        If they can only be millimetres.
+    """
     coordinates = np.asarray(coordinates)
     require_finite(coordinates, name)
     largest = float(np.abs(coordinates).max(initial=0.0))

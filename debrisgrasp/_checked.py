@@ -25,7 +25,7 @@ _WORDS = {
     Callable: "a function",
     Integral: "an integer",
     Mapping: "a dictionary",
-    Real: "a number",
+    Real: "a finite number",
     Sequence: "a sequence",
     bool: "True or False",
     os.PathLike: "a path",

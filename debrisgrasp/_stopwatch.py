@@ -37,8 +37,13 @@ class Stopwatch:
         """Tell how much of a stage is done."""
         self._progress(name, share)
 
+    def left(self) -> float | None:
+        """Seconds until the deadline, negative when it has passed; None without one."""
+        if self._deadline is None:
+            return None
+        return self._deadline - (time.monotonic() - self._start)
+
     def is_late(self) -> bool:
         """Whether the deadline has passed."""
-        if self._deadline is None:
-            return False
-        return time.monotonic() - self._start > self._deadline
+        left = self.left()
+        return left is not None and left < 0

@@ -9,9 +9,16 @@ from contextlib import contextmanager
 from contextvars import copy_context
 from typing import TypeVar
 
-__all__ = ["beside"]
+__all__ = ["beside", "cores"]
 
 T = TypeVar("T")
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):  # not on every system
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @contextmanager
@@ -34,7 +41,7 @@ def beside(work: Callable[[], T], *, workers: int) -> Iterator[Callable[[], T]]:
     Callable
         Gives the result; asked at most once.
     """
-    if min(workers, os.cpu_count() or 1) < 2:
+    if min(workers, cores()) < 2:
         yield work
         return
     # What the caller set, as for invalid floating point values, holds there too.

@@ -146,7 +146,7 @@ def plan_motion(
     seed
         The same seed gives the same motion.
     deadline
-        Seconds after which no further grasp is tried.
+        Seconds after which no further grasp is tried, and a long search gives up.
 
     Raises
     ------

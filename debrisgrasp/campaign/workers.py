@@ -27,6 +27,7 @@ from multiprocessing import (
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Protocol
 
+from debrisgrasp._workers import cores
 from debrisgrasp.errors import ConfigError, InputError, MissingExtraError
 
 __all__ = ["ClusterWorkers", "Crew", "LocalWorkers", "OwnWorkers", "Workers"]
@@ -78,7 +79,7 @@ class LocalWorkers:
     @contextmanager
     def open(self) -> Iterator[Crew]:
         """Start the processes."""
-        count = self.count or os.cpu_count() or 1
+        count = self.count or cores()
         context = _context()
         reader, writer = context.Pipe(duplex=False)
         executor = ProcessPoolExecutor(

@@ -39,6 +39,7 @@ from debrisgrasp.campaign import (
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.robot import Injection
 from debrisgrasp.sim import TIERS
+from debrisgrasp.sim._mujoco import mujoco
 
 from .campaign_text import comparison_text, draw_tables, flights_text, tables_text
 
@@ -95,6 +96,8 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
     tier = arguments.tier or {"fake": "few", "mujoco": "pile"}[arguments.world]
     if tier not in known:
         raise UnknownNameError(f"tier of world {arguments.world}", tier, known)
+    if arguments.world == "mujoco":
+        mujoco()  # before any run, each of which would end without it
     if arguments.world != "fake" and (arguments.faults or arguments.no_recovery):
         raise ConfigError(
             "--faults, --no-recovery",
@@ -169,8 +172,11 @@ def _faults(name: str | None) -> Callable[[Rng], tuple[Injection, ...]] | None:
         return None
     if name == _RANDOM:
         return random_faults
-    shipped = data_path("campaigns", f"{name}.yaml")
-    return FaultRates.load(shipped if shipped.is_file() else name).drawn
+    shipped = {path.stem: path for path in data_path("campaigns").glob("*.yaml")}
+    if name not in shipped and not Path(name).suffix:
+        known = (_RANDOM, *sorted(shipped), "the path of a .yaml file")
+        raise UnknownNameError("rates of faults", name, known)
+    return FaultRates.load(shipped.get(name, name)).drawn
 
 
 def _compare(old: Path, new: Path, *, as_json: bool) -> int:

@@ -17,10 +17,7 @@ from debrisgrasp.io import (
 )
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.pipeline import pose_notes
-from debrisgrasp.pipeline.inputs import arms_of
-from debrisgrasp.prototypes import load_grippers
-from debrisgrasp.segmentation import GroundReport, SelectionPolicy
-from debrisgrasp.settings import Settings
+from debrisgrasp.segmentation import GroundReport
 
 from .capture_arguments import (
     add_capture,
@@ -237,7 +234,7 @@ def run_select(arguments: argparse.Namespace) -> int:
     site = site_of(arguments)
     own = site.selection()
     if arguments.site is not None:  # its hands may open to other widths
-        own = _policy_of(site)
+        own = debrisgrasp.Pipeline.from_settings(site).policy
     order = debrisgrasp.select(capture, segmentation, policy_of(arguments, own))
     for path in arguments.report:
         write_selection_report(capture, segmentation, order, path)
@@ -252,16 +249,6 @@ def run_select(arguments: argparse.Namespace) -> int:
         print(columns(["turn", "object", "because"], rows))
         print_written(*arguments.report)
     return 0 if order else 1
-
-
-def _policy_of(site: Settings) -> SelectionPolicy:
-    """Policy of a site with an arm, for which its prototypes need not be read."""
-    robot = site.robot_model()
-    if robot is None:
-        return debrisgrasp.Pipeline.from_settings(site).policy
-    hands = load_grippers(site.grippers)
-    used = {arm.gripper for arm in arms_of(robot, site.arm, site.gripper)}
-    return site.selection(tuple(hands[name].opening_range[1] for name in sorted(used)))
 
 
 def _seconds(result: PlanningResult) -> str:

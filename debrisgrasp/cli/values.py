@@ -59,8 +59,10 @@ def region_of(arguments: argparse.Namespace) -> Bounds | None:
 
     Raises
     ------
+    ConfigError
+        If it can only be in millimetres.
     InputError
-        If it can only be in millimetres, or is no box.
+        If it is no box.
     """
     if arguments.region is None:
         return None

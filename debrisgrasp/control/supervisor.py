@@ -56,7 +56,6 @@ class Supervisor:
         self._kinematics, self._period = kinematics, period
         c = self.config
         self._range = (0.98 * c.sensor_force,) * 3 + (0.98 * c.sensor_torque,) * 3
-        self._lead = c.lead / period
         self._speeds = tuple((2.0 * limits.velocity).tolist())
 
     def load_limits(self, now: float) -> tuple[float, float]:
@@ -220,8 +219,9 @@ class Supervisor:
         load = _median(older, last, latest)
         changed = state.changed if is_moving and raw == state.raw else now
         before, previous = state.raw, state.load
+        ahead = self.config.lead / max(self._period, stamp - state.wrench_time)
         state = SafetyState(now, stamp, raw, changed, q, followed, (last, latest), load)
-        fault, words = self._judged_load(load, previous, reference, now)
+        fault, words = self._judged_load(load, previous, reference, now, ahead)
         if fault is None:
             fault, words = self._judged_sensor(raw, before, now - changed)
         if fault is not None:
@@ -241,8 +241,14 @@ class Supervisor:
         return None, ""
 
     def _judged_load(
-        self, load: Wrench, previous: Wrench, reference: Wrench, now: float
+        self,
+        load: Wrench,
+        previous: Wrench,
+        reference: Wrench,
+        now: float,
+        ahead: float,
     ) -> tuple[Fault | None, str]:
+        """Judge a load, and what it comes to after ``ahead`` more samples."""
         most_force, most_torque = self.load_limits(now)
         a, b, c, d, e, f = load
         force, torque = hypot(a, b, c), hypot(d, e, f)
@@ -253,20 +259,11 @@ class Supervisor:
             return Fault.OVERLOAD, words
         config = self.config
         p, q, r, s, t, u = previous
-        u, v, w, x, y, z = a - p, b - q, c - r, d - s, e - t, f - u
-        jump, twist = hypot(u, v, w), hypot(x, y, z)
+        jump, twist = hypot(a - p, b - q, c - r), hypot(d - s, e - t, f - u)
         if not (jump <= config.jump_force and twist <= config.jump_torque):
             words = f"by {jump:.0f} N, {twist:.1f} N m between two samples"
             return Fault.WRENCH_JUMP, words
-        n = self._lead
-        if not (
-            hypot(a + n * u, b + n * v, c + n * w) < most_force
-            and hypot(d + n * x, e + n * y, f + n * z) < most_torque
-        ):
-            words = f"force {force:.0f} of {most_force:.0f} N and torque {torque:.1f} "
-            words += f"of {most_torque:.1f} N m, growing by {jump:.0f} N and "
-            words += f"{twist:.1f} N m from sample to sample"
-            return Fault.OVERLOAD, words
+        grows, twists = force - hypot(p, q, r), torque - hypot(s, t, u)
         if config.motion_force is not None or config.motion_torque is not None:
             p, q, r, s, t, u = reference
             change, turn = hypot(a - p, b - q, c - r), hypot(d - s, e - t, f - u)
@@ -276,6 +273,12 @@ class Supervisor:
                 words = f"by {change:.0f} of {most_change:.0f} N and "
                 words += f"{turn:.1f} of {most_turn:.1f} N m"
                 return Fault.MOTION_OVERLOAD, words
+        if not force + ahead * grows < most_force:
+            words = f"force {force:.0f} of {most_force:.0f} N, growing by {grows:.0f} N"
+            return Fault.OVERLOAD, words
+        if not torque + ahead * twists < most_torque:
+            words = f"torque {torque:.1f} of {most_torque:.1f} N m, growing by "
+            return Fault.OVERLOAD, f"{words}{twists:.1f} N m"
         return None, ""
 
     def stopped(self, state: SafetyState, fault: Fault, message: str) -> SafetyState:

@@ -208,7 +208,8 @@ def plan_grasp(context: Context) -> StepResult:
                 grasps.append(grasp)
     if not grasps:
         why = found.plan.why_empty or "no hand in use takes any of the grasps"
-        if mark is not None and found.plan.grasps:
+        is_taken = any(grasp.arm in context.limbs for grasp in found.plan.grasps)
+        if mark is not None and is_taken:
             why = mark.reason  # all are like those that failed
         unreached = found.plan.rejections.get("out of reach", 0)
         name = (

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,18 +49,19 @@ class Mark:
     """Whether it is too heavy to carry: by the scales, or because it never comes."""
     failed: list[Grasp] = field(default_factory=list)
     """Grasps that were tried on it."""
-    unreached: tuple[object, tuple[Grasp, ...]] = (None, ())
-    """A look, and grasps to which no way was found as the pile lies there."""
+    unreached: WeakKeyDictionary[object, list[Grasp]] = field(
+        default_factory=WeakKeyDictionary
+    )
+    """By look, as long as it is kept: grasps to which no way was found as the pile lies
+    there."""
 
     def in_vain(self, look: object) -> list[Grasp]:
         """Grasps that are no use by a look: tried, or sought a way to by this look."""
-        before, grasps = self.unreached
-        return [*self.failed, *(grasps if before is look else ())]
+        return [*self.failed, *self.unreached.get(look, ())]
 
     def sought(self, look: object, grasps: Sequence[Grasp]) -> None:
         """Remember grasps to which a search found no way."""
-        before, others = self.unreached
-        self.unreached = look, (*(others if before is look else ()), *grasps)
+        self.unreached.setdefault(look, []).extend(grasps)
 
 
 @dataclass(eq=False)
@@ -112,6 +114,7 @@ class Marks:
         for mark in self.marks:
             mark.centroid = T_now_before.apply(mark.centroid)
             mark.failed.clear()
+            mark.unreached.clear()
 
     def failures(self, centroid: ArrayLike) -> int:
         """Tell how much came to nothing at a place."""

@@ -96,11 +96,15 @@ class Senses:
         self.devices.gripper.command(command)
 
     def _stopped(self, stop: Stop, reading: Reading) -> FaultFound:
-        """Halt, and name the fault; under too much load the fingers press no more."""
+        """Halt, and name the fault; under too much load the fingers close no more."""
         self._halt()
         held = self.context.held
-        is_held = held is not None and held.arm == self.limb.name
-        if held is not None and is_held and stop.fault is Fault.OVERLOAD:
+        if (
+            stop.fault is Fault.OVERLOAD
+            and self.context.state not in _CLOSING
+            and held is not None
+            and held.arm == self.limb.name
+        ):
             self._stay(held.grip.config.squeeze)
         return self._fault(stop, reading)
 

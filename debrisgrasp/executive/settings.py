@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, require_range
+from debrisgrasp._arrays import BoolArray, require_metres, require_range
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
@@ -18,9 +18,6 @@ __all__ = ["Marker", "TaskSettings"]
 Marker = Callable[[Capture], BoolArray | None]
 """Says of a capture which pixels belong to the object of interest: a detector, or a
 person. None: it is not in the picture, and the task is done."""
-
-_FARTHEST = 20.0
-"""Coordinates beyond this [m] can only be millimetres."""
 
 
 def _beside() -> Mapping[str, tuple[float, float]]:
@@ -118,13 +115,7 @@ class TaskSettings:
             self._require_place(arm, place)
 
     def _require_place(self, arm: str, place: tuple[float, float]) -> None:
-        if not np.all(np.abs(place) <= _FARTHEST):
-            raise ConfigError(
-                f"drop-off of the {arm} arm",
-                got=place,
-                expected=f"coordinates within {_FARTHEST:g} m",
-                mend="Lengths are in metres: 750 mm is 0.75.",
-            )
+        require_metres(f"drop-off of the {arm} arm", place)
         (x0, y0, _), (x1, y1, _) = self.workspace
         if x0 <= place[0] <= x1 and y0 <= place[1] <= y1:
             raise ConfigError(

@@ -23,6 +23,8 @@ __all__ = ["SE3"]
 _RIGID_TOLERANCE = 1e-3
 """How far ``R.T @ R`` may be from the identity: float32 files reach 1e-6, hand-typed
 poses of three decimals 1e-3."""
+_ROUNDED = 1e-12
+"""What is nearer is a rotation, but for the rounding of its own products."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,8 +104,10 @@ class SE3:
                 expected="a right-handed one, determinant +1",
                 mend="One of its axes points the wrong way.",
             )
-        u, _, vt = np.linalg.svd(R)
-        return cls.from_parts(u @ vt, array[..., :3, 3])
+        if error > _ROUNDED:  # else what was written and read again would differ
+            u, _, vt = np.linalg.svd(R)
+            R = u @ vt
+        return cls.from_parts(R, array[..., :3, 3])
 
     @classmethod
     def exp(cls, twist: ArrayLike) -> SE3:

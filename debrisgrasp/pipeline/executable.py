@@ -12,7 +12,7 @@ stands serves them all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from debrisgrasp._arrays import FloatArray, Rng
@@ -93,7 +93,7 @@ def first_executable(
         Says of a feasible chain what else speaks against it, or nothing; None: nothing
         does.
     deadline
-        Seconds after which no further grasp is tried.
+        Seconds after which no further grasp is tried, and a long search gives up.
 
     Raises
     ------
@@ -144,21 +144,32 @@ def first_executable(
         if isinstance(found, GraspMotion):
             chains[key].drop({index})
         passed_over[index] = refused
-    share = 1.0 / max(sum(bool(chain.waiting) for chain in chains.values()), 1)
-    for chain in chains.values():
+    chosen = _sought(chains.values(), judged, passed_over, rng, watch)
+    return GraspMotions(chosen=chosen, passed_over=tuple(passed_over.items()))
+
+
+def _sought(
+    chains: Collection[GraspChain],
+    judged: Callable[[GraspMotion | str], str],
+    passed_over: dict[int, str],
+    rng: Rng,
+    watch: Stopwatch,
+) -> GraspMotion | None:
+    """Seek long for a way to the grasps that wait, and note what stops each."""
+    share = 1.0 / max(sum(bool(chain.waiting) for chain in chains), 1)
+    for chain in chains:
         while chain.waiting and not watch.is_late():
-            found = chain.sought(rng, share)
+            found = chain.sought(rng, share, watch)
             refused = judged(found)
             indices = {ready.index for ready in chain.waiting}
             if isinstance(found, GraspMotion):
                 indices = {found.index}
                 if not refused:
                     del passed_over[found.index]
-                    over = tuple(passed_over.items())
-                    return GraspMotions(chosen=found, passed_over=over)
+                    return found
             passed_over.update(dict.fromkeys(indices, refused))
             chain.drop(indices)
-    return GraspMotions(chosen=None, passed_over=tuple(passed_over.items()))
+    return None
 
 
 def _on_robot(

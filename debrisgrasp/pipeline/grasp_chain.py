@@ -142,17 +142,19 @@ class GraspChain:
                 break
         return first
 
-    def sought(self, rng: Rng, share: float) -> GraspMotion | str:
+    def sought(self, rng: Rng, share: float, watch: Stopwatch) -> GraspMotion | str:
         """Seek a way to any of the grasps that wait: one tree serves them all.
 
         Parameters
         ----------
         share
             Of the effort that is worth while for all chains, in [0, 1].
+        watch
+            The search gives up at its deadline.
         """
         rounds = self._config.motion.max_rounds
         rounds = max(round(_LONG * rounds * share), rounds)
-        return self._reached(self.waiting, rng, rounds)
+        return self._reached(self.waiting, rng, rounds, _left(watch))
 
     def drop(self, indices: Collection[int]) -> None:
         """Wait no more for some grasps."""
@@ -186,11 +188,17 @@ class GraspChain:
             return reason
         # No posture at all: the planner knows why.
         q_now, goal = self._arm.q_present, grasp.T_base_pregrasp
-        reach = self._planner.plan(q_now, goal, self._space, rng=rng)
+        reach = self._planner.plan(
+            q_now, goal, self._space, rng=rng, deadline=_left(watch)
+        )
         return f"reach: {reach.reason}"
 
     def _reached(
-        self, ready: Sequence[Ready], rng: Rng, rounds: int
+        self,
+        ready: Sequence[Ready],
+        rng: Rng,
+        rounds: int,
+        deadline: float | None = None,
     ) -> GraspMotion | str:
         """Plan from where the arm stands to where any of some approaches begins."""
         goals = np.array([one.q_pregrasp for one in ready])
@@ -201,6 +209,7 @@ class GraspChain:
             rng=rng,
             known=self._known,
             max_rounds=rounds,
+            deadline=deadline,
         )
         if reach.trajectory is None:
             return f"reach: {reach.reason}"
@@ -273,6 +282,12 @@ class GraspChain:
             return f"{name}: the arm touches something after {share:.0%} of the way"
         reason = self._pushed.margin_fault(leg)
         return f"{name}: {reason}" if reason else leg
+
+
+def _left(watch: Stopwatch) -> float | None:
+    """Seconds that a search has: a trifle where the deadline has passed."""
+    left = watch.left()
+    return None if left is None else max(left, 1e-3)
 
 
 def _lift_of(grasp: Grasp, config: MotionsConfig) -> FloatArray:

@@ -160,6 +160,16 @@ class Perception:
         is_chosen = target.is_object & target.region.contains(self.cloud.points)
         return is_chosen, whole_of(self.segmentation, target.label, is_chosen)
 
+    def lifted_with(self, target: Target | None) -> BoolArray:
+        """Which points are lifted where a target is gripped, shape (n,); None: none."""
+        labels = self.segmentation.labels
+        if target is None:
+            return np.zeros(len(labels), dtype=bool)
+        if target.label and self.is_marked is None:
+            is_own: BoolArray = labels == target.label
+            return is_own
+        return self.chosen_and_whole(target)[1]
+
     @cached_property
     def _thin_cloud(self) -> PointCloud:
         """Those points."""

@@ -65,8 +65,8 @@ class PipelineConfig:
     max_further: int = 2
     """How many of them at most."""
     max_again: int = 2
-    """How often other chains search once more where the best grasp would rather often
-    not hold (below 0.8), or where there is none; 0: never."""
+    """How often other chains search the same object once more where the best grasp
+    scores below `SETTLED` (0.8), or where there is none; 0: never."""
     min_object_points: int = 80
     """Fewer thinned points (one per cell of the planner's grid) than this are a crumb
     of segmentation, not an object to grip."""
@@ -293,6 +293,7 @@ class Pipeline:
             capture=seen.capture,
             cloud=seen.cloud,
             segmentation=seen.segmentation,
+            is_own=seen.lifted_with(target),
             order=order,
             robot=self.robot,
             grippers=self.grippers,

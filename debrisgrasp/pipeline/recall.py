@@ -5,15 +5,18 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 
+from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.io import Capture, point_colors
+from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import RobotModel
-from debrisgrasp.planning import Grasp, GraspPlan
+from debrisgrasp.planning import Grasp, GraspPlan, SceneConfig
 from debrisgrasp.prototypes import GripperModel, load_grippers
-from debrisgrasp.segmentation import segment_cloud
+from debrisgrasp.segmentation import SegmentationConfig
 
+from .perception import Perception
 from .result import PlanningResult
+from .targets import Target
 
 __all__ = ["recall_plan"]
 
@@ -53,11 +56,13 @@ def recall_plan(
         raise ConfigError(
             "robot", got=name, expected=f"{plan.robot}, for which {path} was made"
         )
-    cloud = capture.cloud()
-    found = segment_cloud(cloud, colors=point_colors(capture))
+    seen = Perception.of(
+        capture, SegmentationConfig(), SceneConfig(), Stopwatch(None), workers=1
+    )
+    found = seen.segmentation
     is_there = plan.object_label <= len(found.segments)
     if is_there and plan.object_label and plan.region is not None:
-        points = cloud.points[found.points_of(plan.object_label)]
+        points = seen.cloud.points[found.points_of(plan.object_label)]
         is_there = bool(plan.region.contains(points).mean() >= _SAME)
     if not is_there:
         raise ConfigError(
@@ -71,12 +76,23 @@ def recall_plan(
     return PlanningResult(
         plan=plan,
         capture=capture,
-        cloud=cloud,
+        cloud=seen.cloud,
         segmentation=found,
+        is_own=seen.lifted_with(_target_of(plan, seen)),
         order=(),
         robot=robot,
         grippers=hands,
     )
+
+
+def _target_of(plan: GraspPlan, seen: Perception) -> Target | None:
+    """Find again what a plan was for; None if that was nothing."""
+    if plan.region is None:
+        return None
+    labels, is_object = seen.segmentation.labels, seen.is_marked
+    if is_object is None:
+        is_object = labels == plan.object_label if plan.object_label else labels > 0
+    return Target(plan.object_label, plan.region, is_object)
 
 
 def _require_known(

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp._checked import checked
 from debrisgrasp.geometry import PointCloud
 from debrisgrasp.io import Capture
@@ -15,8 +15,6 @@ from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.planning import GraspPlan
 from debrisgrasp.prototypes import GraspPrototype, GripperModel
 from debrisgrasp.segmentation import Candidate, Segmentation
-
-from .targets import whole_of
 
 __all__ = ["PlanningResult"]
 
@@ -29,6 +27,9 @@ class PlanningResult:
     capture: Capture
     cloud: PointCloud
     segmentation: Segmentation
+    is_own: BoolArray
+    """Which points of the cloud are of what the plan is for, and lifted with it, shape
+    (n,)."""
     order: tuple[Candidate, ...]
     robot: RobotModel | None
     grippers: Mapping[str, GripperModel]
@@ -38,13 +39,7 @@ class PlanningResult:
     @property
     def object_points(self) -> FloatArray:
         """Points of what the plan is for [m], base frame, shape (n, 3)."""
-        plan, labels = self.plan, self.segmentation.labels
-        is_own = labels == (plan.object_label or -1)
-        if not plan.object_label and plan.region is not None:
-            is_own = (labels > 0) & plan.region.contains(self.cloud.points)
-        if not plan.object_label or self.capture.mask is not None:
-            is_own = whole_of(self.segmentation, plan.object_label, is_own)
-        points: FloatArray = self.cloud.points[is_own]
+        points: FloatArray = self.cloud.points[self.is_own]
         return points
 
     @checked

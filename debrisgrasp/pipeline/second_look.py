@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from debrisgrasp.planning import PassedOver, SearchResult
+from debrisgrasp.planning import SETTLED, PassedOver, SearchResult
 from debrisgrasp.segmentation import Segmentation
 
 from .reasons import why_empty
@@ -15,8 +15,6 @@ __all__ = ["BestSoFar"]
 
 _BEST = 0.95
 """Hardly any grasp scores higher: where even this would not do, none is sought."""
-_SETTLED = 0.8
-"""Above this score other chains hardly find better grasps of the same object."""
 
 
 class BestSoFar:
@@ -114,7 +112,7 @@ class BestSoFar:
         for _ in range(times):
             for target in self.tried:
                 is_chosen = target is self.target or not self.is_found
-                if is_chosen and self.score < _SETTLED:
+                if is_chosen and self.score < SETTLED:
                     yield target
 
     def improve(self, result: SearchResult, target: Target) -> None:

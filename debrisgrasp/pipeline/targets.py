@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray
+from debrisgrasp._arrays import BoolArray, require_metres
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import Bounds, PointCloud
 from debrisgrasp.segmentation import Candidate, Segmentation, region_of_interest
@@ -60,6 +60,8 @@ def choose_targets(
     ------
     CaptureError
         If points are marked, but none that was measured.
+    ConfigError
+        If the region can only be in millimetres.
     UnknownNameError
         If the label is not in the segmentation.
     """
@@ -70,6 +72,8 @@ def choose_targets(
             expected="at least one",
             mend="Leave the mask out to plan on the whole scene.",
         )
+    if region is not None:
+        require_metres("region", [region.lower, region.upper])
     labels = segmentation.labels
     if object_label is not None:
         chosen = cloud.points[segmentation.points_of(object_label)]
@@ -113,7 +117,10 @@ def whole_of(segmentation: Segmentation, label: int, is_chosen: BoolArray) -> Bo
     """
     labels = segmentation.labels
     if label:
-        is_part = segmentation.belonging(label) > _LIKELY
+        is_part = np.arange(len(segmentation.segments) + 1) == label
+        if segmentation.kinship is not None:
+            # Not along chains: slivers at the edge of a mask lead to neighbours.
+            is_part[1:] |= segmentation.kinship[label - 1] > _LIKELY
     else:
         count = np.bincount(labels[is_chosen], minlength=len(segmentation.segments) + 1)
         is_part = count > _SEVERAL * count.sum()

@@ -19,8 +19,11 @@ from .robustness import PoseUncertainty
 from .scene import SceneConfig
 from .similarity import SimilarityConfig
 
-__all__ = ["PlannerConfig"]
+__all__ = ["SETTLED", "PlannerConfig"]
 
+SETTLED = 0.8
+"""From this score on, searching on hardly finds a better grasp of the same object.
+Below which score other objects are tried, `PipelineConfig.doubtful` says."""
 
 _COUNTS = (
     "walkers",
@@ -60,7 +63,7 @@ class PlannerConfig:
     refinement_sweeps: int = 4
     """How often steps are offered; only improvements are taken."""
     doubtful_sweeps: int = 6
-    """So many more where the best pose would rather often not hold (below 0.8)."""
+    """So many more where the best pose scores below `SETTLED`."""
     refinement_steps: int = 144
     """Steps offered in each sweep, to all poses together."""
     refined: tuple[int, int] = (28, 8)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from debrisgrasp._arrays import FloatArray, IntArray, Rng
 
 from .annealing import Walkers, anneal
-from .config import PlannerConfig
+from .config import SETTLED, PlannerConfig
 from .modes import distinct
 from .postures import Postures, Settled
 from .proposals import GlobalMove, MixtureMove
@@ -41,9 +41,7 @@ _EARLY = 1.5
 """Above 1 the first rounds, of many walkers, are shorter than the last, of few."""
 _IN_ANY_CASE = 3
 """Sweeps of the refinement that are made however late it is."""
-_SURE = float(np.log(0.8))
-"""Log of the probability to hold from which a pose is not doubtful."""
-_SETTLE_EVERY = 4
+_ASK_EVERY = 4
 """Sweeps of the refinement after which the arms are asked."""
 
 
@@ -154,7 +152,8 @@ def refine(
     """Take walkers uphill on what grasps are ranked by; only improvements count.
 
     Each sweep offers the same number of steps to fewer walkers: at first a few each, in
-    the end many to the best few. Where the best of them is doubtful, these go on.
+    the end many to the best few. Where the best of them scores below `SETTLED`, these
+    go on.
 
     Parameters
     ----------
@@ -169,7 +168,7 @@ def refine(
     for index, size in enumerate(sizes + [few] * config.doubtful_sweeps):
         if index >= _IN_ANY_CASE and is_late():
             break
-        if index >= sweeps and walkers.best_log_quality.max() >= _SURE:
+        if index >= sweeps and walkers.best_log_quality.max() >= np.log(SETTLED):
             break
         rows = distinct(
             walkers.best_Ts_base_hand,
@@ -193,7 +192,8 @@ def refine(
         best = value.reshape(len(rows), tries).argmax(axis=1)
         best += tries * np.arange(len(rows))
         walkers = walkers.offered(rows, Ts[best], value[best])
-        if index % _SETTLE_EVERY == _SETTLE_EVERY - 1:
+        # What no arm reaches must not end the search.
+        if (index + 1) % _ASK_EVERY == 0 or index + 1 == sweeps:
             settled = postures.settled(settled, walkers, prototype)
             walkers = settled.walkers
     return postures.settled(settled, walkers, prototype)

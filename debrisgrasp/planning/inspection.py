@@ -37,7 +37,7 @@ class InspectionConfig:
     max_foreign_share: float = 0.10
     """Share of the points between the fingers that may belong to something else."""
     min_held_points: int = 5
-    """The fingers must have at least this many points of the object between them."""
+    """The fingers must have at least so many points of what is sought between them."""
 
     def __post_init__(self) -> None:
         require_range("InspectionConfig.tolerance", self.tolerance, 0.0, 0.02)
@@ -60,7 +60,9 @@ class Inspection:
     swept_hits: IntArray
     """In the way of the closing fingers before they grip, shape (k,)."""
     held: IntArray
-    """Points of the object between the open fingers, shape (k,)."""
+    """Points of what is sought between the open fingers, shape (k,)."""
+    own: IntArray
+    """Points between them of what that is part of, itself included, shape (k,)."""
     foreign: IntArray
     """Points of anything else between them, shape (k,)."""
     is_in_ground: BoolArray
@@ -70,7 +72,7 @@ class Inspection:
 
     def reasons(self, config: InspectionConfig) -> dict[str, BoolArray]:
         """Which poses each reason rules out; only the first that applies counts."""
-        crowded = self.foreign > config.max_foreign_share * (self.held + self.foreign)
+        crowded = self.foreign > config.max_foreign_share * (self.own + self.foreign)
         causes = {
             "the hand would be in the ground": self.is_in_ground,
             "the palm would hit something": self.palm_hits > config.max_hits,
@@ -125,7 +127,9 @@ class Inspector:
         order = np.argsort(scene.cloud.points[:, 0], kind="stable")
         points = np.ones((4, len(order)), dtype=np.float32)
         points[:3] = scene.cloud.points[order].T
-        self._points, self._is_target = points, scene.is_own[order]
+        self._points = points
+        # 0: something else, 1: what the object is part of, 2: what is sought of it.
+        self._kind = np.where(scene.is_target, 2, scene.is_own)[order]
 
     def __call__(self, Ts_base_hand: FloatArray, prototype: IntArray) -> Inspection:
         """Count what the hand touches in each pose.
@@ -137,7 +141,7 @@ class Inspector:
         prototype
             Whose hand each carries, shape (k,).
         """
-        met = np.zeros((len(Ts_base_hand), 2, _N_FLAGS), dtype=np.int64)
+        met = np.zeros((len(Ts_base_hand), _N_KINDS, _N_FLAGS), dtype=np.int64)
         spaces = self._hands.spaces
         which = self._hands.space_index[prototype]
         Ts = Ts_base_hand.astype(np.float32)
@@ -154,13 +158,14 @@ class Inspector:
             near = self._within(lower, upper)
             for some in np.split(poses, range(_TOGETHER, len(poses), _TOGETHER)):
                 met[some] = self._met(near, Ts[some], which[some])
-        palm, finger, approach, swept, held, foreign = _counts(met)
+        palm, finger, approach, swept, held, own, foreign = _counts(met)
         return Inspection(
             palm_hits=palm,
             finger_hits=finger,
             approach_hits=approach,
             swept_hits=swept,
             held=held,
+            own=own,
             foreign=foreign,
             is_in_ground=self._is_in_ground(Ts_base_hand, prototype),
             margin=spaces.spacing * _margin(met).astype(np.float64),
@@ -176,15 +181,12 @@ class Inspector:
         return found
 
     def _met(self, near: IntArray, Ts: Float32Array, which: IntArray) -> IntArray:
-        """How often poses meet each combination of flags, (k, 2, 256).
-
-        Points of others first, then those of the object.
-        """
-        points, is_target = self._points[:, near], self._is_target[near]
+        """How often poses meet each kind and combination of flags, (k, 3, 256)."""
+        points, kind = self._points[:, near], self._kind[near]
         flags, pose, point = self._hands.spaces.marked(points, Ts, which)
-        meets = (2 * pose + is_target[point]) * _N_FLAGS + flags
-        n_each = np.bincount(meets, minlength=2 * _N_FLAGS * len(Ts))
-        return n_each.reshape(len(Ts), 2, _N_FLAGS)
+        meets = (_N_KINDS * pose + kind[point]) * _N_FLAGS + flags
+        n_each = np.bincount(meets, minlength=_N_KINDS * _N_FLAGS * len(Ts))
+        return n_each.reshape(len(Ts), _N_KINDS, _N_FLAGS)
 
     def _is_in_ground(self, Ts: FloatArray, prototype: IntArray) -> BoolArray:
         """Whether the middle of any sphere of the hand is below the ground, shape (k,).
@@ -209,22 +211,25 @@ _GROUP = 0.2
 """Poses within a cube of this edge [m] are looked at together."""
 _TOGETHER = 16
 """At most so many: their arrays stay in the cache."""
+_N_KINDS = 3
+"""Points of others, of what the object is part of, and of what is sought."""
 _N_FLAGS = 256
 """Combinations of the five flags of `HandSpace` and the three bits of the margin."""
 
 
 def _counts(met: IntArray) -> IntArray:
-    """Rows of an `Inspection` for poses that met points (k, 2, 256), shape (6, k)."""
+    """Rows of an `Inspection` for poses that met points (k, 3, 256), shape (7, k)."""
     # Counts of points are exact in float64, whose products are much faster.
-    others, target = (met.astype(np.float64) @ _HAS).swapaxes(0, 1).astype(np.int64)
-    solid = (others + target)[:, :-1].T
-    return np.concatenate([solid, [target[:, -1], others[:, -1]]])
+    met = (met.astype(np.float64) @ _HAS).astype(np.int64)
+    others, parts, sought = met[:, :, -1].T
+    solid = met.sum(axis=1)[:, :-1].T
+    return np.concatenate([solid, [sought, parts + sought, others]])
 
 
 def _margin(met: IntArray) -> IntArray:
     """Cells between hand and points, but for the nearest few, shape (k,)."""
     n_steps = _N_FLAGS >> MARGIN_SHIFT
-    by_step = met.reshape(len(met), 2, n_steps, 1 << MARGIN_SHIFT)
+    by_step = met.reshape(len(met), _N_KINDS, n_steps, 1 << MARGIN_SHIFT)
     per_step = by_step.sum(axis=(1, 3))
     nearest_first = np.cumsum(per_step[:, :0:-1], axis=1)
     found: IntArray = np.count_nonzero(nearest_first <= _STRAY, axis=1)

@@ -106,6 +106,7 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
         (("--world", "mujoco", "--tier", "single"), "tier of world mujoco"),
         (("--world", "mujoco", "--faults", "field"), "only the robot in memory"),
         (("--faults", "no/such.yaml"), "no/such.yaml"),
+        (("--faults", "fields"), "field, paper_handle"),
         (("--site", "no/such.yaml"), "no/such.yaml"),
         (("--site", JAW), "a robot with arms"),
         (("--workers", -1), "workers"),

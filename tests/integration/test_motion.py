@@ -13,7 +13,7 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.io.motion_json import load_motion
 from debrisgrasp.kinematics import RobotModel
-from debrisgrasp.motion import MotionPlanner, MotionSpace, UnknownSpace
+from debrisgrasp.motion import MotionPlanner, MotionSpace, MotionStatus, UnknownSpace
 from debrisgrasp.pipeline import (
     GraspMotions,
     MotionsConfig,
@@ -79,6 +79,25 @@ def test_where_short_searches_fail_one_serves_all_grasps(result, monkeypatch):
     n_goals, rounds = asked[-1]
     assert n_goals > 1
     assert rounds > grasp_chain._SHORT
+
+
+def test_the_long_search_has_no_more_time_than_is_left(result, monkeypatch):
+    given, plan = [], MotionPlanner.plan
+
+    def stingy(self, *places, max_rounds=None, deadline=None, **more):
+        if max_rounds != grasp_chain._SHORT:
+            given.append(deadline)
+        failed = plan(self, *places, max_rounds=1, deadline=1e-6, **more)
+        return replace(failed, status=MotionStatus.BUDGET, trajectory=None, path=None)
+
+    monkeypatch.setattr(MotionPlanner, "plan", stingy)
+    best = replace(result, plan=replace(result.plan, grasps=result.plan.grasps[:2]))
+    assert debrisgrasp.plan_motion(best).chosen is None
+    assert set(given) == {None}
+    given.clear()
+    assert debrisgrasp.plan_motion(best, deadline=600.0).chosen is None
+    assert given
+    assert all(0.0 < left < 600.0 for left in given)
 
 
 def test_a_way_that_is_known_is_gone_again(result, monkeypatch):

@@ -169,7 +169,7 @@ def test_after_the_deadline_objects_are_tried_until_one_offers_a_grasp(
 def test_one_worker_makes_the_plan_of_two(
     pipeline, dictionary, block_capture, monkeypatch
 ):
-    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    monkeypatch.setattr("debrisgrasp._workers.cores", lambda: 2)
     config = PipelineConfig(workers=1)
     alone = Pipeline(robot="none", prototypes=dictionary, config=config)
     one, two = (p.plan(block_capture).plan for p in (alone, pipeline))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from debrisgrasp._files import data_path
 from debrisgrasp.geometry import SE3, Bounds, Intrinsics, so3
 from debrisgrasp.io import Capture
-from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.pipeline import Passage, Pipeline, recall_plan
 from debrisgrasp.worlds import World, look_at, make_body, render
 
 CAMERA = Intrinsics(fx=240.0, fy=240.0, cx=127.5, cy=95.5, width=256, height=192)
@@ -123,3 +125,27 @@ def test_a_mark_on_a_part_says_where_to_grip_and_the_whole_is_lifted():
         assert any(note.startswith(f"the {holder} holds") for note in plan.notes)
         assert not any("object" in advice.text for advice in plan.advice)
     assert not any("holds" in note for note in whole.plan.notes)
+
+
+def test_all_that_is_marked_is_lifted_together_and_is_not_in_its_own_way(few, tmp_path):
+    beam = make_body("lumber_4x4", {"length": 0.5, "width": 0.09, "height": 0.09}, 2.0)
+    places = ([0.95, -0.1, 0.045], [0.95, 0.1, 0.045])
+    beams = tuple(
+        replace(beam, name=f"beam {i}").at(SE3.from_parts(p=place))
+        for i, place in enumerate(places)
+    )
+    picture = render(World(beams), CAMERA, VIEW)
+    is_beam = picture.labels > 0
+    capture = Capture(
+        depth=picture.depth, intrinsics=CAMERA, T_base_camera=VIEW, mask=is_beam
+    )
+    result = few.plan(capture)
+    is_marked = is_beam[np.isfinite(picture.depth) & (picture.depth > 0)]
+    assert len(np.unique(result.segmentation.labels[is_marked])) > 1
+    assert result.is_own[is_marked].all()
+    points = result.cloud.points[is_marked]
+    assert not len(Passage(points, result.object_points, result.grippers)._others)
+
+    result.save(tmp_path / "grasps.json")
+    again = recall_plan(tmp_path / "grasps.json", capture, None)
+    np.testing.assert_array_equal(again.is_own, result.is_own)

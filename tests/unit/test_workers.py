@@ -13,7 +13,7 @@ from debrisgrasp._workers import beside
 
 @pytest.fixture(autouse=True)
 def _two_cores(monkeypatch):
-    monkeypatch.setattr(_workers.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(_workers, "cores", lambda: 2)
 
 
 def test_a_second_worker_does_it_on_a_thread_of_its_own():
@@ -23,7 +23,7 @@ def test_a_second_worker_does_it_on_a_thread_of_its_own():
 
 @pytest.mark.parametrize(("workers", "cores"), [(1, 8), (2, 1)])
 def test_one_worker_does_it_when_asked(monkeypatch, workers, cores):
-    monkeypatch.setattr(_workers.os, "cpu_count", lambda: cores)
+    monkeypatch.setattr(_workers, "cores", lambda: cores)
     done = []
     with beside(lambda: done.append(threading.get_ident()), workers=workers) as ask:
         assert not done

@@ -29,6 +29,9 @@ LIMITS = ROMAN.limits("right", CHAIN).controller
 READY = CHAIN.vector(ROMAN.posture("right", "ready"))
 
 
+SOFT = Compliance.diagonal(1e-4, 1e-3)
+
+
 def rpy(*angles: float) -> np.ndarray:
     return so3.from_rpy(np.array(angles))
 
@@ -171,3 +174,22 @@ def fault_of_stream(
             return fault, n, False
         q, step = goal, goal - q
     return "", n, held is not None
+
+
+def pushed(rig: Rig, wrenches, *, rng=None, state=None, start=1):
+    """Run ticks with contact wrenches at the hand; returns states and commands."""
+    rng = rng or np.random.default_rng(0)
+    state = state or rig.engaged()
+    q, seen = state.servo.q, []
+    for k, wrench in enumerate(wrenches, start):
+        noise = rng.normal(0.0, 0.1, 6) * np.repeat([1.0, 0.05], 3)
+        state, command = rig.controller.step(
+            state, rig.reading(k, q, np.asarray(wrench) + noise)
+        )
+        q = command.q
+        seen.append(command)
+    return state, seen
+
+
+def wrench(*force: float) -> np.ndarray:
+    return np.array([*force, 0.0, 0.0, 0.0])

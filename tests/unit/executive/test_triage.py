@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from debrisgrasp.executive.marks import Mark, Marks
 from debrisgrasp.executive.outcome import RunEnd, RunResult
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.triage import Way, judge
-from debrisgrasp.geometry import Bounds
+from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import Segment
 
@@ -147,13 +148,25 @@ def test_what_failed_on_an_object_comes_after_other_prototypes_about_as_likely()
     assert _ordered([span, grasp("rim", 0.56, "right")], triage)[0].prototype == "rim"
 
 
+class Look:
+    """Stands for what was seen."""
+
+
 def test_a_grasp_without_a_way_is_in_vain_until_the_pile_is_seen_again():
-    look, tried, unreached, other = (object() for _ in range(4))
+    look, later = Look(), Look()
+    tried, unreached, other = (object() for _ in range(3))
     mark = Mark(np.zeros(3), "no way", "plan_collision", failed=[tried])
     mark.sought(look, (unreached,))
     mark.sought(look, (other,))
     assert mark.in_vain(look) == [tried, unreached, other]
-    assert mark.in_vain(object()) == [tried]
+    assert mark.in_vain(later) == [tried]
+    # A look is a whole image with all that was made of it: a mark does not keep it.
+    gone = ref(look)
+    del look
+    assert gone() is None
+    mark.sought(later, (other,))
+    Marks([mark]).moved(SE3.identity())
+    assert mark.in_vain(later) == []
 
 
 def test_a_way_clear_because_all_is_low_says_so():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3, so3
@@ -87,3 +87,9 @@ def test_a_whole_cloud_is_mapped_like_its_parts(rng):
     parts = np.concatenate([T.apply(part) for part in np.array_split(points, 7)])
     assert_allclose(T.apply(points), parts, rtol=0, atol=1e-12)
     assert T.apply(points[:0]).shape == (0, 3)
+
+
+def test_what_is_a_rigid_transform_is_taken_as_it_is(rng):
+    R = so3.exp(rng.normal(size=(50, 3)))
+    T = SE3.from_parts(R, rng.normal(size=(50, 3))).matrix
+    assert_array_equal(SE3.from_matrix(T).matrix, T)

@@ -90,3 +90,29 @@ def test_doubtful_walkers_go_on_climbing_until_the_deadline(probability, more, r
         )
         asked.append(level.n_asked)
     assert asked == [5 + more, 5 + min(more, 1)]
+
+
+@pytest.mark.parametrize("sweeps", [4, 5])
+def test_what_no_arm_reaches_ends_no_search(sweeps, rng):
+    config = PlannerConfig(refinement_sweeps=sweeps, doubtful_sweeps=1)
+
+    class Beyond(Level):
+        """Sure where no arm gets, and doubtful elsewhere."""
+
+        def __call__(self, Ts, prototype, needed):
+            super().__call__(Ts, prototype, needed)
+            return np.where(Ts[:, 0, 3] > 1.0, np.log(0.9), np.log(0.5))
+
+    level = Beyond(0.5)
+    arm = SlidingArm("right", "right_hand", length=1.0)
+    postures = Postures((arm,), HANDS, rng)
+    refine(
+        postures.unknown(at(np.ones(10), np.full(10, np.log(0.5)))),
+        np.ones(10, dtype=int),
+        level,
+        postures,
+        config,
+        rng=rng,
+        is_late=lambda: False,
+    )
+    assert level.n_asked == sweeps + 1

@@ -37,7 +37,7 @@ def hands(library) -> PackedHands:
     return PackedHands.pack(library, approach=0.12, tolerance=0.004)
 
 
-def scene_of(capture, is_object=None) -> GraspScene:
+def scene_of(capture, is_object=None, belongs=None) -> GraspScene:
     cloud = capture.cloud()
     sight = DepthSight(capture.depth.astype(np.float32), CAMERA, capture.T_base_camera)
     if is_object is None:
@@ -45,7 +45,9 @@ def scene_of(capture, is_object=None) -> GraspScene:
     region = Bounds.around(cloud.points[is_object], 0.05)
     floor = np.array([0.0, 0.0, 1.0, 0.0])
     return GraspScene.build(
-        cloud, is_object, region, sight, SceneConfig(), ground_plane=floor
+        *(cloud, is_object, region, sight, SceneConfig()),
+        ground_plane=floor,
+        belongs=belongs,
     )
 
 
@@ -239,6 +241,21 @@ def test_neighbour_between_the_fingers_is_foreign(library, hands):
     )
     assert look.foreign[0] > 5
     assert look.held[0] > 20
+
+
+def test_the_rest_of_a_marked_object_is_neither_held_nor_foreign(library, hands):
+    capture = capture_of([PIPE])
+    points = capture.cloud().points
+    is_pipe = PIPE.signed_distance(points) < 0.005
+    scene = scene_of(capture, is_pipe & (points[:, 1] > 0.0), is_pipe.astype(float))
+    poses = np.stack([good_pose(library, along).matrix for along in (0.1, -0.1)])
+    look = Inspector(scene, hands)(poses, np.zeros(2, dtype=int))
+    assert look.held[0] > 20
+    assert look.held[1] == 0
+    assert look.own[1] > 20
+    assert look.foreign.tolist() == [0, 0]
+    reasons = look.reasons(InspectionConfig())
+    assert reasons["nothing is between the fingers"].tolist() == [False, True]
 
 
 def test_flags_of_the_hand_agree_with_its_solids(library, hands, rng):

@@ -1,0 +1,152 @@
+"""Where things are put down on the robot in memory, and what of them stands there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import GripConfig, GripController, LegOutcome
+from debrisgrasp.executive.carrying import _is_beside
+from debrisgrasp.executive.context import Held
+from debrisgrasp.executive.drive import Drive, LegEnd
+from debrisgrasp.executive.dropoff import (
+    _at_rest,
+    _is_met,
+    drop_postures,
+    object_in_hand,
+)
+from debrisgrasp.executive.obstacles import lying
+from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.releasing import verify_release
+from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.geometry import SE3
+from debrisgrasp.pipeline import Pipeline
+from tests.unit.executive.test_steps import executive
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+def test_the_unseen_underside_is_as_far_down_as_the_object_is_wide(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    segments = context.cycle.seen.segmentation.segments
+    context.cycle.label = min(
+        segments, key=lambda s: np.linalg.norm(s.centroid - [1.3, 0.0, 0.05])
+    ).label
+    hand = SE3.from_parts(p=[1.3, 0.0, 0.3])
+    points = hand.apply(object_in_hand(context, hand, 0.05))
+    # A brick 6 cm high: its top was seen, and some of its front.
+    assert points[:, 2].max() == pytest.approx(0.06, abs=0.02)
+    assert -0.07 < points[:, 2].min() < 0.03
+
+
+def test_a_hand_that_is_caught_as_it_rises_is_not_free(pipeline, monkeypatch):
+    _, task = executive(pipeline)
+    context = task.context
+    grip = GripController(GripConfig(opening=0.1, width=0.05))
+    state = grip.preshape(Drive(context, "right").fingers())
+    context.released = Held(arm="right", grip=grip, watch=grip, state=state)
+    monkeypatch.setattr(
+        Drive, "leg", lambda *_args, **_options: LegEnd(LegOutcome.CONTACT, 0.2, 0.04)
+    )
+    found = verify_release(context)
+    assert isinstance(found, FaultFound)
+    assert found.fault == "not_released"
+    assert context.held is context.released
+    assert context.n_removed == 0
+
+
+def test_nothing_is_put_down_where_the_arm_rests(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    balls = _at_rest(context, context.limbs["right"])
+    points = np.zeros((1, 3))
+    poses = SE3(
+        np.stack([SE3.from_parts(p=p).matrix for p in (balls[3, :3], [3.0, 0.0, 0.0])])
+    )
+    assert _is_met(balls, points, poses).tolist() == [True, False]
+
+
+def test_what_hangs_low_beside_the_way_may_be_put_down_there(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    grip = GripController(GripConfig(opening=0.1, width=0.05))
+    state = grip.preshape(Drive(context, "right").fingers())
+    T = limb.pose(context.posture(limb))
+    for place, expected in (
+        ((0.2, -0.9, 0.1), True),
+        ((0.2, -0.9, 0.6), False),  # too high
+        ((1.0, 0.0, 0.1), False),  # in the way
+        ((0.2, -0.25, 0.15), False),  # over a track
+    ):
+        point = T.inverse().apply(np.array([place]))
+        held = Held(arm="right", grip=grip, watch=grip, state=state, points_hand=point)
+        assert _is_beside(context, limb, held) is expected
+
+
+def test_postures_over_a_drop_off_hold_the_object_over_the_ground_and_are_free(
+    pipeline,
+):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    q, asked = context.posture(limb), []
+
+    def is_free(rows):
+        asked.append(rows)
+        return np.full(len(rows), len(asked) > 3)
+
+    points = np.array(np.meshgrid([-0.1, 0.1], [-0.05, 0.05], [0.1, 0.2])).T
+    found = drop_postures(context, limb, points.reshape(-1, 3), q, is_free, 2)
+    assert len(found) == 2
+    assert len(asked) == 4  # some at once
+    for row in found:
+        where = limb.pose(row).apply(points.reshape(-1, 3))
+        assert where[:, 2].min() == pytest.approx(
+            context.settings.drop_height, abs=2e-3
+        )
+        middle = 0.5 * (where.min(axis=0) + where.max(axis=0))[:2]
+        assert np.linalg.norm(middle - context.settings.drop_off["right"]) < 0.5
+
+
+def test_what_has_a_box_with_a_corner_below_it_is_held_higher(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    q, s = context.posture(limb), 0.15
+    square = np.array([[s, s], [s, -s], [-s, s], [-s, 0.1 - s], [0.1 - s, -s]])
+    u, v = np.repeat(square, 2, axis=0).T / np.sqrt(2.0)
+    side = np.tile([-0.03, 0.03], 5)
+    # On its corner, which is cut off: of a box around it, that is the lowest.
+    points = (np.column_stack([u - v, side, u + v]) - [0.0, 0.0, 0.2]) @ limb.pose(q).R
+
+    def is_free(rows):
+        bodies = [lying(limb.pose(row), points) for row in rows]
+        return np.array([body[:, 2].min() > 0.0 for body in bodies])
+
+    found = drop_postures(context, limb, points, q, is_free, 2)
+    assert len(found) == 2
+    for row in found:
+        lowest = limb.pose(row).apply(points)[:, 2].min()
+        assert lowest > context.settings.drop_height + 0.02
+
+
+def test_what_was_put_down_stands_in_the_way_with_its_whole_body():
+    corners = np.array(np.meshgrid([0, 0.3], [0, 0.1], [0.1, 0.2])).reshape(3, -1).T
+    T = SE3.from_parts(p=[1.0, 0.0, 0.5])
+    surface = lying(T, corners)
+    low, high = T.apply(corners).min(axis=0), T.apply(corners).max(axis=0)
+    assert np.all(surface.min(axis=0) < low)
+    assert np.all(surface.max(axis=0) > high)
+    assert np.all(surface.max(axis=0) < high + 0.03)
+    # No link slips between the points.
+    inside = np.random.default_rng(0).uniform(low[:2], high[:2], (50, 2))
+    on_top = surface[surface[:, 2] > high[2]][:, :2]
+    gaps = np.linalg.norm(inside[:, None] - on_top, axis=2).min(axis=1)
+    assert gaps.max() < 0.02

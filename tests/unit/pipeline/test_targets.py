@@ -1,0 +1,68 @@
+"""What is sought where a mask or a region says where to grip."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import debrisgrasp
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import Bounds
+from debrisgrasp.io import data_path
+from debrisgrasp.pipeline.targets import choose_targets, whole_of
+
+
+def divided(kinship):
+    """Four points of three objects, and one of the ground."""
+    return SimpleNamespace(
+        labels=np.array([0, 1, 1, 2, 3]),
+        segments=[None] * 3,
+        kinship=None if kinship is None else np.array(kinship),
+    )
+
+
+CHOSEN = np.array([False, True, False, False, False])
+
+
+def test_the_rest_of_a_marked_object_is_lifted_with_it_and_no_neighbour():
+    # A sliver (2) at the edge of the mask is of the object, and of its neighbour (3).
+    chain = [[0.0, 0.9, 0.0], [0.9, 0.0, 0.9], [0.0, 0.9, 0.0]]
+    whole = whole_of(divided(chain), 1, CHOSEN)
+    assert whole.tolist() == [False, True, True, True, False]
+    assert whole_of(divided(None), 1, CHOSEN).tolist() == [0, 1, 1, 0, 0]
+
+
+def test_in_a_region_counts_what_lies_in_it():
+    whole = whole_of(divided(None), 0, CHOSEN)
+    assert whole.tolist() == [False, True, True, False, False]
+
+
+def test_a_mask_on_exactly_one_object_weighs_as_that_object():
+    capture = debrisgrasp.Capture.load(data_path("captures", "pile.npz"))
+    cloud, found = capture.cloud(), debrisgrasp.segment(capture)
+    for label in (1, 2):
+        mask = np.zeros(capture.depth.shape, dtype=bool)
+        mask.ravel()[cloud.pixels[found.labels == label]] = True
+        marked = debrisgrasp.Capture(
+            depth=capture.depth,
+            intrinsics=capture.intrinsics,
+            T_base_camera=capture.T_base_camera,
+            mask=mask,
+        )
+        alone = debrisgrasp.plan(marked, seed=0).plan
+        among = debrisgrasp.plan(capture, object_label=label, seed=0).plan
+        assert not any("holds" in note for note in alone.notes)
+        assert alone.grasps[0].load.mass == pytest.approx(
+            among.grasps[0].load.mass, rel=0.15
+        )
+
+
+def test_a_region_in_millimetres_is_named():
+    region = Bounds(np.array([700.0, -300.0, 0.0]), np.array([1300.0, 300.0, 600.0]))
+    with pytest.raises(ConfigError, match="divide by 1000"):
+        choose_targets(
+            None, divided(None), [], region=region, object_label=None,
+            is_marked=None, margin=0.05,
+        )  # fmt: skip
