@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.kinematics import Trajectory
 
 from .context import Context, LimbState
@@ -181,8 +181,9 @@ def careful(
 ) -> FloatArray:
     """Paces at which what moves with a hand is slow where it may touch something.
 
-    That is near all that was seen; and for an empty hand, which goes far, wherever
-    nobody has seen that space is free. Until it was seen how large what is held is, its
+    That is near all that was seen; with a load everywhere, for its underside may reach
+    farther than was seen; and for an empty hand wherever nobody has seen that space is
+    free. Until it was seen how large what is held is, its
     old place included: what lay under or behind it was never seen, and is near there.
 
     Parameters
@@ -206,15 +207,17 @@ def careful(
     speed = np.maximum(speed, 1e-9)
     allowed = context.settings.lift_speed + _near_speed(context, where)
     paces = np.asarray(np.clip(allowed / speed, _LEAST, pace))
-    if context.held is not None:
-        return paces
-    is_unknown = ~context.known.is_free(where).all(axis=1)
-    # Beside it, too: between two looks it may begin anywhere.
-    is_unknown = np.convolve(is_unknown, np.ones(3), mode="same") > 0.0
+    if context.held is None:
+        is_free: BoolArray = np.all(context.known.is_free(where), axis=1)
+        # Beside it, too: between two looks it may begin anywhere.
+        is_known = np.convolve(~is_free, np.ones(3), mode="same") < 0.5
+    else:
+        # What is held may be larger than all that was seen of it.
+        is_known = np.zeros(n, dtype=bool)
     braking = (np.abs(rates) / limb.limits.planner.acceleration).max(axis=1)
     reach = float(np.linalg.norm(points, axis=1).max())
     blind = met_safely(speed, braking, room, reach)
-    return np.where(is_unknown, np.minimum(paces, np.maximum(blind, _LEAST)), paces)
+    return np.where(is_known, paces, np.minimum(paces, np.maximum(blind, _LEAST)))
 
 
 def _near_speed(context: Context, where: FloatArray) -> FloatArray:
