@@ -96,8 +96,6 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
     tier = arguments.tier or {"fake": "few", "mujoco": "pile"}[arguments.world]
     if tier not in known:
         raise UnknownNameError(f"tier of world {arguments.world}", tier, known)
-    if arguments.world == "mujoco":
-        mujoco()  # before any run, each of which would end without it
     if arguments.world != "fake" and (arguments.faults or arguments.no_recovery):
         raise ConfigError(
             "--faults, --no-recovery",
@@ -112,6 +110,8 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
             expected="--world mujoco",
             mend="The robot in memory always has its arms.",
         )
+    if arguments.world == "mujoco":
+        mujoco()  # without it each of the runs would end
     common: dict[str, Any] = {
         "seed": arguments.seed,
         "world": arguments.world,

@@ -82,7 +82,7 @@ def brick(**sizes):
         (lambda: render(WORLD, np.eye(3), VIEW), ["intrinsics", "from_matrix"]),
         (lambda: render(WORLD, CAMERA, np.eye(4)), ["T_base_camera", "from_matrix"]),
         (lambda: render(WORLD, CAMERA, VIEW, extra=[3]), ["extra[0]", "a Solid"]),
-        (lambda: StereoNoise(sigma="low"), ["sigma", "a number"]),
+        (lambda: StereoNoise(sigma="low"), ["sigma", "a finite number"]),
         (
             lambda: StereoNoise().noisy(np.full(SHAPE, 1200.0), CAMERA, rng=RNG),
             ["depth", "1200", "0 to 100"],
