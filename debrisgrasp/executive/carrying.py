@@ -136,7 +136,7 @@ def verify_hold(context: Context) -> StepResult:
             expected_com=_middle_ft(limb, held),
         )
     except InputError as error:
-        up = float(T.R[2] @ np.array(drive.weighed()[:3]))
+        up = -drive.carried(drive.mean_load(readings))
         if up > _IMPOSSIBLE:
             words = f"the hand, lifted, is pushed up by {up:.0f} N"
             return FaultFound("wrench_sign", words, held.arm, {"force": up})

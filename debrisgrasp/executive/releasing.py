@@ -18,7 +18,6 @@ from .moves import back_out, let_go, put_down, to_rest
 from .obstacles import lying
 from .relief import relieve
 from .result import Done, FaultFound, StepResult
-from .senses import mean_wrench
 
 __all__ = ["release", "retreat", "verify_release"]
 
@@ -123,11 +122,7 @@ def verify_release(context: Context) -> StepResult:
     readings = drive.stand(_STANDING)
     if isinstance(readings, FaultFound):
         return readings
-    q = context.posture(limb).tolist()
-    load = limb.loads.load_ee(
-        mean_wrench(readings).tolist(), limb.kinematics.pose(q)[0]
-    )
-    weight = drive.carried(load)
+    weight = drive.carried(drive.mean_load(readings))
     openings = drive.fingers().openings
     is_open = min(openings) >= min(held.state.held_openings or (0.0,))
     values = {"weight": weight, "opening": min(openings)}

@@ -13,7 +13,6 @@ from debrisgrasp.control import TarePolicy
 from .context import Context
 from .drive import Drive
 from .result import FaultFound
-from .senses import mean_wrench
 
 __all__ = ["relieve"]
 
@@ -99,15 +98,14 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
 
 def _load(context: Context, drive: Drive) -> FloatArray | FaultFound:
     """Mean load at the hand, its axes [N, N m], shape (6,); the arm stands."""
-    limb, readings = drive.limb, []
+    readings = []
     for _ in range(max(3, round(_LOOK / drive.period))):
         context.wait(drive.period)
         readings.append(drive.read())
-    raw = mean_wrench(readings)
-    if not np.isfinite(raw).all():
-        return FaultFound("wrench_nan", "the wrench is not a number", limb.name)
-    q = context.posture(limb).tolist()
-    return np.array(limb.loads.load_ee(raw.tolist(), limb.kinematics.pose(q)[0]))
+    load = np.array(drive.mean_load(readings))
+    if not np.isfinite(load).all():
+        return FaultFound("wrench_nan", "the wrench is not a number", drive.limb.name)
+    return load
 
 
 def _share(load: FloatArray, force: float, torque: float) -> float:

@@ -70,6 +70,11 @@ class Senses:
         self.load = self.limb.loads.load_ee(raw, R)
         return self.load
 
+    def mean_load(self, readings: list[Reading]) -> Wrench:
+        """Mean load on the hand of an arm that stands, as `weighed` has it."""
+        R, _ = self.limb.kinematics.pose(self.context.posture(self.limb).tolist())
+        return self.limb.loads.load_ee(mean_wrench(readings).tolist(), R)
+
     def fingers(self) -> FingerReading:
         """Measure the fingers."""
         read = self.devices.gripper.read()
