@@ -107,7 +107,11 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
     )
     search.add_argument("--seed", type=seed, help="default: 0")
     search.add_argument(
-        "--deadline", type=number, metavar="S", help="settle after so many seconds"
+        "--deadline",
+        type=number,
+        metavar="S",
+        help="settle for what the search has after so many seconds from the start; "
+        "seeing the scene and checking a grasp are done whole all the same",
     )
     search.add_argument(
         "--mass",
@@ -148,6 +152,12 @@ def planned(
         require_range("--mass [kg]", arguments.mass, 1e-3, _HEAVIEST)
     region = region_of(arguments)
     capture = load_capture(arguments, settings)
+    if capture.mask is not None and arguments.pick is not None:
+        raise ConfigError(
+            "--pick",
+            got="one, and a mask in the capture, which says what to take",
+            expected="one of them",
+        )
     pipeline = debrisgrasp.Pipeline.from_settings(settings)
     pipeline.policy = policy_of(arguments, pipeline.policy)
     result = pipeline.plan(

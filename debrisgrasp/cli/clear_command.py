@@ -12,6 +12,7 @@ from debrisgrasp.settings import Settings
 from .commands import Subparsers, version
 from .reports import PAGE_FORMS, print_written, require_places
 from .site_arguments import add_site
+from .tables import columns
 from .values import add_region, number, region_of, seed, some_path
 
 if TYPE_CHECKING:
@@ -63,7 +64,8 @@ def _add_clear(subparsers: Subparsers) -> None:
         "--faults",
         default="",
         metavar="A,B@STATE",
-        help="faults to inject, each at a state or where it usually shows",
+        help="faults to inject, each at a state or where it usually shows; "
+        "'list' prints all faults and states",
     )
     parser.add_argument(
         "--max-removals", type=int, metavar="N", help="stop after so many"
@@ -113,6 +115,8 @@ def _add_replay(subparsers: Subparsers) -> None:
 def _clear(arguments: argparse.Namespace) -> int:
     from debrisgrasp.executive.record import MemoryRecord, RunRecord, load_run
 
+    if arguments.faults == "list":
+        return _list_faults()
     region_of(arguments)
     task = _task(arguments)
     # Whatever can be wrong is found before any work is done.
@@ -139,6 +143,18 @@ def _clear(arguments: argparse.Namespace) -> int:
         print_written(arguments.record, arguments.report)
     end = done.result.end.value
     return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
+
+
+def _list_faults() -> int:
+    """Print what ``--faults`` may name."""
+    from debrisgrasp.executive import FAULTS, State
+    from debrisgrasp.robot import INJECTABLE
+
+    specs = (FAULTS[name] for name in INJECTABLE)
+    rows = [[spec.name, spec.fault_class.value, spec.words] for spec in specs]
+    print(columns(["fault", "class", "means"], rows))
+    print("\nstates: " + ", ".join(state.value for state in State))
+    return 0
 
 
 def _task(arguments: argparse.Namespace) -> SimulatedTask:

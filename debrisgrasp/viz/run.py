@@ -202,19 +202,27 @@ def _timeline(
             f"{escape(str(fault['fault']))}</title></path>"
         )
     shown = {group.get(state, "other") for state, _, _ in lasting}
-    step = _step(total)
-    ticks = [
-        f'<text x="{scale * t:.1f}" y="68" text-anchor="middle">{t:g} s</text>'
-        for t in np.arange(step, 0.98 * total, step)
-    ]
-    picture = f'<svg viewBox="0 0 1000 74">{"".join(bars + ticks)}</svg>'
+    ticks = _ticks(total, scale, y=68)
+    picture = f'<svg viewBox="0 0 1000 74">{"".join(bars)}{ticks}</svg>'
     return picture + _key(shown, has_faults=bool(faults))
 
 
-def _step(total: float) -> float:
-    """Distance of ticks: 1, 2 or 5 times a power of ten, about ten of them."""
+def _ticks(total: float, scale: float, *, y: int) -> str:
+    """Write times below an axis: 1, 2 or 5 times a power of ten, about ten of them.
+
+    Parameters
+    ----------
+    total
+        Length of the axis [s].
+    scale
+        Widths of the picture for each second.
+    """
     size = 10.0 ** np.floor(np.log10(total / 10.0))
-    return float(next(k * size for k in (1, 2, 5, 10) if k * size >= total / 10.0))
+    step = next(k * size for k in (1, 2, 5, 10) if k * size >= total / 10.0)
+    return "".join(
+        f'<text x="{scale * t:.1f}" y="{y}" text-anchor="middle">{t:g} s</text>'
+        for t in np.arange(step, 0.98 * total, step)
+    )
 
 
 def _key(shown: Set[str], *, has_faults: bool) -> str:
@@ -269,7 +277,9 @@ def _forces(rows: Sequence[Sequence[float]]) -> str:
         return ""
     values = np.array(rows)
     t, force, torque = values.T
-    t = (t - t[0]) / max(float(t[-1] - t[0]), 1e-9) * 560.0
+    span = max(float(t[-1] - t[0]), 1e-9)
+    scale = 560.0 / span
+    x = scale * (t - t[0])
     curves: list[str] = []
     for series, color, unit, top in (
         (force, "#c2702a", "N", 150.0),
@@ -277,7 +287,7 @@ def _forces(rows: Sequence[Sequence[float]]) -> str:
     ):
         most = max(top, float(series.max()))
         y = 110.0 - 100.0 * series / most
-        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(t, y, strict=True))
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
         curves.append(
             f'<polyline points="{points}" fill="none" stroke="{color}" '
             f'stroke-width="1.3"/><text x="4" y="{24 + 13 * len(curves)}" '
@@ -285,7 +295,8 @@ def _forces(rows: Sequence[Sequence[float]]) -> str:
             f"(full height {most:.0f} {unit})</text>"
         )
     frame = '<path d="M0 10V110H560" fill="none" stroke="#c9cfd8"/>'
-    return f'<svg viewBox="0 0 560 116">{frame}{"".join(curves)}</svg>'
+    ticks = _ticks(span, scale, y=122)
+    return f'<svg viewBox="0 0 560 126">{frame}{"".join(curves)}{ticks}</svg>'
 
 
 def _picture(item: _Try, run: RecordedRun) -> str:

@@ -15,13 +15,14 @@ from debrisgrasp.executive import (
     RunEnd,
     RunRecord,
     SimulatedTask,
+    State,
     TaskSettings,
     load_run,
 )
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.robot import FakeConfig, fake_robot
+from debrisgrasp.robot import INJECTABLE, FakeConfig, fake_robot
 from debrisgrasp.worlds import World, let_down, make_body
 
 
@@ -138,6 +139,13 @@ def test_bad_input_is_one_block_on_stderr(wrong, capsys):
     error = capsys.readouterr().err
     assert error.startswith("debrisgrasp: error:")
     assert "Traceback" not in error
+
+
+def test_the_faults_that_can_be_named_are_listed(capsys):
+    assert debrisgrasp(["clear", "--faults", "list"]) == 0
+    listed = capsys.readouterr().out
+    assert {line.split()[0] for line in listed.splitlines()[2:-2]} == set(INJECTABLE)
+    assert f"states: {State.SELF_TEST.value}, " in listed
 
 
 SITE = """

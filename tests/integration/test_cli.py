@@ -233,6 +233,12 @@ def test_a_pick_of_nothing_is_refused(refused, block_file, pick, expected):
     assert expected in refused("select", block_file, "--pick", pick)
 
 
+def test_a_pick_beside_a_mask_is_refused(refused, block_capture, tmp_path):
+    path = tmp_path / "marked.npz"
+    replace(block_capture, mask=np.isfinite(block_capture.depth)).save(path)
+    assert "a mask in the capture" in refused("plan", path, "--pick", "1")
+
+
 @pytest.mark.parametrize("pick", ["one", "1,2,3,4", "1.5,2"])
 def test_a_pick_that_is_none_is_refused(refused, block_file, pick):
     assert "a label N, a pixel U,V or a point" in refused(

@@ -61,3 +61,13 @@ def test_what_was_judged_by_size_is_not_taken_for_the_grip(tmp_path):
     )  # fmt: skip
     assert "what suits it: pinch; 9 cm thin" in page
     assert "gripped by bar (camhand claw) with the left arm, score 0.90" in page
+
+
+def test_the_forces_of_an_attempt_have_a_time_axis(tmp_path):
+    trace = {"event": "trace", "rows": [[3.0, 10.0, 1.0], [23.0, 60.0, 5.0]]}
+    page = page_of(
+        tmp_path, *states("capture", "lift"), trace,
+        {"event": "attempt", "number": 1, "removed": True},
+    )  # fmt: skip
+    forces = page.split('viewBox="0 0 560')[1].split("</svg>")[0]
+    assert [f">{t} s<" in forces for t in (2, 10, 18, 20)] == [True, True, True, False]

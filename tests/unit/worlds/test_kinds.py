@@ -94,3 +94,5 @@ def test_unknown_kinds_and_sizes_are_refused(rng):
         make_body("pipe", {"length": 1.0}, 1.0)
     with pytest.raises(InputError, match="radius of a pipe"):
         make_body("pipe", {"length": 1.0, "radius": -0.1}, 1.0)
+    with pytest.raises(InputError, match=r"mass of a pipe \[kg\]: got 1500000"):
+        make_body("pipe", {"length": 1.0, "radius": 0.1}, 1.5e6)
