@@ -19,6 +19,8 @@ __all__ = ["Body", "Part", "as_part", "volume_and_centroid"]
 
 Part = Box | Cylinder | Capsule | Sphere | Hull
 """A convex part of a body, in the frame of the body."""
+_HEAVIEST = 1e5
+"""A mass beyond this [kg] can only be grams."""
 
 
 @checked_fields
@@ -29,7 +31,8 @@ class Body:
     Raises
     ------
     InputError
-        If it has no part, its mass is not positive, or its pose isn't finite and rigid.
+        If it has no part, a mass of nothing or of over 100 t, or a pose that isn't
+        finite and rigid.
     """
 
     name: str
@@ -52,9 +55,11 @@ class Body:
             raise InputError(
                 f"parts of {self.name}", got="none", expected="one convex solid or more"
             )
-        if not (np.isfinite(self.mass) and self.mass > 0):
+        if not 0 < self.mass <= _HEAVIEST:
             raise InputError(
-                f"mass of {self.name}", got=self.mass, expected="more than 0 kg"
+                f"mass of {self.name}",
+                got=self.mass,
+                expected=f"more than 0 and at most {_HEAVIEST:.0f} kg",
             )
         pose = SE3.from_matrix(self.T_base_body.matrix, f"pose of {self.name}")
         object.__setattr__(self, "T_base_body", pose)

@@ -20,8 +20,6 @@ _COUNTS = ("bays", "rungs", "slats")
 _MOST = 50
 _THINNEST, _LONGEST = 0.001, 5.0
 """Between these all lengths are [m]; beyond, they are most likely millimetres."""
-_LIGHTEST, _HEAVIEST = 0.001, 1e4
-"""Between these all masses are [kg]; beyond, they are most likely grams."""
 _WOOD = (181, 142, 92)
 _STEEL = (140, 146, 152)
 _CONCRETE = (165, 163, 158)
@@ -201,7 +199,6 @@ def make_body(
         raise InputError(
             f"sizes of a {kind}", got=sorted(sizes), expected=", ".join(known)
         )
-    require_range(f"mass of a {kind} [kg]", mass, _LIGHTEST, _HEAVIEST)
     for size, value in sizes.items():
         if size in _COUNTS:
             require_range(f"{size} of a {kind}", value, 1, _MOST)

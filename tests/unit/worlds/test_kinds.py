@@ -58,8 +58,8 @@ def test_the_center_of_mass_of_an_open_crate_is_below_its_middle():
     assert low < high
 
 
-@pytest.mark.parametrize("mass", [0.0, -1.0, np.nan, np.inf])
-def test_a_mass_that_is_not_positive_is_refused(mass):
+@pytest.mark.parametrize("mass", [0.0, -1.0, 2e5, np.nan, np.inf])
+def test_a_mass_that_no_body_has_is_refused(mass):
     with pytest.raises(InputError, match="mass"):
         Body("it", "box", (Box(np.ones(3)),), mass)
 
@@ -94,5 +94,5 @@ def test_unknown_kinds_and_sizes_are_refused(rng):
         make_body("pipe", {"length": 1.0}, 1.0)
     with pytest.raises(InputError, match="radius of a pipe"):
         make_body("pipe", {"length": 1.0, "radius": -0.1}, 1.0)
-    with pytest.raises(InputError, match=r"mass of a pipe \[kg\]: got 1500000"):
+    with pytest.raises(InputError, match="mass of pipe: got 1500000"):
         make_body("pipe", {"length": 1.0, "radius": 0.1}, 1.5e6)
