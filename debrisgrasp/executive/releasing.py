@@ -26,6 +26,8 @@ _LOWERED = 0.12
 _STANDING = 0.24
 _CAUGHT = 40.0
 """On a hand that should be empty, this force means that it isn't [N]."""
+_GROWN = 50.0
+"""More than while a hand brakes [N]: something else pushes, or the sensor lies."""
 _OUT = 0.04
 """How far an open hand is drawn back before it is weighed [m]."""
 _ASIDE, _ASIDES = 0.006, 5
@@ -116,7 +118,11 @@ def verify_release(context: Context) -> StepResult:
     if isinstance(backed, FaultFound):
         return backed
     if backed.outcome is LegOutcome.CONTACT:
-        words = f"{hypot(*drive.load[:3]):.0f} N as the open hand rises: it is caught"
+        load = hypot(*drive.load[:3])
+        if load > _CAUGHT + _GROWN:
+            words = f"{load:.0f} N on an open hand that was stopped at {_CAUGHT:.0f} N"
+            return FaultFound("ratchet", words + ": not its own motion", held.arm)
+        words = f"{load:.0f} N as the open hand rises: it is caught"
         context.held = held
         return FaultFound("not_released", words, held.arm)
     readings = drive.stand(_STANDING)

@@ -106,6 +106,17 @@ def test_with_a_load_in_the_hand_a_sensor_that_lies_stops_the_robot(pipeline):
     assert done.truth.overloads == ()
 
 
+def test_a_load_that_grows_on_an_open_hand_that_stands_stops_it(pipeline):
+    task = SimulatedTask(
+        objects=1, seed=3, drive_over=0.02, faults=("ratchet@verify_release",)
+    )
+    done = api.clear(task, pipeline=pipeline)
+    assert done.happened == ("ratchet",)
+    assert done.result.end is RunEnd.STOPPED
+    assert done.result.faults[-1].fault == "ratchet"
+    assert done.truth.overloads == ()
+
+
 def test_an_empty_image_never_means_that_the_way_is_clear(pipeline):
     task = SimulatedTask(objects=1, seed=3, faults=("empty_cloud@capture",))
     done = api.clear(task, pipeline=pipeline)
