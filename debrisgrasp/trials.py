@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, require_range
 from debrisgrasp.control import Compliance
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
@@ -47,6 +47,8 @@ NO_GRASP = "no_grasp"
 """Outcome of a trial whose plan is empty."""
 _ORDERS = ("support_aware", "priority_point")
 _PULLS = ("up", "retreat")
+_LEVEL = 0.1
+"""Retreats with less of a level part lead straight up."""
 _YIELD = ((1e-4, 1e-4, 1e-4), (0.15, 0.15, 0.15))
 """Compliance of a reactive lift: 5 mm under 50 N, 9 degrees under 1 N m. It turns, and
 hardly gives way along: what carries the weight must not sink under it."""
@@ -68,6 +70,9 @@ class TrialSpec:
     (``"retreat"``)."""
     lift: float = 0.25
     """How far the hand goes to pull it out [m]."""
+    clear: float = 0.5
+    """How far what hangs from the hand by an end is pulled then, along the level part
+    of the retreat that the plan advises, or else towards the robot [m]."""
     is_lift_reactive: bool = False
     """Whether the hand gives way to the wrench during the lift."""
     scene: SceneConfig = SceneConfig()
@@ -79,6 +84,7 @@ class TrialSpec:
             )
         if self.pull not in _PULLS:
             raise ConfigError("pull", got=repr(self.pull), expected=" or ".join(_PULLS))
+        require_range("clear", self.clear, 0.05, 5.0)
         if self.seed < 0:
             raise ConfigError("seed", got=self.seed, expected="an integer of 0 or more")
 
@@ -128,6 +134,8 @@ class TrialRecord:
     """Horizontal distance from the palm to the body's true centre of mass [m]."""
     n_grasps: int = 0
     rise: float = 0.0
+    pulled: float = 0.0
+    """How far it was pulled, if it was held but did not rise enough [m]."""
     turn: float = 0.0
     slide: float = 0.0
     short_of_goal: float = 0.0
@@ -146,9 +154,14 @@ class TrialRecord:
         object.__setattr__(self, "terms", tuple(self.terms))
 
     @property
-    def is_success(self) -> bool:
-        """Whether the object was held."""
+    def is_held(self) -> bool:
+        """Whether the object came up with the hand and stayed in it."""
         return self.outcome == Verdict.HELD.value
+
+    @property
+    def is_success(self) -> bool:
+        """Whether the object was held, or pulled clear."""
+        return self.is_held or self.outcome == Verdict.PULLED_CLEAR.value
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON can take it."""
@@ -263,7 +276,11 @@ def trials(
 
 
 def _flight_config(spec: TrialSpec, grasp: Grasp) -> FlightConfig:
-    config = FlightConfig(lift=(0.0, 0.0, spec.lift))
+    back = np.array(FlightConfig().pull)
+    if grasp.retreat is not None and np.hypot(*grasp.retreat.direction[:2]) > _LEVEL:
+        back = np.array([*grasp.retreat.direction[:2], 0.0])
+    x, y, z = (spec.clear * back / np.linalg.norm(back)).tolist()
+    config = FlightConfig(lift=(0.0, 0.0, spec.lift), pull=(x, y, z))
     if spec.is_lift_reactive:
         config = replace(config, compliance=Compliance.diagonal(*_YIELD))
     if spec.pull == "retreat" and grasp.retreat is not None:
@@ -313,8 +330,8 @@ def _facts(
     }
     if flight is not None:
         for field in (
-            "rise", "turn", "slide", "short_of_goal", "shift_before", "peak_force",
-            "peak_torque", "deepest", "is_through", "moved_others",
+            "rise", "pulled", "turn", "slide", "short_of_goal", "shift_before",
+            "peak_force", "peak_torque", "deepest", "is_through", "moved_others",
         ):  # fmt: skip
             facts[field] = getattr(flight, field)
     return facts

@@ -38,8 +38,10 @@ class FlightGroup:
     name: str
     """Which; "" where there was no grasp."""
     held: Share
+    pulled_clear: int
+    """How many of the others were pulled clear [count]."""
     failures: Mapping[str, int]
-    """Outcomes of the others, most frequent first."""
+    """Outcomes of the rest, most frequent first."""
 
 
 def flight_of(record: RunRecord) -> TrialRecord | None:
@@ -58,11 +60,13 @@ def grouped(flights: Iterable[TrialRecord]) -> tuple[FlightGroup, ...]:
             members[key(flight)].append(flight)
         for name, some in sorted(members.items(), key=lambda item: -len(item[1])):
             failed = Counter(f.outcome for f in some if not f.is_success)
+            n_held = sum(f.is_held for f in some)
             groups.append(
                 FlightGroup(
                     by=by,
                     name=name,
-                    held=Share(len(some) - failed.total(), len(some)),
+                    held=Share(n_held, len(some)),
+                    pulled_clear=len(some) - failed.total() - n_held,
                     failures=dict(failed.most_common()),
                 )
             )

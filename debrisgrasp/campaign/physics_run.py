@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 
-from debrisgrasp.sim import Verdict
 from debrisgrasp.trials import NO_GRASP, TrialSpec, run_trial
 
 from .fake_run import pipeline_of
@@ -31,21 +30,20 @@ def run_physics(spec: RunSpec) -> RunRecord:
     pipeline = pipeline_of(spec.site)
     trial = run_trial(TrialSpec(tier=spec.tier, seed=spec.seed), pipeline)
     is_planned = trial.outcome != NO_GRASP
-    is_held = trial.outcome == Verdict.HELD.value
     outcome, stage, fault = "bad_grasp", "close", trial.outcome
     if not is_planned:
         outcome, stage, fault = "planning", "plan_grasp", "no_grasp"
     return RunRecord(
         name=spec.name,
         spec=spec.to_json(),
-        outcome=SUCCESS if is_held else outcome,
+        outcome=SUCCESS if trial.is_success else outcome,
         reached=_GRIPPED if is_planned else _PLANNED,
-        failed_stage=None if is_held else stage,
-        fault=None if is_held else fault,
+        failed_stage=None if trial.is_success else stage,
+        fault=None if trial.is_success else fault,
         end=trial.outcome,
-        faults=() if is_held else (fault,),
+        faults=() if trial.is_success else (fault,),
         n_objects=1,
-        n_removed=int(is_held),
+        n_removed=int(trial.is_success),
         seconds=round(time.thread_time() - start, 3),
         details=trial.as_dict(),
     )

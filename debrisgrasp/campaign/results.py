@@ -117,6 +117,7 @@ def flights_to_json(groups: Sequence[FlightGroup]) -> list[dict[str, Any]]:
             "by": group.by,
             "name": group.name,
             "held": _share(group.held),
+            "pulled_clear": group.pulled_clear,
             "failures": dict(group.failures),
         }
         for group in groups

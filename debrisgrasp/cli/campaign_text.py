@@ -99,10 +99,11 @@ def flights_text(groups: Sequence[FlightGroup]) -> str:
             f"{count} {name.replace('_', ' ')}"
             for name, count in group.failures.items()
         )
-        row = [group.name or "-", f"{held.count}/{held.total}", *_percent(held), told]
+        row = [group.name or "-", f"{held.count}/{held.total}", *_percent(held)]
+        row += [str(group.pulled_clear or ""), told]
         tables.setdefault(group.by, []).append(row)
     return "\n\n".join(
-        columns([by, "held", "%", "95 %", "failures"], rows)
+        columns([by, "held", "%", "95 %", "pulled clear", "failures"], rows)
         for by, rows in tables.items()
     )
 

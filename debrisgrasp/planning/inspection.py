@@ -128,8 +128,11 @@ class Inspector:
         points = np.ones((4, len(order)), dtype=np.float32)
         points[:3] = scene.cloud.points[order].T
         self._points = points
-        # 0: something else, 1: what the object is part of, 2: what is sought of it.
-        self._kind = np.where(scene.is_target, 2, scene.is_own)[order]
+        # 0: something else, 1: what the object is part of, 2: what is sought of it,
+        # 3: the ground.
+        kind = np.where(scene.is_target, 2, scene.is_own)
+        kind[(kind == 0) & _is_ground(scene)] = _GROUND
+        self._kind = kind[order]
 
     def __call__(self, Ts_base_hand: FloatArray, prototype: IntArray) -> Inspection:
         """Count what the hand touches in each pose.
@@ -168,7 +171,7 @@ class Inspector:
             own=own,
             foreign=foreign,
             is_in_ground=self._is_in_ground(Ts_base_hand, prototype),
-            margin=spaces.spacing * _margin(met).astype(np.float64),
+            margin=spaces.spacing * _margin(met, self._comes_down(Ts_base_hand)),
         )
 
     def _within(self, lower: Float32Array, upper: Float32Array) -> IntArray:
@@ -181,12 +184,19 @@ class Inspector:
         return found
 
     def _met(self, near: IntArray, Ts: Float32Array, which: IntArray) -> IntArray:
-        """How often poses meet each kind and combination of flags, (k, 3, 256)."""
+        """How often poses meet each kind and combination of flags, (k, 4, 256)."""
         points, kind = self._points[:, near], self._kind[near]
         flags, pose, point = self._hands.spaces.marked(points, Ts, which)
         meets = (_N_KINDS * pose + kind[point]) * _N_FLAGS + flags
         n_each = np.bincount(meets, minlength=_N_KINDS * _N_FLAGS * len(Ts))
         return n_each.reshape(len(Ts), _N_KINDS, _N_FLAGS)
+
+    def _comes_down(self, Ts: FloatArray) -> BoolArray:
+        """Whether poses come down on the ground rather than along it, shape (k,)."""
+        plane = self._ground_plane
+        if plane is None:
+            return np.zeros(len(Ts), dtype=bool)
+        return np.asarray(Ts[:, :3, 2] @ plane[:3] < -_STEEP)
 
     def _is_in_ground(self, Ts: FloatArray, prototype: IntArray) -> BoolArray:
         """Whether the middle of any sphere of the hand is below the ground, shape (k,).
@@ -211,29 +221,46 @@ _GROUP = 0.2
 """Poses within a cube of this edge [m] are looked at together."""
 _TOGETHER = 16
 """At most so many: their arrays stay in the cache."""
-_N_KINDS = 3
-"""Points of others, of what the object is part of, and of what is sought."""
+_N_KINDS = 4
+"""Points of others, of what the object is part of, of what is sought, of the ground."""
+_GROUND = 3
+_STEEP = 0.7
+"""Cosine between its way in and straight down of a hand that comes down."""
+_EVEN = 0.012
+"""What is no farther from the plane of the ground is the ground [m]."""
 _N_FLAGS = 256
 """Combinations of the five flags of `HandSpace` and the three bits of the margin."""
 
 
+def _is_ground(scene: GraspScene) -> BoolArray:
+    """Which points of a scene lie in the plane of the ground, shape (n,)."""
+    plane = scene.ground_plane
+    if plane is None:
+        return np.zeros(len(scene.cloud), dtype=bool)
+    height = scene.cloud.points @ plane[:3] + plane[3]
+    return np.asarray(np.abs(height) < _EVEN)
+
+
 def _counts(met: IntArray) -> IntArray:
-    """Rows of an `Inspection` for poses that met points (k, 3, 256), shape (7, k)."""
+    """Rows of an `Inspection` for poses that met points (k, 4, 256), shape (7, k)."""
     # Counts of points are exact in float64, whose products are much faster.
     met = (met.astype(np.float64) @ _HAS).astype(np.int64)
-    others, parts, sought = met[:, :, -1].T
+    others, parts, sought, ground = met[:, :, -1].T
     solid = met.sum(axis=1)[:, :-1].T
-    return np.concatenate([solid, [sought, parts + sought, others]])
+    return np.concatenate([solid, [sought, parts + sought, others + ground]])
 
 
-def _margin(met: IntArray) -> IntArray:
-    """Cells between hand and points, but for the nearest few, shape (k,)."""
+def _margin(met: IntArray, comes_down: BoolArray) -> FloatArray:
+    """Cells between hand and points, but for the nearest few, shape (k,).
+
+    The ground under a hand that comes down stops it at its place, at worst.
+    """
     n_steps = _N_FLAGS >> MARGIN_SHIFT
-    by_step = met.reshape(len(met), _N_KINDS, n_steps, 1 << MARGIN_SHIFT)
-    per_step = by_step.sum(axis=(1, 3))
-    nearest_first = np.cumsum(per_step[:, :0:-1], axis=1)
+    by_step = met.reshape(len(met), _N_KINDS, n_steps, 1 << MARGIN_SHIFT).sum(axis=3)
+    by_step[comes_down, _GROUND] = 0
+    nearest_first = np.cumsum(by_step.sum(axis=1)[:, :0:-1], axis=1)
     found: IntArray = np.count_nonzero(nearest_first <= _STRAY, axis=1)
-    return found
+    return found.astype(np.float64)
 
 
 _HAS = (

@@ -26,6 +26,9 @@ class Verdict(Enum):
 
     HELD = "held"
     """The object rose with the hand and was still in it after the hold."""
+    PULLED_CLEAR = "pulled_clear"
+    """It hung from the hand by an end, did not rise so far, and was pulled out of the
+    scene."""
     MISSED = "missed"
     """The fingers closed on nothing."""
     PUSHED_AWAY = "pushed_away"
@@ -96,11 +99,18 @@ class FlightConfig:
     """[s]."""
     least_rise: float = 0.15
     """How far the centre of mass must have moved along the lift at the end [m]."""
+    pull: tuple[float, float, float] = (-0.5, 0.0, 0.0)
+    """Way of the hand with what it still holds then but did not raise so far, base
+    frame [m]."""
+    pull_speed: float = 0.15
+    """Greatest speed on that way [m/s]."""
     deepest: float = 0.002
     """Interpenetration of hand and object that is reported as gripping through [m]."""
 
     def __post_init__(self) -> None:
         require_range("approach_speed", self.approach_speed, 0.01, 2.0)
+        require_range("pull_speed", self.pull_speed, 0.01, 2.0)
+        require_range("length of pull", float(np.linalg.norm(self.pull)), 0.05, 5.0)
         require_range("resistance", self.resistance, 0.1, 1e4)
         for name in ("closing_time", "squeeze_time", "lift_time", "hold_time"):
             require_range(name, getattr(self, name), 0.05, 60.0)
@@ -117,7 +127,7 @@ class Moment:
     """Where all was at the end of a phase."""
 
     phase: str
-    """start, approach, closing, squeeze, lift or hold."""
+    """start, approach, closing, squeeze, lift, hold or pull."""
     world: World
     hand: tuple[Solid, ...]
     """Palm and fingers in the base frame."""
@@ -132,6 +142,8 @@ class Flight:
     """Body in the hand after the squeeze, or the last one in it."""
     rise: float
     """Way of that body's centre of mass along the lift [m]."""
+    pulled: float
+    """Way of its centre of mass along the pull [m]; 0 if it was not pulled."""
     turn: float
     """Angle by which it turned in the hand from the squeeze to the end [rad]."""
     slide: float

@@ -1,4 +1,4 @@
-"""One grasp flown by a hand without an arm: approach, close, lift, hold."""
+"""One grasp flown by a hand without an arm: approach, close, lift, hold, or pull."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from ._mujoco import mujoco
 from .flight import Flight, FlightConfig, FlownGrasp, Moment, Verdict
 from .hands import Grip, add_hand
 from .model import compiled, pose_of, world_tree
-from .touch import Touch, touches
+from .touch import Touch, touches, touches_others
 from .wrist import Wrist
+from .yielding import Yielding
 
 __all__ = ["fly"]
 
@@ -39,11 +40,8 @@ _FRICTION_STIFFNESS = 100.0
 and is lost within seconds; at 100 by a twentieth of that, at no cost."""
 _LEAST_SHARE = 0.06
 """Of the grip force: less doesn't overcome the springs of the fingers."""
-_MOST_TURN = 1.2
-"""A lift that yields turns the hand no farther [rad]: at a right angle two joints of
-the wrist fall into one axis."""
-_SMOOTHING = 0.05
-"""Weight of a wrench reading at each step in the compliance's filter."""
+_MOST_OF_WAY = 0.8
+"""Share of the pull that an object must come along to be clear."""
 
 
 def fly(
@@ -123,7 +121,8 @@ class _Flight:
         self.start = self.centers()
         self.moments = [self.moment("start")]
         self.peak = np.zeros(2)
-        self.deepest, self.n_steps = 0.0, 0
+        self.deepest, self.n_steps, self.pulled = 0.0, 0, 0.0
+        self.risen = np.zeros(self.n)
         self.touched: dict[int, Touch] = self.touching()
 
     def flown(self, intended: str | None) -> Flight:
@@ -142,7 +141,13 @@ class _Flight:
         poses = None if gripped is None else self.in_hand()
         self.peak[:] = 0.0
         risen = self.lift()
+        self.risen = self.rises()
         verdict, body = self.judged(gripped, index, risen, short, shift)
+        hangs = gripped is not None and self.gripped() == gripped
+        if hangs and verdict is not Verdict.HELD and risen >= _FREE_RISE:
+            assert gripped is not None
+            if self.pull(gripped):
+                verdict = Verdict.PULLED_CLEAR
         return self.result(verdict, body, poses, short=short, shift=shift)
 
     def approach(self) -> float:
@@ -188,26 +193,47 @@ class _Flight:
 
     def lift(self) -> float:
         """Lift and hold; return the way of the hand over the commanded one."""
-        config = self.config
+        start, direction = self.wrist.target[:3].copy(), np.array(self.config.lift)
+        yielding = Yielding(self.config, self.wrist)
+        nominal = self.carry(direction, self.config.lift_time, yielding)
+        self.moments.append(self.moment("lift"))
+        self.stay(nominal, self.config.hold_time, yielding)
+        self.moments.append(self.moment("hold"))
+        moved = self.wrist.displacement(self.data)[:3] - start
+        return float(moved @ direction / (direction @ direction))
+
+    def pull(self, body: int) -> bool:
+        """Pull what did not come up; say whether it came along, clear of all else."""
+        config, way = self.config, np.array(self.config.pull)
+        length, start = float(np.linalg.norm(way)), self.centers()[body]
+        yielding = Yielding(config, self.wrist)
+        nominal = self.carry(way, 1.5 * length / config.pull_speed, yielding)
+        self.stay(nominal, config.hold_time, yielding)
+        self.moments.append(self.moment("pull"))
+        self.pulled = float((self.centers()[body] - start) @ way / length)
+        is_free = not touches_others(self.model, self.data, self.n, body)
+        has_come = self.pulled >= _MOST_OF_WAY * length
+        return has_come and is_free and self.gripped() == body
+
+    def carry(self, way: FloatArray, duration: float, yielding: Yielding) -> FloatArray:
+        """Move the hand with what it holds; return its nominal displacement (6,)."""
         start = self.wrist.target.copy()
-        direction = np.array(config.lift)
-        yielding = _Yielding(config, self.wrist)
-        for share, rate in _profile(config.lift_time, self.step):
+        for share, rate in _profile(duration, self.step):
             nominal = start.copy()
-            nominal[:3] += share * direction
+            nominal[:3] += share * way
             self.wrist.target = yielding.deflected(nominal, self.data)
-            self.wrist.rate[:3] = rate * direction
+            self.wrist.rate[:3] = rate * way
             self.grip.advance(self.data, 1.0, self.step)
             self.tick(gripping=True)
         self.wrist.rate[:] = 0.0
-        self.moments.append(self.moment("lift"))
-        for _ in range(round(config.hold_time / self.step)):
+        return nominal
+
+    def stay(self, nominal: FloatArray, duration: float, yielding: Yielding) -> None:
+        """Hold still at a displacement (6,)."""
+        for _ in range(round(duration / self.step)):
             self.wrist.target = yielding.deflected(nominal, self.data)
             self.grip.advance(self.data, 1.0, self.step)
             self.tick(gripping=True)
-        self.moments.append(self.moment("hold"))
-        moved = self.wrist.displacement(self.data)[:3] - start[:3]
-        return float(moved @ direction / (direction @ direction))
 
     def tick(self, *, gripping: bool = False) -> bool:
         """Let one step pass; every tenth time look at the contacts and say so."""
@@ -249,7 +275,7 @@ class _Flight:
         shift: float,
     ) -> tuple[Verdict, int | None]:
         """Name the outcome, and the body that it is about."""
-        ways = self.rises()
+        ways = self.risen
         up = [
             body
             for body, touch in self.touched.items()
@@ -332,7 +358,8 @@ class _Flight:
         return Flight(
             verdict=verdict,
             held=None if body is None else self.world.names[body],
-            rise=0.0 if body is None else float(self.rises()[body]),
+            rise=0.0 if body is None else float(self.risen[body]),
+            pulled=self.pulled,
             turn=turn,
             slide=slide,
             short_of_goal=short,
@@ -344,39 +371,6 @@ class _Flight:
             moved_others=len(others),
             seconds=float(self.data.time),
             moments=tuple(self.moments),
-        )
-
-
-class _Yielding:
-    """Moves the target of the lift as a compliance asks; or not at all without one."""
-
-    def __init__(self, config: FlightConfig, wrist: Wrist) -> None:
-        self.compliance, self.wrist = config.compliance, wrist
-        self.smoothing = _SMOOTHING
-        if config.compliance is not None:
-            # Deflection unloads the wrist's own spring: a loop of this gain.
-            softness = np.diag(config.compliance.tensor)
-            gain = 1.0 + float((softness * np.repeat(config.wrist.stiffness, 3)).max())
-            self.smoothing = min(_SMOOTHING, 0.25 / gain)
-        self.tare = wrist.wrench.copy()
-        self.filtered = np.zeros(6)
-
-    def deflected(self, nominal: FloatArray, data: Any) -> FloatArray:
-        """Target for a nominal displacement (6,)."""
-        if self.compliance is None:
-            return nominal
-        reaction = self.tare - self.wrist.wrench
-        self.filtered += self.smoothing * (reaction - self.filtered)
-        measured = self.wrist.pose(data)
-        force = measured.R.T @ self.filtered[:3]
-        torque = self.filtered[3:]
-        turn = float(np.linalg.norm(self.compliance.tensor[3:, 3:] @ torque))
-        torque = torque * (_MOST_TURN / max(turn, _MOST_TURN))
-        wrench = self.compliance.without_dead_band((*force, *torque))
-        return self.wrist.displacement_of(
-            self.compliance.deflected_pose(
-                wrench, measured, self.wrist.pose_at(nominal)
-            )
         )
 
 

@@ -11,7 +11,7 @@ from debrisgrasp._arrays import FloatArray
 
 from ._mujoco import mujoco
 
-__all__ = ["Touch", "touches"]
+__all__ = ["Touch", "touches", "touches_others"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,3 +58,13 @@ def touches(model: Any, data: Any, n_bodies: int) -> dict[int, Touch]:
         body: Touch(body, frozenset(sides[body]), float(total[0]), float(total[1]))
         for body, total in sums.items()
     }
+
+
+def touches_others(model: Any, data: Any, n_bodies: int, body: int) -> bool:
+    """Whether a body, by its position, touches another one; the ground is none."""
+    for contact in data.contact[: data.ncon]:
+        a, b = (int(model.geom_bodyid[g]) - 1 for g in contact.geom)
+        other = b if a == body else a
+        if body in (a, b) and 0 <= other < n_bodies:
+            return True
+    return False

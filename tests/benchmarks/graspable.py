@@ -1,4 +1,4 @@
-"""Could the hands hold it at all? Objects that were not held, seen from all sides.
+"""Could the hands hold it at all? Objects that were not taken, seen from all sides.
 
 Run: python -m tests.benchmarks.physics --tier isolated --n 30 --seed0 30000 \\
          --records FILE
@@ -39,6 +39,8 @@ HEIGHTS = (0.12, 0.7)
 """Their elevations [rad]."""
 DISTANCE = 1.1
 SPACING = 0.004
+TAKEN = (Verdict.HELD.value, Verdict.PULLED_CLEAR.value)
+"""Outcomes of those that need no other look."""
 FLOWN = 3
 """So many grasps are flown, those of the best forecasts."""
 
@@ -120,9 +122,9 @@ def main() -> None:
     library = PrototypeLibrary.load().select(kind="generic")
     planner = GraspPlanner(library, PipelineConfig().planner)
     told, impossible = [], 0
-    held = sum(row["outcome"] == Verdict.HELD.value for row in rows)
+    held = sum(row["outcome"] in TAKEN for row in rows)
     for row in rows:
-        if row["outcome"] == Verdict.HELD.value:
+        if row["outcome"] in TAKEN:
             continue
         scene = tier_scene("isolated", int(row["seed"]))
         grasps, how = best_grasps(planner, scene)[:FLOWN], "none holds"

@@ -42,7 +42,7 @@ def experience(tier: str, seeds: range, pipeline: Pipeline) -> list[GraspRecord]
                     is_object,
                     found.grasp,
                     pipeline.grippers[found.grasp.gripper],
-                    held=found.record.is_success,
+                    held=found.record.is_held,
                     source=f"{tier}_{seed}",
                 )
             )
@@ -54,7 +54,7 @@ def experience(tier: str, seeds: range, pipeline: Pipeline) -> list[GraspRecord]
 def held(tier: str, seeds: range, pipeline: Pipeline) -> tuple[int, int]:
     """How many trials held, and how many had a grasp."""
     outcomes = [run_trial(TrialSpec(tier=tier, seed=s), pipeline) for s in seeds]
-    return sum(r.is_success for r in outcomes), sum(bool(r.n_grasps) for r in outcomes)
+    return sum(r.is_held for r in outcomes), sum(bool(r.n_grasps) for r in outcomes)
 
 
 def main() -> None:

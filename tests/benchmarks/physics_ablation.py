@@ -123,17 +123,13 @@ def flown(name: str, tier: str, seeds: range) -> list[TrialRecord]:
 
 
 def compared(base: list[TrialRecord], other: list[TrialRecord]) -> list[str]:
-    """Share of successes, and what differs scene by scene."""
-    pairs = [(a.is_success, b.is_success) for a, b in zip(base, other, strict=True)]
+    """Share that was held, and what differs scene by scene."""
+    pairs = [(a.is_held, b.is_held) for a, b in zip(base, other, strict=True)]
     good, n = sum(b for _, b in pairs), len(pairs)
     low, high = wilson(good, n)
     gained = sum(b and not a for a, b in pairs)
     lost = sum(a and not b for a, b in pairs)
-    both = [
-        (a, b)
-        for a, b in zip(base, other, strict=True)
-        if a.is_success and b.is_success
-    ]
+    both = [(a, b) for a, b in zip(base, other, strict=True) if a.is_held and b.is_held]
     force = [b.peak_force / a.peak_force for a, b in both]
     torque = [b.peak_torque / a.peak_torque for a, b in both]
     loads = [f"{np.median(x):.2f}" if x else "-" for x in (force, torque)]
@@ -161,7 +157,7 @@ def main() -> None:
             records = base[tier] if name == "shipped" else flown(name, tier, seeds)
             cells = compared(base[tier], records)
             rows.append([VARIANTS[name].said, tier, *cells])
-            good = sum(record.is_success for record in records)
+            good = sum(record.is_held for record in records)
             figures[f"{name}_{tier}"] = good / len(records)
             print(rows[-1], flush=True)
     header = ["variant", "tier", "held", "95 %", "gained", "lost", "force", "torque"]

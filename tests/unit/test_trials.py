@@ -28,7 +28,8 @@ def done():
 def test_a_trial_ends_in_one_named_outcome(done):
     outcomes = {NO_GRASP, *(verdict.value for verdict in Verdict)}
     assert done.record.outcome in outcomes
-    assert done.record.is_success == (done.record.outcome == "held")
+    successes = ("held", "pulled_clear")
+    assert done.record.is_success == (done.record.outcome in successes)
 
 
 def test_a_record_survives_json(done):
@@ -66,5 +67,7 @@ def test_specs_that_make_no_sense_are_refused():
         TrialSpec(tier="pile", seed=1, order="random")
     with pytest.raises(ConfigError, match="pull"):
         TrialSpec(tier="pile", seed=1, pull="sideways")
+    with pytest.raises(ConfigError, match="clear"):
+        TrialSpec(tier="pile", seed=1, clear=0.0)
     with pytest.raises(ConfigError, match="seed"):
         TrialSpec(tier="pile", seed=-1)

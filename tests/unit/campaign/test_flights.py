@@ -62,6 +62,13 @@ def test_groups_count_each_flight_once_by_each_property():
     assert "2/4" in flights_text(groups)
 
 
+def test_what_was_pulled_clear_is_counted_apart():
+    pulled = replace(HELD, seed=4, outcome="pulled_clear")
+    (tier,) = (g for g in grouped([HELD, pulled, SLIPPED]) if g.by == "tier")
+    assert (tier.held.count, tier.held.total, tier.pulled_clear) == (1, 3, 1)
+    assert tier.failures == {"slipped": 1}
+
+
 def test_only_flights_are_flights():
     assert flight_of(run_of(SLIPPED)) == SLIPPED
     assert flight_of(record("a", spec={"world": "fake", "level": "hand"})) is None

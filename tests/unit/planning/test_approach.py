@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -146,6 +148,21 @@ def test_the_margin_is_the_distance_to_the_nearest_thing(gap, hands, library):
     # A solid counts from its tolerance on; cells and thinned points blur it.
     expected = min(gap + 0.004, alone.margin[0])
     assert look.margin[0] == pytest.approx(expected, abs=0.0065)
+
+
+def test_ground_that_a_hand_comes_down_on_leaves_its_margin(hands):
+    def margin(*floor: np.ndarray, T: SE3 = GRIP, height: float = 0.0) -> float:
+        scene = scene_with(*floor)
+        plane = np.array([0.0, 0.0, 1.0, -height])
+        scene = replace(scene, ground_plane=plane if floor else None)
+        look = Inspector(scene, hands)(T.matrix[None], np.zeros(1, dtype=int))
+        return float(look.margin[0])
+
+    low = 0.165
+    floor = patch([0.0, 0.0, low], (0.5, 0.5))
+    assert margin(floor, height=low) == margin()
+    # The same points, but the ground lies far below them.
+    assert margin(floor, height=-1.0) < margin()
 
 
 def test_a_neighbour_beside_the_hand_ends_its_retreat_there(hands):

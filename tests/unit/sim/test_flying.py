@@ -11,7 +11,7 @@ from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.sim import FlightConfig, HandPhysics, Verdict, WristConfig, fly
-from debrisgrasp.sim.flying import _Yielding
+from debrisgrasp.sim.yielding import Yielding
 from debrisgrasp.worlds import World
 
 from ._grasps import TIP, box, downwards, flown
@@ -95,6 +95,30 @@ def test_what_is_wedged_is_stuck():
     assert flight.verdict in (Verdict.STUCK, Verdict.SLIPPED)
 
 
+def test_what_hangs_by_an_end_is_pulled_clear():
+    # The middle of a beam of 1 m, gripped 10 cm from its end, rises 25 cm * 5 / 9.
+    strong = HandPhysics(grip_force=200.0)
+    flight = flown((0.06, 1.0, 0.06), 4.0, aside=(0.0, 0.4), hand=strong)
+    assert flight.verdict is Verdict.PULLED_CLEAR
+    assert flight.rise == pytest.approx(0.25 * 5 / 9, abs=0.02)
+    assert 0.4 <= flight.pulled <= 0.51
+    assert [moment.phase for moment in flight.moments][-2:] == ["hold", "pull"]
+
+
+def test_what_is_pulled_with_something_on_it_is_not_clear():
+    beam = box("beam", (0.06, 1.0, 0.06), 4.0)
+    rider = box("rider", (0.3, 0.3, 0.02), 1.0)
+    flight = fly(
+        World((beam, rider.at(SE3.from_parts(p=[0.0, -0.2, 0.0705])))),
+        HAND,
+        downwards([0.0, 0.4, 0.03 + TIP]),
+        intended="beam",
+        config=FlightConfig(hand=HandPhysics(grip_force=200.0)),
+    )
+    assert flight.verdict is Verdict.SLIPPED
+    assert flight.pulled > 0.4
+
+
 def test_a_yielding_lift_strains_the_hand_less():
     # A beam lifted at its end turns about its far edge.
     hand = HandPhysics(grip_force=200.0, torsion=0.02)
@@ -114,7 +138,7 @@ def test_a_yielding_hand_turns_less_than_a_right_angle(torque):
         pose_at=lambda _: SE3.identity(),
         displacement_of=lambda T_base_hand: so3.log(T_base_hand.R),
     )
-    yielding = _Yielding(
+    yielding = Yielding(
         FlightConfig(compliance=Compliance.diagonal([1e-4] * 3, [0.15] * 3)), wrist
     )
     wrist.wrench[4] = torque
