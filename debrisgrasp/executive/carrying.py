@@ -19,7 +19,7 @@ from debrisgrasp.motion import MotionPlan, MotionPlanner, MotionSpace, UnknownSp
 from .context import Context, Held, LimbState
 from .drag import drag
 from .drive import Drive
-from .dropoff import drop_postures, may_lie
+from .dropoff import drop_postures, may_lie, no_place, room_below
 from .hanging import looked_at
 from .loaded import carrying
 from .moves import free_share, is_folded, planned
@@ -215,9 +215,8 @@ def _is_beside(context: Context, limb: LimbState, held: Held) -> bool:
     """Whether what is held hangs outside of the way, where it may be put down."""
     T = limb.pose(context.posture(limb))
     points = T.apply(held.points_hand)
-    is_low = float(points[:, 2].min(initial=1.0)) < _HIGHER + _AROUND
     return (
-        is_low
+        room_below(context, points) < _HIGHER + _AROUND
         and not context.is_in_way(points).any()
         and may_lie(context, limb, held.points_hand, T)
     )
@@ -240,7 +239,7 @@ def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFou
         return FaultFound("plan_collision", words, limb.name)
     goals = _goals(context, limb, held, space, planner)
     if not len(goals):
-        return _nowhere(context, limb)
+        return _nowhere(context, limb, held)
     if planner.stands_free(q, strict):
         found = planned(context, limb, goals, strict, planner)
         if not isinstance(found, FaultFound):
@@ -254,13 +253,13 @@ def _bare_way(context: Context, limb: LimbState, held: Held) -> MotionPlan | Fau
     space = room_for(context, [limb], label, unknown=UnknownSpace.IGNORED)
     goals = _goals(context, limb, held, space, limb.planner)
     if not len(goals):
-        return _nowhere(context, limb)
+        return _nowhere(context, limb, held)
     return planned(context, limb, goals, space)
 
 
-def _nowhere(context: Context, limb: LimbState) -> FaultFound:
-    x, y = context.settings.drop_off[limb.name]
-    words = f"no posture holds it over the drop-off at ({x:g}, {y:g})"
+def _nowhere(context: Context, limb: LimbState, held: Held) -> FaultFound:
+    T_base_hand = limb.pose(context.posture(limb))
+    words = no_place(context, limb, held.points_hand, T_base_hand)
     return FaultFound("unreachable", words, limb.name)
 
 

@@ -23,7 +23,7 @@ from debrisgrasp.planning import Grasp
 from debrisgrasp.segmentation import Segment
 
 from .context import Context
-from .dropoff import drop_postures, object_in_hand
+from .dropoff import drop_postures, no_place, object_in_hand
 from .obstacles import room_for
 from .reposition import repositioned
 from .result import Done, FaultFound, StepResult
@@ -235,8 +235,8 @@ def _no_drop(context: Context, motion: GraspMotion, space: MotionSpace) -> str:
     is_free = limb.planner.exact_test(space, with_hand=False).is_free
     if len(drop_postures(context, limb, points, motion.lift.q[-1], is_free, 1)):
         return ""
-    x, y = context.settings.drop_off[motion.arm]
-    return f"transport: no posture holds it over the drop-off at ({x:g}, {y:g})"
+    T_base_lifted = limb.pose(motion.lift.q[-1])
+    return f"transport: {no_place(context, limb, points, T_base_lifted)}"
 
 
 def _is_like(grasp: Grasp, failed: Grasp) -> bool:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.control import CartesianLeg, LegPlanner
@@ -12,33 +14,45 @@ from debrisgrasp.geometry import SE3, so3, voxel_downsample
 from debrisgrasp.kinematics import solve, solve_distinct
 
 from .context import Context, LimbState
-from .obstacles import lying
+from .obstacles import box_around, lying
+from .pacing import widest_corners
 
-__all__ = ["drop_postures", "may_lie", "object_in_hand", "with_underside"]
+__all__ = [
+    "drop_postures",
+    "may_lie",
+    "no_place",
+    "object_in_hand",
+    "room_below",
+    "with_underside",
+]
 
 _YAWS = 16
-"""Attitudes tried: the object as it was lifted, turned about the vertical."""
-_PLACES = (
-    *((0.0, 0.0), (-0.2, 0.0), (0.2, 0.0), (0.0, 0.12), (-0.2, 0.12), (-0.4, 0.0)),
-    *((0.2, 0.12), (-0.4, 0.12), (-0.3, -0.1), (0.0, -0.08)),
-)
-"""Places around a drop-off, ahead and outward, tried in turn as it fills [m]."""
+"""Attitudes tried: the object turned about the vertical."""
+_ALONG = (0.0, -0.15, 0.15, -0.3, 0.3, -0.45)
+"""Places around a drop-off, ahead of it ..."""
+_OUTWARD = (0.0, 0.12, -0.1, 0.24, 0.36)
+"""... and away from the robot [m]: the nearer ones first, as long as they are empty."""
 _BESIDE = 0.03
 """So far from the base [m]."""
 _FROM_REST, _FEW = 0.03, 200
 """So far from the arm at rest is what is put down [m], by so many of its points."""
-_LEANING = 3
-"""Over so many places."""
-_HALF = 0.12
-"""Around a place, how high things lie there already counts [m]."""
-_TILTS = ((0.0, 0.0), (0.35, 0.0), (-0.35, 0.0), (0.0, 0.35), (0.0, -0.35))
+_CELL = 0.04
+"""Of the map of what lies there already [m]; it counts in all cells beside it, too."""
+_AS_LOW = 0.05
+"""Places that differ by less in how high things lie there are about as empty [m]."""
+_TILTS = ((0.35, 0.0), (-0.35, 0.0), (0.0, 0.35), (0.0, -0.35))
 """Where it can't be held level over any of them, about x and y of base [rad]."""
+_OVER = 0.01
+"""So far over the lowest that was seen of what lies on a side an open hand must be [m].
+"""
+_TRIED, _LEANING = 160, 48
+"""Poses tried of an object that is level, and of one that leans."""
 _THICKEST = 0.1
 """What is not seen to be thicker than a hand spans [m]."""
 _ENOUGH = 12
 """Postures to plan to; any of them may end the motion."""
-_AT_ONCE = 8
-"""Postures looked at together; often the first few will do."""
+_SOLVED, _AT_ONCE = 16, 8
+"""Poses solved, and postures looked at, together; often the first few will do."""
 _LOWERED = 0.05
 """By so much the hand should be able to go down from there [m] ..."""
 _PARTLY = 0.6
@@ -82,7 +96,9 @@ def drop_postures(
     is_free: Callable[[FloatArray], BoolArray],
     enough: int = _ENOUGH,
 ) -> FloatArray:
-    """Find postures from which what is held can be lowered, nearest first, (g, d).
+    """Find postures from which what is held can be lowered, (g, d).
+
+    Those over the emptiest places first, and among a few of these the nearest.
 
     Parameters
     ----------
@@ -99,18 +115,14 @@ def drop_postures(
     legs = LegPlanner(limb.reach.chain, limb.limits.controller)
     found: list[FloatArray] = []
     partly: list[FloatArray] = []
-    places, rest = _places(context, limb), _at_rest(context, limb)
-    # As it will be remembered where it lies, and is planned with: the corners of a box
-    # may be lower than all that was seen.
-    body = lying(SE3.identity(), points_hand) if len(points_hand) else points_hand
-    tries = [(points_hand, _TILTS[0]), *((body, tilt) for tilt in _TILTS)]
-    for n, (points, tilt) in enumerate(tries):
-        for place in places[: _LEANING if n > 1 else None]:
-            goals = _poses(context, points, limb.pose(q), place, tilt)
-            goals = goals[~_is_met(rest, body, goals)]
-            if not len(goals.p):
-                continue
-            solved = _solved(context, limb, goals, q)
+    rest = _at_rest(context, limb)
+    for points, body, R, most in _attitudes(limb, points_hand, limb.pose(q)):
+        goals = _poses(context, limb, points, R)
+        goals = SE3(goals.matrix[: 2 * most])
+        goals = SE3(goals.matrix[~_is_met(rest, body, goals)][:most])
+        for k in range(0, len(goals.p), _SOLVED):
+            some = SE3(goals.matrix[k : k + _SOLVED])
+            solved = _solved(context, limb, some, q)
             rows = [pair for pair in solved if not limits.violation(pair[0])]
             for row, goal in _free(rows, is_free):
                 down = CartesianLeg.along(goal, (0.0, 0.0, -_LOWERED)).goal
@@ -122,6 +134,59 @@ def drop_postures(
         if found or partly:
             break
     return np.array(found or partly[:enough]).reshape(-1, len(q))
+
+
+def no_place(
+    context: Context, limb: LimbState, points_hand: FloatArray, T_base_hand: SE3
+) -> str:
+    """Say that no posture was found to put an object down, and whether it is full."""
+    x, y = context.settings.drop_off[limb.name]
+    words = f"no posture holds it over the drop-off at ({x:g}, {y:g})"
+    points, _, R, _ = next(_attitudes(limb, points_hand, T_base_hand))
+    goals = _poses(context, limb, points, R)
+    bottom = (goals.R[:, 2] @ points.T).min(axis=1)
+    raised = goals.p[:, 2] + bottom - context.settings.drop_height
+    if raised.min() < _AS_LOW:
+        return words
+    high = 100.0 * float(raised.min())
+    return f"{words}: it is full, {high:.0f} cm high or more wherever that could lie"
+
+
+def _attitudes(
+    limb: LimbState, points_hand: FloatArray, T_base_hand: SE3
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, int]]:
+    """How to hold an object, best first: points and body, attitude of the hand, effort.
+
+    On a side of the box around it, it lies as it is let go. On an edge or a corner it
+    would turn, and take a finger along that stands in one of its openings. But no
+    finger may be below it then.
+    """
+    R = T_base_hand.R
+    if not len(points_hand):
+        points_hand = np.array([[0.0, 0.0, -0.15]]) @ R  # it hangs below the hand
+        yield points_hand, points_hand, R, _TRIED
+        return
+    # As it will be remembered where it lies, and is planned with: the corners of a box
+    # may be lower than all that was seen.
+    body = lying(SE3.identity(), points_hand)
+    flat = _upright(R @ box_around(points_hand).T_link_shape.R) @ R
+    seen = points_hand[: (len(points_hand) + 1) // 2]  # the rest is a guess
+    over = (widest_corners(limb) @ flat[2]).min() - (seen @ flat[2]).min()
+    for attitude in (flat, R) if over > _OVER else (R,):
+        yield points_hand, body, attitude, _TRIED
+        yield body, body, attitude, _TRIED
+    for tilt in _TILTS:
+        yield body, body, so3.from_rpy(np.array([*tilt, 0.0])) @ R, _LEANING
+
+
+def _upright(axes: FloatArray) -> FloatArray:
+    """Smallest rotation that makes one of three axes, in columns, vertical, (3, 3)."""
+    up = axes[:, int(np.abs(axes[2]).argmax())]
+    x, y, z = (up if up[2] > 0.0 else -up).tolist()
+    across = float(np.hypot(x, y))
+    if across < 1e-9:
+        return np.eye(3)
+    return so3.exp(np.arctan2(across, z) / across * np.array([y, -x, 0.0]))
 
 
 def _free(
@@ -149,6 +214,12 @@ def may_lie(
     return True
 
 
+def room_below(context: Context, points: FloatArray) -> float:
+    """How far points (n, 3) are over the ground, or what was put down there [m]."""
+    heights = _Lies.of(context.put_down).heights(points)
+    return float((points[:, 2] - heights).min(initial=np.inf))
+
+
 def _at_rest(context: Context, limb: LimbState) -> FloatArray:
     """Balls around the robot with its arm at rest, base frame [m], shape (b, 4)."""
     posture = context.model.posture(limb.name, context.settings.rest or limb.rest_of)
@@ -164,16 +235,6 @@ def _is_met(balls: FloatArray, points_hand: FloatArray, Ts_base_hand: SE3) -> Bo
         away = np.linalg.norm(where - np.array([x, y, z])[:, None], axis=1)
         met |= (away < radius).any(axis=1)
     return met
-
-
-def _places(context: Context, limb: LimbState) -> list[FloatArray]:
-    """Places around the drop-off of an arm, the emptiest first, each (2,)."""
-    drop_off = np.array(context.settings.drop_off[limb.name])
-    side = float(np.sign(drop_off[1])) or 1.0
-    shifts = np.array(_PLACES) * (1.0, side)
-    places = [drop_off + shift for shift in shifts]
-    heights = [_height_at(context, place, np.full(2, _HALF)) for place in places]
-    return [places[i] for i in np.argsort(np.round(heights, 1), kind="stable")]
 
 
 def _solved(
@@ -192,33 +253,65 @@ def _solved(
 
 
 def _poses(
-    context: Context,
-    points_hand: FloatArray,
-    T: SE3,
-    place: FloatArray,
-    tilt: tuple[float, float],
+    context: Context, limb: LimbState, points_hand: FloatArray, R: FloatArray
 ) -> SE3:
-    """Poses of the palm that hold the object over a place, one for each yaw."""
-    points = T.rotate(points_hand)
-    if not len(points):
-        points = np.array([[0.0, 0.0, -0.15]])
-    leaning = so3.from_rpy(np.array([*tilt, 0.0]))
-    poses = []
-    for yaw in np.linspace(0.0, 2.0 * np.pi, _YAWS, endpoint=False):
-        R = leaning @ so3.from_rpy(np.array([0.0, 0.0, yaw]))
-        turned = points @ R.T
-        low, high = turned.min(axis=0), turned.max(axis=0)
-        middle = 0.5 * (low + high)[:2]
-        top = _height_at(context, place, 0.5 * (high - low)[:2])
-        z = top + context.settings.drop_height - low[2]
-        poses.append(SE3.from_parts(R @ T.R, [*(place - middle), z]).matrix)
-    return SE3(np.array(poses))
+    """Poses of the palm that hold an object over the drop-off, the emptiest first.
+
+    Those in which it reaches into the way come last.
+
+    Parameters
+    ----------
+    R
+        Attitude of the hand in base; the object is turned from there, shape (3, 3).
+    """
+    drop_off = np.array(context.settings.drop_off[limb.name])
+    side = float(np.sign(drop_off[1])) or 1.0
+    shifts = np.array([(x, side * y) for y in _OUTWARD for x in _ALONG])
+    shifts = shifts[np.argsort(np.linalg.norm(shifts, axis=1), kind="stable")]
+    yaws = np.linspace(0.0, 2.0 * np.pi, _YAWS, endpoint=False)
+    Rs = so3.from_rpy(np.stack([0.0 * yaws, 0.0 * yaws, yaws], axis=-1)) @ R
+    thin = points_hand[:: max(1, len(points_hand) // _FEW)]
+    turned = points_hand @ Rs.transpose(0, 2, 1)
+    low, high = turned.min(axis=1), turned.max(axis=1)
+    middle, bottom = 0.5 * (low + high)[:, :2], low[:, 2]
+    p = np.empty((len(shifts), _YAWS, 3))
+    p[..., :2] = (drop_off + shifts)[:, None] - middle
+    where = np.tile(thin @ Rs.transpose(0, 2, 1), (len(shifts), 1, 1, 1))
+    where[..., :2] += p[..., None, :2]
+    lies = _Lies.of(context.put_down)
+    p[..., 2] = np.maximum((lies.heights(where) - where[..., 2]).max(axis=-1), -bottom)
+    raised = np.floor((p[..., 2] + bottom) / _AS_LOW)
+    where[..., 2] += p[..., None, 2]
+    is_in_way = np.any(context.is_in_way(where), axis=-1)
+    p[..., 2] += context.settings.drop_height
+    poses = np.tile(np.eye(4), (*p.shape[:2], 1, 1))
+    poses[..., :3, :3], poses[..., :3, 3] = Rs, p
+    order = np.lexsort([raised.ravel(), is_in_way.ravel()])
+    return SE3(poses.reshape(-1, 4, 4)[order])
 
 
-def _height_at(context: Context, place: FloatArray, half: FloatArray) -> float:
-    """Height of what was put down where an object is to go [m]."""
-    if not context.put_down:
-        return 0.0
-    points = np.concatenate(context.put_down)
-    inside = (np.abs(points[:, :2] - place) < half + 0.03).all(axis=1)
-    return float(points[inside, 2].max(initial=0.0))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Lies:
+    """How high things lie, cell by cell."""
+
+    corner: FloatArray
+    """Of the map [m], shape (2,)."""
+    cells: FloatArray
+    """Heights [m], shape (a, b)."""
+
+    @classmethod
+    def of(cls, bodies: Sequence[FloatArray]) -> _Lies:
+        """Of points of what was put down, base frame [m], each (n, 3)."""
+        points = np.concatenate([np.zeros((1, 3)), *bodies])
+        corner = points[:, :2].min(axis=0) - 2.0 * _CELL
+        at = np.floor((points[:, :2] - corner) / _CELL).astype(np.intp)
+        cells = np.zeros(at.max(axis=0) + 3)
+        np.maximum.at(cells, tuple(at.T), points[:, 2])
+        return cls(corner, maximum_filter(cells, size=3))
+
+    def heights(self, points: FloatArray) -> FloatArray:
+        """Heights below points (..., 2 or more) [m], shape (...)."""
+        at = np.floor((points[..., :2] - self.corner) / _CELL).astype(np.intp)
+        inside = np.asarray(((at >= 0) & (at < self.cells.shape)).all(axis=-1))
+        x, y = np.moveaxis(np.where(inside[..., None], at, 0), -1, 0)
+        return np.asarray(np.where(inside, self.cells[x, y], 0.0))

@@ -136,6 +136,9 @@ class Senses:
             words = f"of what is carried {carried or 0.0:.0f} N are left: it touches "
             return FaultFound("plan_collision", words + "something", self.limb.name)
         if held.state.phase in (GripPhase.SLIPPED, GripPhase.LOST):
+            if not held.is_lifted:
+                # It lies somewhere; closing on, they would push the hand off it.
+                self._stay(_SLACK)
             what = held.state.phase.value
             words = f"{what}: fingers at "
             words += ", ".join(f"{1e3 * x:.0f}" for x in fingers.openings) + " mm"

@@ -65,8 +65,7 @@ class Rubble:
 
     def box(self, body: int) -> tuple[FloatArray, FloatArray]:
         """Corners of the box around a body [m]."""
-        points = self.shapes[body].points
-        return points.min(axis=0), points.max(axis=0)
+        return self.shapes[body].box
 
     def neighbours(
         self, body: int, box: tuple[FloatArray, FloatArray] | None = None

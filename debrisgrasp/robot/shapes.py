@@ -14,7 +14,7 @@ from debrisgrasp._arrays import FloatArray, IntArray
 from debrisgrasp.geometry import Box, Cylinder, Solid
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.worlds import Body, Hull
-from debrisgrasp.worlds.rest import edge_points
+from debrisgrasp.worlds.rest import edge_points, largest_in_rows
 
 __all__ = ["BodyShape", "HandShape", "planes_of"]
 
@@ -87,6 +87,15 @@ class BodyShape:
         self.com = R @ self._own_com + p
         """Centre of mass, shape (3,)."""
         self._now: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        self._box: tuple[FloatArray, FloatArray] | None = None
+
+    @property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Corners of the box around it [m], each (3,)."""
+        if self._box is None:
+            along = np.ascontiguousarray(self.points.T)
+            self._box = along.min(axis=1), along.max(axis=1)
+        return self._box
 
     @property
     def normals(self) -> FloatArray:
@@ -129,7 +138,7 @@ class BodyShape:
         found, way = -np.inf, np.zeros(3)
         for part in self.parts:
             beyond = points @ self.normals[part].T - self.offsets[part]
-            gaps = beyond.max(axis=1)
+            gaps = largest_in_rows(beyond)
             i = int(gaps.argmin())
             if -gaps[i] > found:
                 found = -float(gaps[i])

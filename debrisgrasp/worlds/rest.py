@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import lsq_linear, nnls
 
-from debrisgrasp._arrays import FloatArray, frozen, require_range
+from debrisgrasp._arrays import BoolArray, FloatArray, frozen, require_range
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.geometry import SE3, Box, so3
 
@@ -246,8 +246,8 @@ class _Mover:
             if (box.lower > upper).any() or (box.upper < lower).any():
                 continue
             found.append(_near(part, own, margin))
-        inside = (self.their_points > lower) & (self.their_points < upper)
-        theirs = pose.inverse().apply(self.their_points[inside.all(axis=1)])
+        inside = _inside(self.their_points, lower, upper)
+        theirs = pose.inverse().apply(self.their_points[inside])
         for part in self.body.parts:
             points, normals, gaps = _near(part, theirs, margin)
             found.append((pose.apply(points), -pose.rotate(normals), gaps))
@@ -329,15 +329,14 @@ def _near(
     beyond their edges: quick, and safe.
     """
     box = part.bounds
-    close = ((points > box.lower - margin) & (points < box.upper + margin)).all(axis=1)
-    points = points[close]
+    points = points[_inside(points, box.lower - margin, box.upper + margin)]
     if isinstance(part, (Box, Hull)):
         sides, offsets = _planes(part)
         beyond = points @ sides.T - offsets
-        which = beyond.argmax(axis=1)
-        gaps = np.take_along_axis(beyond, which[:, None], axis=1)[:, 0]
+        gaps = largest_in_rows(beyond)
         is_near = gaps < margin
-        return points[is_near], sides[which[is_near]], gaps[is_near]
+        which = beyond[is_near].argmax(axis=1)
+        return points[is_near], sides[which], gaps[is_near]
     gaps = part.signed_distance(points)
     is_near = gaps < margin
     points, gaps = points[is_near], gaps[is_near]
@@ -349,6 +348,22 @@ def _near(
     length = np.linalg.norm(normals, axis=1)
     sure = length > 0.5
     return points[sure], normals[sure] / length[sure, None], gaps[sure]
+
+
+def _inside(points: FloatArray, lower: FloatArray, upper: FloatArray) -> BoolArray:
+    """Which points (n, 3) lie within a box, shape (n,)."""
+    inside = np.ones(len(points), dtype=bool)
+    for along, low, high in zip(points.T, lower, upper, strict=True):
+        inside &= (along > low) & (along < high)
+    return inside
+
+
+def largest_in_rows(values: FloatArray) -> FloatArray:
+    """Largest value of each row of a few, (n, few) -> (n,).
+
+    NumPy is slow along a short last axis.
+    """
+    return np.asarray(np.ascontiguousarray(values.T).max(axis=0, initial=-np.inf))
 
 
 def _planes(part: Box | Hull) -> tuple[FloatArray, FloatArray]:

@@ -12,14 +12,16 @@ from debrisgrasp.executive.drive import Drive, LegEnd
 from debrisgrasp.executive.dropoff import (
     _at_rest,
     _is_met,
+    _poses,
     drop_postures,
+    no_place,
     object_in_hand,
 )
 from debrisgrasp.executive.obstacles import lying
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.releasing import verify_release
 from debrisgrasp.executive.result import Done, FaultFound
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.pipeline import Pipeline
 from tests.unit.executive.test_steps import executive
 
@@ -127,14 +129,111 @@ def test_what_has_a_box_with_a_corner_below_it_is_held_higher(pipeline):
     points = (np.column_stack([u - v, side, u + v]) - [0.0, 0.0, 0.2]) @ limb.pose(q).R
 
     def is_free(rows):
-        bodies = [lying(limb.pose(row), points) for row in rows]
-        return np.array([body[:, 2].min() > 0.0 for body in bodies])
+        Ts = [limb.pose(row) for row in rows]
+        lowest = [lying(T, points)[:, 2].min() for T in Ts]
+        # As it was lifted: nothing else is free.
+        tilts = [np.abs(T.R[2] - limb.pose(q).R[2]).max() for T in Ts]
+        return (np.array(lowest) > 0.0) & (np.array(tilts) < 1e-3)
 
     found = drop_postures(context, limb, points, q, is_free, 2)
     assert len(found) == 2
     for row in found:
         lowest = limb.pose(row).apply(points)[:, 2].min()
         assert lowest > context.settings.drop_height + 0.02
+
+
+def test_what_hangs_on_a_corner_is_put_down_on_a_side(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    q = context.posture(limb)
+    board = np.array(np.meshgrid([-0.3, 0.3], [-0.05, 0.05], [-0.2, 0.2])).T
+    leaning = so3.from_rpy(np.array([0.2, 0.4, 0.3]))
+    points = (board.reshape(-1, 3) @ leaning.T - [0.0, 0.0, 0.2]) @ limb.pose(q).R
+    found = drop_postures(
+        context, limb, points, q, lambda rows: np.ones(len(rows), dtype=bool), 2
+    )
+    assert len(found) == 2
+    for row in found:
+        heights = np.sort(limb.pose(row).apply(points)[:, 2])
+        assert np.ptp(heights[:4]) < 0.02
+        assert heights[4] - heights[3] > 0.3
+
+
+def test_nothing_is_laid_onto_a_finger(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    q = context.posture(limb)
+    leaning = so3.from_rpy(np.array([0.0, 0.3, 0.0]))
+    for below, expected in ((0.02, False), (0.3, True)):
+        board = np.array(np.meshgrid([0.05, 0.7], [-0.1, 0.1], [-below, 0.02])).T
+        points = board.reshape(-1, 3) @ leaning.T @ limb.pose(q).R
+        found = drop_postures(
+            context, limb, points, q, lambda rows: np.ones(len(rows), dtype=bool), 2
+        )
+        assert len(found) == 2
+        heights = np.sort(limb.pose(found[0]).apply(points)[:, 2])
+        assert bool(np.ptp(heights[:4]) < 0.02) is expected
+
+
+def test_an_object_goes_where_nothing_lies_and_not_into_the_way(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    limb, R = context.limbs["right"], np.eye(3)
+    x, y = context.settings.drop_off["right"]
+    board = np.array(np.meshgrid([-0.3, 0.3], [-0.05, 0.05], [-0.2, 0.2])).T
+    points = board.reshape(-1, 3)
+    on_ground = 0.2 + context.settings.drop_height
+
+    def poses():
+        goals = _poses(context, limb, points, R)
+        where = goals.R @ points.T + goals.p[..., None]
+        return goals.p[:, 2] - on_ground, where, len(goals.p)
+
+    raised, where, n = poses()
+    assert raised == pytest.approx(np.zeros(n))
+    is_in_way = context.is_in_way(np.moveaxis(where, 1, 2)).any(axis=1)
+    assert 0 < is_in_way.sum() < n
+    assert is_in_way[n - is_in_way.sum() :].all()
+    # A box where the first would go: the next one lies beside it, on the ground.
+    box = np.array(np.meshgrid([x - 0.1, x + 0.1], [y - 0.1, y + 0.1], [0.3])).T
+    context.dropped.append(box.reshape(-1, 3))
+    raised, where, n = poses()
+    n_low = np.count_nonzero(raised < 1e-6)
+    assert n // 4 < n_low < n
+    assert not is_over(where[0], box.reshape(-1, 3))
+    # With things everywhere it goes onto them.
+    far = np.arange(-1.5, 1.5, 0.04)
+    slab = np.array(np.meshgrid(x + far, y + far, [0.3])).T
+    context.dropped[:] = [slab.reshape(-1, 3)]
+    raised, _, n = poses()
+    assert raised == pytest.approx(np.full(n, 0.3))
+    words = no_place(context, limb, points, SE3.identity())
+    assert "it is full, 30 cm high" in words
+    context.dropped.clear()
+    assert "full" not in no_place(context, limb, points, SE3.identity())
+
+
+def is_over(where, points):
+    """Whether corners (3, m) enclose all points (n, 3), as seen from above."""
+    low, high = where[:2].min(axis=1), where[:2].max(axis=1)
+    return bool(((points[:, :2] > low) & (points[:, :2] < high)).all(axis=1).all())
+
+
+def test_what_hangs_low_over_what_was_put_down_may_be_put_down_on_it(pipeline):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    grip = GripController(GripConfig(opening=0.1, width=0.05))
+    state = grip.preshape(Drive(context, "right").fingers())
+    point = (
+        limb.pose(context.posture(limb)).inverse().apply(np.array([[0.2, -0.9, 0.6]]))
+    )
+    held = Held(arm="right", grip=grip, watch=grip, state=state, points_hand=point)
+    assert not _is_beside(context, limb, held)
+    context.dropped.append(np.array([[0.2, -0.9, 0.5]]))
+    assert _is_beside(context, limb, held)
 
 
 def test_what_was_put_down_stands_in_the_way_with_its_whole_body():

@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp.control import Fault, Reading, Stop
-from debrisgrasp.executive.context import FINGER_TICKS
+from debrisgrasp.control import (
+    Fault,
+    GripCommand,
+    GripConfig,
+    GripController,
+    GripPhase,
+    Reading,
+    Stop,
+)
+from debrisgrasp.executive.context import FINGER_TICKS, Held
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.noticed import fault_of_stop
 from debrisgrasp.executive.states import State
@@ -40,3 +48,36 @@ def test_a_touch_that_ends_a_motion_is_called_one():
     assert found.fault == "plan_collision"
     assert found.message.startswith("touched something")
     assert "31 of 30 N" in found.message
+
+
+@pytest.mark.parametrize("is_lifted", [False, True])
+def test_fingers_that_lose_what_still_lies_close_no_further(
+    pipeline, monkeypatch, is_lifted
+):
+    _, task = executive(pipeline)
+    context, drive = task.context, Drive(task.context, "right")
+    context.state = State.LIFT
+    openings = drive.fingers().openings
+    squeeze = GripCommand((0.0,) * 3, 54.0)
+    grip = GripController(GripConfig(opening=0.1, width=0.05))
+    state = grip.preshape(drive.fingers())._replace(
+        phase=GripPhase.SLIPPED, held_openings=openings
+    )
+
+    class Watch:
+        def step(self, _state, _fingers):
+            return state, squeeze
+
+    context.held = Held(
+        arm="right", grip=grip, watch=Watch(), state=state, is_lifted=is_lifted
+    )
+    sent = []
+    monkeypatch.setattr(drive.devices.gripper, "command", sent.append)
+    found = drive._watched_fingers((0.0,) * 6)
+    assert found is not None
+    assert found.fault == "slip"
+    if is_lifted:
+        assert sent == [squeeze]
+    else:
+        assert sent[-1].openings == openings
+        assert sent[-1].force < 0.5 * squeeze.force
