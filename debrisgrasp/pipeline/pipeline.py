@@ -64,9 +64,6 @@ class PipelineConfig:
     """Below this score, objects whose turn is nearly as due are tried too; 0: none."""
     max_further: int = 2
     """How many of them at most."""
-    max_again: int = 2
-    """How often other chains search the same object once more where the best grasp
-    scores below `SETTLED` (0.8), or where there is none; 0: never."""
     min_object_points: int = 80
     """Fewer thinned points (one per cell of the planner's grid) than this are a crumb
     of segmentation, not an object to grip."""
@@ -80,7 +77,6 @@ class PipelineConfig:
         require_range("PipelineConfig.doubtful", self.doubtful, 0.0, 1.0)
         require_range("PipelineConfig.max_further", self.max_further, 0)
         require_range("PipelineConfig.workers", self.workers, 1)
-        require_range("PipelineConfig.max_again", self.max_again, 0)
 
 
 class Pipeline:
@@ -360,11 +356,6 @@ class Pipeline:
                 continue
             n_tried += 1
             best.take(search(target, best.worth_beating(target), rng), target)
-        for target in best.unsettled(self.config.max_again):
-            if watch.is_late():
-                break
-            (rng,) = root.spawn(1)
-            best.improve(search(target, best.score, rng), target)
         return best
 
     def _unfit(self, seen: Perception, target: Target) -> str | None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
-from debrisgrasp.planning import SETTLED, PassedOver, SearchResult
+from debrisgrasp.planning import PassedOver, SearchResult
 from debrisgrasp.segmentation import Segmentation
 
 from .reasons import why_empty
@@ -46,11 +45,6 @@ class BestSoFar:
     def first_tried(self) -> Target | None:
         """What was searched first."""
         return self.tried[0] if self.tried else None
-
-    @property
-    def score(self) -> float:
-        """Score of the best grasp; 0 if there is none."""
-        return self.result.grasps[0].score if self.result.grasps else 0.0
 
     @property
     def is_sure(self) -> bool:
@@ -102,28 +96,6 @@ class BestSoFar:
         elif self.target is not None:
             reason = f"{_no_better(self.target)} (score {score:.2f})"
             self.pass_over(target, reason)
-
-    def unsettled(self, times: int) -> Iterator[Target]:
-        """Objects of which one more search may find what the first one missed.
-
-        That is the one with the best grasp, or, if there is none, all that were tried,
-        until a grasp is found that will do; give `improve` what was found.
-        """
-        for _ in range(times):
-            for target in self.tried:
-                is_chosen = target is self.target or not self.is_found
-                if is_chosen and self.score < SETTLED:
-                    yield target
-
-    def improve(self, result: SearchResult, target: Target) -> None:
-        """Keep the better of what was found and of one more search of an object."""
-        if not result.grasps or result.grasps[0].score <= self.score:
-            return
-        if self._first is None:
-            self._first = target
-            others = [each for each in self.passed_over if each.label != target.label]
-            self.passed_over = others
-        self.result, self.target = result, target
 
     def why_empty(self, segmentation: Segmentation) -> str:
         """One sentence for a plan without grasps."""

@@ -4,7 +4,7 @@ from .advice import Advice, Situation
 from .annealing import Schedule
 from .approach import ApproachConfig
 from .clearance import ClearanceConfig
-from .config import SETTLED, PlannerConfig
+from .config import PlannerConfig
 from .inspection import InspectionConfig
 from .ledger import Rejections
 from .load import LoadForecast
@@ -21,7 +21,6 @@ from .similarity import SimilarityConfig
 from .success import SUCCESS_TERMS, SuccessForecast, SuccessModel
 
 __all__ = [
-    "SETTLED",
     "SUCCESS_TERMS",
     "Advice",
     "ApproachConfig",

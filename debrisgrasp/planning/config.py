@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from debrisgrasp._arrays import require_range
@@ -62,8 +62,10 @@ class PlannerConfig:
     by."""
     refinement_sweeps: int = 4
     """How often steps are offered; only improvements are taken."""
-    doubtful_sweeps: int = 6
+    doubtful_sweeps: int = 10
     """So many more where the best pose scores below `SETTLED`."""
+    doubtful_share: int = 2
+    """So many times the starts and walkers set out once more before these."""
     refinement_steps: int = 144
     """Steps offered in each sweep, to all poses together."""
     refined: tuple[int, int] = (28, 8)
@@ -126,6 +128,7 @@ class PlannerConfig:
         for name in _COUNTS:
             require_range(f"PlannerConfig.{name}", getattr(self, name), 1)
         require_range("PlannerConfig.doubtful_sweeps", self.doubtful_sweeps, 0)
+        require_range("PlannerConfig.doubtful_share", self.doubtful_share, 1)
         require_range("PlannerConfig.region_size", self.region_size, 0.0)
         require_range("PlannerConfig.starts", self.starts, self.walkers)
         require_range("PlannerConfig.alignments", self.alignments, 0)
@@ -138,3 +141,19 @@ class PlannerConfig:
         require_range("PlannerConfig.minimum_evidence", self.minimum_evidence, 0.0, 1.0)
         require_range("PlannerConfig.mode_distance", self.mode_distance, 0.0)
         require_range("PlannerConfig.mode_angle", self.mode_angle, 0.0, 3.2)
+
+    @property
+    def first_sweeps(self) -> range:
+        """Sweeps of the refinement that every search makes."""
+        return range(self.refinement_sweeps)
+
+    @property
+    def last_sweeps(self) -> range:
+        """Sweeps of the refinement that doubtful poses are given besides."""
+        first = self.refinement_sweeps
+        return range(first, first + self.doubtful_sweeps)
+
+    def wider(self) -> PlannerConfig:
+        """Return the settings with which a doubtful search explores once more."""
+        share = self.doubtful_share
+        return replace(self, starts=share * self.starts, walkers=share * self.walkers)

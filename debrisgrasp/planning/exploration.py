@@ -146,14 +146,15 @@ def refine(
     postures: Postures,
     config: PlannerConfig,
     *,
+    sweeps: range,
     rng: Rng,
     is_late: Callable[[], bool],
 ) -> Settled:
     """Take walkers uphill on what grasps are ranked by; only improvements count.
 
     Each sweep offers the same number of steps to fewer walkers: at first a few each, in
-    the end many to the best few. Where the best of them scores below `SETTLED`, these
-    go on.
+    the end many to the best few. The last sweeps, for doubtful walkers, end once the
+    best of them scores `SETTLED`.
 
     Parameters
     ----------
@@ -161,14 +162,17 @@ def refine(
         States whose value is merit already.
     merit
         What is sought.
+    sweeps
+        Which of `PlannerConfig.first_sweeps` and `PlannerConfig.last_sweeps` to make.
     """
-    sweeps, (many, few) = config.refinement_sweeps, config.refined
-    sizes = np.geomspace(many, few, sweeps).round().astype(int).tolist()
+    n, (many, few) = config.refinement_sweeps, config.refined
+    sizes = np.geomspace(many, few, n).round().astype(int).tolist()
     walkers = settled.walkers
-    for index, size in enumerate(sizes + [few] * config.doubtful_sweeps):
+    for index in sweeps:
         if index >= _IN_ANY_CASE and is_late():
             break
-        if index >= sweeps and walkers.best_log_quality.max() >= np.log(SETTLED):
+        best = walkers.best_log_quality.max(initial=-np.inf)
+        if index >= n and best >= np.log(SETTLED):
             break
         rows = distinct(
             walkers.best_Ts_base_hand,
@@ -176,14 +180,14 @@ def refine(
             walkers.best_log_quality,
             distance=config.mode_distance / 3,
             angle=config.mode_angle / 3,
-            limit=size,
+            limit=sizes[min(index, n - 1)],
         )
         if not len(rows):
             break  # no pose has any merit, as under a mass that nothing can lift
         tries = -(-config.refinement_steps // len(rows))
         every = np.repeat(rows, tries)
         Ts = config.refinement.moved(
-            walkers.best_Ts_base_hand[every], min(index / sweeps, 1.0), rng
+            walkers.best_Ts_base_hand[every], min(index / n, 1.0), rng
         )
         # Every other one is fitted to the surface again: long steps along it are free.
         fitted = every[::2]
@@ -193,7 +197,7 @@ def refine(
         best += tries * np.arange(len(rows))
         walkers = walkers.offered(rows, Ts[best], value[best])
         # What no arm reaches must not end the search.
-        if (index + 1) % _ASK_EVERY == 0 or index + 1 == sweeps:
+        if (index + 1) % _ASK_EVERY == 0 or index + 1 == n:
             settled = postures.settled(settled, walkers, prototype)
             walkers = settled.walkers
     return postures.settled(settled, walkers, prototype)

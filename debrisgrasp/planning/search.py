@@ -17,7 +17,7 @@ from debrisgrasp.prototypes import PrototypeLibrary
 
 from .annealing import Walkers
 from .approach import Ways
-from .config import PlannerConfig
+from .config import SETTLED, PlannerConfig
 from .exploration import exchanged, explore, refine
 from .ledger import Ledger
 from .load import LoadModel
@@ -65,7 +65,7 @@ class GraspSearch:
         self._packed = library.packed()
         self._frames = own_frames(self._packed)
         self.tools = Tools.of(library, config)
-        self._config = config
+        self._config, self._wider = config, config.wider()
         self._looks: WeakKeyDictionary[GraspScene, Looks] = WeakKeyDictionary()
 
     def similarity(self, scene: GraspScene) -> ShapeSimilarity:
@@ -112,13 +112,7 @@ class GraspSearch:
             burden = Burden.on(arms, load, self.tools)
             merit = self._merit(scene, burden, asked)
             postures = Postures(asked, self.tools.gripper_of, rng)
-            states = self._explored(scene, merit, postures, watch, rng)
-            least = merit.least(beyond)
-            found = self._modes(states, merit.worth, least)
-            if not watch.is_late():
-                found = self._exchanged(merit, found)
-                found = self._modes(found, merit.worth, least)
-            tops = self._refined(merit, postures, found, watch, rng, beyond)
+            states, tops = self._sought(scene, merit, postures, watch, rng, beyond)
             self._missed(postures, ledger)
             is_asked_why = bool(asked) and not beyond and not len(tops.Ts)
             if is_asked_why and not watch.is_late():
@@ -137,6 +131,52 @@ class GraspSearch:
             lambda Ts, prototype: self._reach(arms, Ts, prototype),
         )
 
+    def _sought(
+        self,
+        scene: GraspScene,
+        merit: Merit,
+        postures: Postures,
+        watch: Watch,
+        rng: Rng,
+        beyond: float,
+    ) -> tuple[Candidates, Candidates]:
+        """States of all walkers, and the tops that were climbed from the best.
+
+        Where the best of these is doubtful, and yet of use, more walkers set out, and
+        the best of all climb on.
+        """
+        states, tops = [], []
+        for config in (self._config, self._wider):
+            states.append(self._explored(scene, merit, postures, watch, rng, config))
+            found = self._promising(merit, states[-1], watch, beyond)
+            tops.append(self._refined(merit, postures, found, watch, rng, beyond))
+            best = tops[-1].score.max(initial=0.0)
+            if not beyond <= best < SETTLED or watch.is_late():
+                break
+        found = Candidates.together(tops)
+        settled = refine(
+            found.settled(),
+            found.prototype,
+            merit,
+            postures,
+            self._config,
+            sweeps=self._config.last_sweeps,
+            rng=rng,
+            is_late=watch.is_late,
+        )
+        return Candidates.together(states), Candidates.of(settled, found.prototype)
+
+    def _promising(
+        self, merit: Merit, states: Candidates, watch: Watch, beyond: float
+    ) -> Candidates:
+        """Distinct poses to climb from, other prototypes at the best places too."""
+        least = merit.least(beyond)
+        found = self._modes(states, merit.worth, least)
+        if watch.is_late():
+            return found
+        found = self._exchanged(merit, found)
+        return self._modes(found, merit.worth, least)
+
     def _explored(
         self,
         scene: GraspScene,
@@ -144,6 +184,7 @@ class GraspSearch:
         postures: Postures,
         watch: Watch,
         rng: Rng,
+        config: PlannerConfig,
     ) -> Candidates:
         """Best state of every walker."""
 
@@ -156,7 +197,7 @@ class GraspSearch:
             postures,
             GlobalMove(scene, self._packed, self._frames),
             self.tools.gripper_of,
-            self._config,
+            config,
             rng=rng,
             on_sweep=on_sweep,
         )
@@ -192,7 +233,7 @@ class GraspSearch:
         """Distinct poses that would fit if an arm could get there."""
         merit = self._merit(scene, burden, ())
         nobody = Postures((), self.tools.gripper_of, rng)
-        states = self._explored(scene, merit, nobody, watch, rng)
+        states = self._explored(scene, merit, nobody, watch, rng, self._config)
         found = self._modes(states, merit.worth)
         return found[self._reach(arms, found.Ts, found.prototype) == 0.0]
 
@@ -263,6 +304,7 @@ class GraspSearch:
             merit,
             postures,
             self._config,
+            sweeps=self._config.first_sweeps,
             rng=rng,
             is_late=watch.is_late,
         )

@@ -19,6 +19,8 @@ from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline, PipelineConfig
 from debrisgrasp.planning import PlannerConfig
+from debrisgrasp.planning.config import SETTLED
+from debrisgrasp.planning.exploration import explore
 from debrisgrasp.segmentation import PriorityPoint
 from tests.scenes import capture_of, lying_pipe
 
@@ -67,6 +69,25 @@ def roman_result(dictionary):
     farthest_first = PriorityPoint.at(3.0, 0.0, 1.0)
     roman = Pipeline(robot="roman", prototypes=dictionary, policy=farthest_first)
     return roman.plan(capture_of([FAR_PIPE, NEAR_PIPE]))
+
+
+def test_a_doubtful_search_sets_out_once_more_with_more_walkers(
+    pipeline, pipe_capture, monkeypatch
+):
+    set_out = []
+
+    def counted(*args, **kwargs):
+        set_out.append(args[4].walkers)
+        return explore(*args, **kwargs)
+
+    monkeypatch.setattr("debrisgrasp.planning.search.explore", counted)
+    scores = [
+        pipeline.plan(pipe_capture, mass=mass).plan.grasps[0].score
+        for mass in (1.0, 12.0)
+    ]
+    n, share = pipeline.config.planner.walkers, pipeline.config.planner.doubtful_share
+    assert scores[0] > SETTLED > scores[1]
+    assert set_out == [n, n, share * n]
 
 
 def test_equal_input_and_seed_give_an_equal_plan(pipeline, pipe_capture, pipe_result):

@@ -77,33 +77,6 @@ def test_a_further_object_where_nothing_is_better_says_so_too():
     assert "object 1 is doubtful, but no better" in passed.reason
 
 
-def test_the_chosen_object_is_searched_again_until_its_grasp_will_do():
-    best = BestSoFar(0.9, 2)
-    best.take(found(0.4), target(1))
-    chosen = target(2)
-    best.take(found(0.5), chosen)
-    again = best.unsettled(3)
-    assert next(again) is chosen
-    best.improve(found(0.45), chosen)
-    assert best.score == 0.5
-    assert next(again) is chosen
-    best.improve(found(0.85), chosen)
-    assert best.score == 0.85
-    assert list(again) == []
-
-
-def test_where_nothing_was_found_all_that_was_tried_is_searched_again():
-    best = BestSoFar(0.9, 2)
-    first, second = target(1), target(2)
-    best.take(SearchResult((), {"no arm gets there": 3}), first)
-    best.take(SearchResult((), {"no arm gets there": 3}), second)
-    assert list(best.unsettled(1)) == [first, second]
-    best.improve(found(0.3), second)
-    assert best.is_found
-    assert best.target is second
-    assert [each.label for each in best.passed_over] == [1]
-
-
 def test_an_object_that_likely_carries_something_is_left_alone():
     best = BestSoFar(0.7, 2)
     assert best.is_worth_a_look(target(5, 3.0))

@@ -41,6 +41,7 @@ def climbed(top: float, arms, rng) -> np.ndarray:
         score,
         postures,
         CONFIG,
+        sweeps=CONFIG.first_sweeps,
         rng=rng,
         is_late=lambda: False,
     )
@@ -85,6 +86,7 @@ def test_doubtful_walkers_go_on_climbing_until_the_deadline(probability, more, r
             level,
             postures,
             config,
+            sweeps=range(8),
             rng=rng,
             is_late=lambda level=level, most=late_after: level.n_asked >= most,
         )
@@ -112,6 +114,7 @@ def test_what_no_arm_reaches_ends_no_search(sweeps, rng):
         level,
         postures,
         config,
+        sweeps=range(sweeps + 1),
         rng=rng,
         is_late=lambda: False,
     )
