@@ -115,11 +115,13 @@ class PointCloud:
 
     def selected(self, index: BoolArray | IntArray) -> PointCloud:
         """Keep the points that a mask (n,) or an array of indices (m,) names."""
-        pixels = None if self.pixels is None else self.pixels[index]
+        # Taking rows by number is several times faster than by mask.
+        rows = np.arange(len(self))[index]
+        pixels = None if self.pixels is None else self.pixels[rows]
         return replace(
             self,
-            points=self.points[index],
-            normals=self.normals[index],
+            points=self.points.take(rows, axis=0),
+            normals=self.normals.take(rows, axis=0),
             pixels=pixels,
         )
 

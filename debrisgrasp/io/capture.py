@@ -201,13 +201,16 @@ class Capture:
 
     def _own_cloud(self) -> PointCloud:
         if self.depth is not None and self.intrinsics is not None:
-            is_measured = np.isfinite(self.depth)
+            # Taking rows by number is several times faster than by mask.
+            pixels = np.flatnonzero(np.isfinite(self.depth))
+            points = self.intrinsics.deproject(self.depth)
+            normals = depth_normals(self.depth, self.intrinsics)
             return PointCloud(
-                self.intrinsics.deproject(self.depth)[is_measured],
-                depth_normals(self.depth, self.intrinsics)[is_measured],
+                points.reshape(-1, 3).take(pixels, axis=0),
+                normals.reshape(-1, 3).take(pixels, axis=0),
                 np.zeros(3),
                 frame="camera",
-                pixels=np.flatnonzero(is_measured),
+                pixels=pixels,
                 image_shape=(self.intrinsics.height, self.intrinsics.width),
             )
         if self.points is None or self.viewpoint is None:

@@ -250,7 +250,9 @@ def _near_ground(
         config.clearance,
     ).ravel()
     is_ground &= local < np.minimum(limit, raised)[cell]
-    n_standing = np.bincount(cell[~is_ground], minlength=len(x)).reshape(shape)
+    n_standing = np.bincount(
+        cell[np.flatnonzero(~is_ground)], minlength=len(x)
+    ).reshape(shape)
     # Cells of the raster in blocks of two by two.
     blocks = n_standing.reshape(shape[0] // 2, 2, -1, 2).sum(axis=(1, 3))
     is_occupied = np.repeat(np.repeat(blocks >= _MIN_STANDING, 2, axis=0), 2, axis=1)

@@ -71,12 +71,13 @@ class HeightMap:
         scale = self.refinement / _MAP_CELL
         lower = self.lower * self.refinement
         rows, columns = self.raster_shape
-        cells: IntArray = np.zeros(len(points), dtype=np.int32)
+        # Tables are read several times faster with indices of the machine's width.
+        cells: IntArray = np.zeros(len(points), dtype=np.intp)
         for i, size in enumerate((rows, columns)):
             place = points[:, i] * scale
             place -= lower[i]
-            cells *= np.int32(size)
-            cells += np.clip(place, 0, size - 1, out=place).astype(np.int32)
+            cells *= size
+            cells += np.clip(place, 0, size - 1, out=place).astype(np.intp)
         return cells
 
     def raster_middles(self) -> FloatArray:
@@ -177,9 +178,9 @@ def _bilinear(
     """
     x = np.clip(points[:, 0] / _MAP_CELL - (0.5 + lower[0]), 0, shape[0] - 1.001)
     y = np.clip(points[:, 1] / _MAP_CELL - (0.5 + lower[1]), 0, shape[1] - 1.001)
-    row, column = x.astype(np.int32), y.astype(np.int32)
+    row, column = x.astype(np.intp), y.astype(np.intp)
     fx, fy = x - row, y - column
-    corner = row * np.int32(shape[1]) + column
+    corner = row * shape[1] + column
     both = fx * fy
     corners = [corner, corner + 1, corner + shape[1], corner + (shape[1] + 1)]
     return corners, [1 - fx - fy + both, fy - both, fx - both, both]

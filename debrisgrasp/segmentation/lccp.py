@@ -28,7 +28,7 @@ class LccpConfig:
     """Which borders between patches join them."""
 
     supervoxels: SupervoxelConfig = field(default_factory=SupervoxelConfig)
-    concavity_tolerance: float = float(np.deg2rad(15))
+    concavity_tolerance: float = float(np.deg2rad(17))
     """Concave borders still join below this angle between normals [rad]; larger bridges
     noise and shallow grooves."""
     smoothness: float | None = 1.0
@@ -37,7 +37,7 @@ class LccpConfig:
     """Whether patches that meet at a corner only are kept apart."""
     extended_convexity: int = 0
     """How many common convex neighbours a convex border needs; 1 cuts thin bridges."""
-    min_segment_size: int = 6
+    min_segment_size: int = 20
     """Objects of at most so many patches go to their largest neighbour."""
 
     def __post_init__(self) -> None:

@@ -241,13 +241,12 @@ def measured_segments(
         return ()
     index = np.flatnonzero(labels)
     order = index[np.argsort(labels[index], kind="stable")]
-    own = labels[order] - 1
-    count = np.bincount(own, minlength=n_labels)
+    count = np.bincount(labels[index] - 1, minlength=n_labels)
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])
     # Coordinates first: reductions along rows of three are ten times slower.
-    coordinates = np.ascontiguousarray(points[order].T)
+    coordinates = np.ascontiguousarray(points.take(order, axis=0).T)
     centroids = np.add.reduceat(coordinates, starts, axis=1) / count
-    centered = coordinates - centroids[:, own]
+    centered = coordinates - np.repeat(centroids, count, axis=1)
     covariance = np.zeros((n_labels, 3, 3))
     for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
         moment = np.add.reduceat(centered[i] * centered[j], starts)
@@ -256,7 +255,7 @@ def measured_segments(
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     extents = np.empty((n_labels, 3))
     for i in range(3):
-        along = sum(axes[own, i, j] * centered[j] for j in range(3))
+        along = sum(np.repeat(axes[:, i, j], count) * centered[j] for j in range(3))
         extents[:, i] = np.maximum.reduceat(along, starts)
         extents[:, i] -= np.minimum.reduceat(along, starts)
     lower = np.minimum.reduceat(coordinates, starts, axis=1).T - 1e-6

@@ -43,16 +43,16 @@ _SETTLED = 0.002
 class SupervoxelConfig:
     """How fine the patches are and what makes a point similar to one."""
 
-    voxel_resolution: float = 0.009
+    voxel_resolution: float = 0.008
     """Edge of a voxel [m]; larger is faster and blurs thin parts together. Voxels are
     enlarged where the cloud is coarser, see ``min_points_per_voxel``."""
-    seed_resolution: float = 0.027
+    seed_resolution: float = 0.024
     """Distance between the seeds of patches [m], about their size."""
     color_importance: float = 0.0
     """Weight of the distance in colour; needs colours with the cloud."""
     spatial_importance: float = 0.4
     """Weight of the distance in space, in units of ``seed_resolution``."""
-    normal_importance: float = 4.0
+    normal_importance: float = 8.0
     """Weight of 1 - |cos| between the normals."""
     binning: Binning = Binning.METRIC
     """Shape of the voxels; `Binning.SINGLE_CAMERA` keeps far surfaces whole where the
@@ -285,21 +285,22 @@ def _sweep(
     is_new |= is_next
     is_offer[1:] &= is_new
     chosen = np.flatnonzero(is_offer)
-    if not len(chosen):
-        return 0
     patch, voxel = offering[chosen].astype(np.intp), grid.targets[chosen]
     offer = _distance(features, means, patch, voxel, config)
+    # Few offers are better than what a voxel has; only these are compared.
+    better = np.flatnonzero(offer < cost[voxel])
+    if not len(better):
+        return 0
+    patch, voxel, offer = patch[better], voxel[better], offer[better]
     starts = np.flatnonzero(np.diff(voxel, prepend=-1))
     best = np.minimum.reduceat(offer, starts)
-    taker = voxel[starts]
-    takes = best < cost[taker]
     # Of equal offers the patch with the smallest number wins.
     width = np.diff(starts, append=len(voxel))
     contender = np.where(offer <= np.repeat(best, width), patch, means.shape[1])
-    winner = np.minimum.reduceat(contender, starts)
-    owner[taker[takes]] = winner[takes]
-    cost[taker[takes]] = best[takes]
-    return int(np.count_nonzero(takes))
+    taker = voxel[starts]
+    owner[taker] = np.minimum.reduceat(contender, starts)
+    cost[taker] = best
+    return len(taker)
 
 
 def _patch_means(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -31,6 +33,20 @@ def test_cropping_keeps_exactly_the_points_inside(cloud):
     assert 0 < len(cropped) < len(cloud)
     assert_array_equal(cropped.pixels, np.flatnonzero(inside))
     assert_array_equal(cropped.normals, cloud.normals[inside])
+
+
+@pytest.mark.parametrize("is_organised", [True, False])
+def test_a_mask_and_its_row_numbers_select_the_same_points(cloud, is_organised):
+    if not is_organised:
+        cloud = replace(cloud, pixels=None, image_shape=None)
+    mask = cloud.points[:, 0] > 0
+    for index in (mask, np.flatnonzero(mask)):
+        chosen = cloud.selected(index)
+        assert_array_equal(chosen.points, cloud.points[mask])
+        assert_array_equal(chosen.normals, cloud.normals[mask])
+        assert (chosen.pixels is None) != is_organised
+    with pytest.raises(IndexError):
+        cloud.selected(mask[:-1])
 
 
 def test_a_change_of_frame_moves_points_and_turns_normals(cloud, rng):

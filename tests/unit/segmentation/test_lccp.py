@@ -35,9 +35,11 @@ def test_boxes_come_apart(solids):
 def test_a_box_without_tolerance_for_convexity_is_whole():
     cloud = scene_cloud(TWO_BOXES[:1])
     cloud = cloud.selected(truth_of(cloud, TWO_BOXES[:1]) > 0)
-    objects, graph = objects_of(cloud)
+    objects, _ = objects_of(cloud)
     assert np.bincount(objects).max() / len(objects) > 0.98
-    assert graph.is_convex.mean() > 0.8
+    # Patches that meet diagonally across an edge of the box fail for sanity alone.
+    _, graph = objects_of(cloud, LccpConfig(sanity=False))
+    assert graph.is_convex.mean() > 0.9
 
 
 @pytest.mark.parametrize(("smoothness", "joins"), [(0.1, False), (None, True)])
