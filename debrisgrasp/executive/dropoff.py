@@ -119,7 +119,9 @@ def drop_postures(
     for points, body, R, most in _attitudes(limb, points_hand, limb.pose(q)):
         goals = _poses(context, limb, points, R)
         goals = SE3(goals.matrix[: 2 * most])
-        goals = SE3(goals.matrix[~_is_met(rest, body, goals)][:most])
+        is_met = _is_met(rest, body, goals)
+        is_met |= _is_over_base(context, _thinned(body), goals)
+        goals = SE3(goals.matrix[~is_met][:most])
         for k in range(0, len(goals.p), _SOLVED):
             some = SE3(goals.matrix[k : k + _SOLVED])
             solved = _solved(context, limb, some, q)
@@ -203,15 +205,9 @@ def may_lie(
     context: Context, limb: LimbState, points_hand: FloatArray, T_base_hand: SE3
 ) -> bool:
     """Whether what is held at a pose may be put down there: not onto the robot."""
-    if _is_met(_at_rest(context, limb), points_hand, SE3(T_base_hand.matrix[None]))[0]:
-        return False
-    across, tree = T_base_hand.apply(points_hand)[:, :2], context.model.tree
-    for link, solid in context.model.links_solids():
-        if all(joint.kind == "fixed" for joint in tree.joints_above(link)):
-            low, high = solid.bounds.lower[:2], solid.bounds.upper[:2]
-            if ((across > low - _BESIDE) & (across < high + _BESIDE)).all(axis=1).any():
-                return False
-    return True
+    one = SE3(T_base_hand.matrix[None])
+    is_met = _is_met(_at_rest(context, limb), points_hand, one)
+    return not (is_met | _is_over_base(context, points_hand, one)).any()
 
 
 def room_below(context: Context, points: FloatArray) -> float:
@@ -226,10 +222,29 @@ def _at_rest(context: Context, limb: LimbState) -> FloatArray:
     return limb.planner.balls_at(limb.reach.chain.vector(posture), _FROM_REST)
 
 
+def _thinned(points: FloatArray) -> FloatArray:
+    """Take some of many points (n, 3)."""
+    return points[:: max(1, len(points) // _FEW)]
+
+
+def _is_over_base(
+    context: Context, points_hand: FloatArray, Ts_base_hand: SE3
+) -> BoolArray:
+    """Which poses (n,) put down the points onto what carries the arms, shape (n,)."""
+    where = Ts_base_hand.R @ points_hand.T + Ts_base_hand.p[..., None]
+    x, y, tree = where[:, 0], where[:, 1], context.model.tree
+    found = np.zeros(len(where), dtype=bool)
+    for link, solid in context.model.links_solids():
+        if all(joint.kind == "fixed" for joint in tree.joints_above(link)):
+            low, high = solid.bounds.lower - _BESIDE, solid.bounds.upper + _BESIDE
+            is_over = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
+            found |= is_over.any(axis=1)
+    return found
+
+
 def _is_met(balls: FloatArray, points_hand: FloatArray, Ts_base_hand: SE3) -> BoolArray:
     """Which poses (n,) put down the points where balls are, or above, shape (n,)."""
-    points = points_hand[:: max(1, len(points_hand) // _FEW)]
-    where = Ts_base_hand.R @ points.T + Ts_base_hand.p[..., None]
+    where = Ts_base_hand.R @ _thinned(points_hand).T + Ts_base_hand.p[..., None]
     met = np.zeros(len(Ts_base_hand.p), dtype=bool)
     for x, y, z, radius in balls.tolist():
         away = np.linalg.norm(where - np.array([x, y, z])[:, None], axis=1)
@@ -270,7 +285,7 @@ def _poses(
     shifts = shifts[np.argsort(np.linalg.norm(shifts, axis=1), kind="stable")]
     yaws = np.linspace(0.0, 2.0 * np.pi, _YAWS, endpoint=False)
     Rs = so3.from_rpy(np.stack([0.0 * yaws, 0.0 * yaws, yaws], axis=-1)) @ R
-    thin = points_hand[:: max(1, len(points_hand) // _FEW)]
+    thin = _thinned(points_hand)
     turned = points_hand @ Rs.transpose(0, 2, 1)
     low, high = turned.min(axis=1), turned.max(axis=1)
     middle, bottom = 0.5 * (low + high)[:, :2], low[:, 2]

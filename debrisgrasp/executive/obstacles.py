@@ -129,9 +129,9 @@ def box_around(points: FloatArray) -> UrdfShape:
     that is about as wide as it is high: it is turned until it is small.
     """
     middle = points.mean(axis=0)
-    _, _, principal = np.linalg.svd(points - middle, full_matrices=False)
+    _, _, principal = np.linalg.svd(points - middle, full_matrices=len(points) < 3)
     turned = [_turned(points - middle, axes) for axes in (principal, np.eye(3))]
-    axes = min(turned, key=lambda axes: _volume((points - middle) @ axes.T))
+    axes = min(turned, key=lambda axes: _volume(axes @ (points - middle).T))
     if np.linalg.det(axes) < 0.0:
         axes[2] = -axes[2]
     along = (points - middle) @ axes.T
@@ -147,17 +147,21 @@ def box_around(points: FloatArray) -> UrdfShape:
 
 def _turned(points: FloatArray, axes: FloatArray) -> FloatArray:
     """Axes (3, 3), in rows, turned about each other until the box is small."""
+    coordinates = np.ascontiguousarray(points.T)
     for fixed in _ABOUT:
         one, other = (fixed + 1) % 3, (fixed + 2) % 3
         c, s = np.cos(_TURNS), np.sin(_TURNS)
         tried = np.tile(axes, (len(_TURNS), 1, 1))
         tried[:, one] = c[:, None] * axes[one] + s[:, None] * axes[other]
         tried[:, other] = c[:, None] * axes[other] - s[:, None] * axes[one]
-        axes = tried[int(_volume(points @ tried.transpose(0, 2, 1)).argmin())]
+        axes = tried[int(_volume(tried @ coordinates).argmin())]
     return axes
 
 
 def _volume(along: FloatArray) -> FloatArray:
-    """Volume of boxes around points (..., n, 3) along their axes [m^3], shape (...)."""
-    size = np.maximum(np.ptp(along, axis=-2), _THINNEST)
+    """Volume of boxes around points (..., 3, n) along their axes [m^3], shape (...).
+
+    NumPy is slow across a short last axis, so the points come last.
+    """
+    size = np.maximum(np.ptp(along, axis=-1), _THINNEST)
     return np.asarray(size.prod(axis=-1))

@@ -118,7 +118,10 @@ def verify_release(context: Context) -> StepResult:
     if isinstance(backed, FaultFound):
         return backed
     if backed.outcome is LegOutcome.CONTACT:
-        load = hypot(*drive.load[:3])
+        stood = drive.stand(_STANDING)  # does it grow while nothing moves?
+        if isinstance(stood, FaultFound):
+            return stood
+        load = hypot(*drive.weighed()[:3])
         if load > _CAUGHT + _GROWN:
             words = f"{load:.0f} N on an open hand that was stopped at {_CAUGHT:.0f} N"
             return FaultFound("ratchet", words + ": not its own motion", held.arm)

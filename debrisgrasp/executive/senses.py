@@ -137,7 +137,7 @@ class Senses:
             return FaultFound("plan_collision", words + "something", self.limb.name)
         if held.state.phase in (GripPhase.SLIPPED, GripPhase.LOST):
             if not held.is_lifted:
-                # It lies somewhere; closing on, they would push the hand off it.
+                # Nothing was lifted clear: closing on, they would push the hand off it.
                 self._stay(_SLACK)
             what = held.state.phase.value
             words = f"{what}: fingers at "

@@ -65,7 +65,8 @@ class PlannerConfig:
     doubtful_sweeps: int = 10
     """So many more where the best pose scores below `SETTLED`."""
     doubtful_share: int = 2
-    """So many times the starts and walkers set out once more before these."""
+    """Before these a doubtful search explores once more, with so many times the starts
+    and walkers."""
     refinement_steps: int = 144
     """Steps offered in each sweep, to all poses together."""
     refined: tuple[int, int] = (28, 8)

@@ -27,8 +27,8 @@ class Verdict(Enum):
     HELD = "held"
     """The object rose with the hand and was still in it after the hold."""
     PULLED_CLEAR = "pulled_clear"
-    """It hung from the hand by an end, did not rise so far, and was pulled out of the
-    scene."""
+    """It was still in the hand, did not rise so far, as what hangs by an end, and was
+    pulled out of the scene."""
     MISSED = "missed"
     """The fingers closed on nothing."""
     PUSHED_AWAY = "pushed_away"

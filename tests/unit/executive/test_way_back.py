@@ -238,3 +238,11 @@ def test_the_box_around_something_as_wide_as_high_is_about_its_size(rng):
     assert (np.abs(inside) <= 0.5 * np.array(box.size) + 1e-9).all()
     assert np.prod(box.size) < 1.1 * np.prod(np.ptp(points * size, axis=0))
     assert np.linalg.det(box.T_link_shape.R) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_the_box_around_a_few_points_holds_them(n, rng):
+    points = rng.uniform(-0.5, 0.5, (n, 3))
+    box = box_around(points)
+    inside = box.T_link_shape.inverse().apply(points)
+    assert (np.abs(inside) <= 0.5 * np.array(box.size) + 1e-9).all()

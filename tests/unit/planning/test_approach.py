@@ -163,6 +163,12 @@ def test_ground_that_a_hand_comes_down_on_leaves_its_margin(hands):
     assert margin(floor, height=low) == margin()
     # The same points, but the ground lies far below them.
     assert margin(floor, height=-1.0) < margin()
+    # Nor is it spared by a hand that comes along the ground.
+    level = so3.from_rpy(np.array([0.0, np.pi / 2, 0.0]))
+    along = SE3.from_parts(level, [-0.14, 0.0, 0.175])
+    floor = patch([-0.1, 0.0, 0.09], (0.6, 0.5))
+    beside = margin(floor, T=along, height=0.09)
+    assert beside == margin(floor, T=along, height=-1.0) < margin(T=along)
 
 
 def test_a_neighbour_beside_the_hand_ends_its_retreat_there(hands):
