@@ -100,7 +100,7 @@ def flights_text(groups: Sequence[FlightGroup]) -> str:
             for name, count in group.failures.items()
         )
         row = [group.name or "-", f"{held.count}/{held.total}", *_percent(held)]
-        row += [str(group.pulled_clear or ""), told]
+        row += [str(group.pulled_clear), told]
         tables.setdefault(group.by, []).append(row)
     return "\n\n".join(
         columns([by, "held", "%", "95 %", "pulled clear", "failures"], rows)

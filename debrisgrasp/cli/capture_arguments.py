@@ -152,12 +152,13 @@ def planned(
         require_range("--mass [kg]", arguments.mass, 1e-3, _HEAVIEST)
     region = region_of(arguments)
     capture = load_capture(arguments, settings)
-    if capture.mask is not None and arguments.pick is not None:
-        raise ConfigError(
-            "--pick",
-            got="one, and a mask in the capture, which says what to take",
-            expected="one of them",
-        )
+    for name in ("pick", "object"):
+        if capture.mask is not None and getattr(arguments, name) is not None:
+            raise ConfigError(
+                f"--{name}",
+                got="one, and a mask in the capture, which says what to take",
+                expected="one of them",
+            )
     pipeline = debrisgrasp.Pipeline.from_settings(settings)
     pipeline.policy = policy_of(arguments, pipeline.policy)
     result = pipeline.plan(

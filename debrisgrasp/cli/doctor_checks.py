@@ -14,7 +14,8 @@ import numpy as np
 
 import debrisgrasp
 from debrisgrasp._files import data_path, write_atomic
-from debrisgrasp.errors import DebrisGraspError
+from debrisgrasp.errors import ConfigError, DebrisGraspError
+from debrisgrasp.executive import TaskSettings
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
@@ -235,6 +236,12 @@ def _drop_off(
     rpy = np.stack([np.full(yaw.size, np.pi), 0 * yaw.ravel(), yaw.ravel()], axis=-1)
     p = np.column_stack([np.broadcast_to(place, (yaw.size, 2)), height.ravel()])
     poses = SE3.from_parts(so3.from_rpy(rpy), p)
+    try:
+        TaskSettings(drop_off={name: place})
+    except ConfigError as error:
+        return Finding(what, "fault", f"{error.got}; expected {error.expected}")
+    if arms[name].robot.stands_at(place):
+        return Finding(what, "fault", f"{where} m is where the robot itself stands")
     solved = arms[name].solves(poses, rng=np.random.default_rng(0))
     if not solved.any():
         text = f"{where} m is out of reach for a hand that points down"

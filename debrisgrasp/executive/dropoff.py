@@ -232,13 +232,12 @@ def _is_over_base(
 ) -> BoolArray:
     """Which poses (n,) put down the points onto what carries the arms, shape (n,)."""
     where = Ts_base_hand.R @ points_hand.T + Ts_base_hand.p[..., None]
-    x, y, tree = where[:, 0], where[:, 1], context.model.tree
+    x, y = where[:, 0], where[:, 1]
     found = np.zeros(len(where), dtype=bool)
-    for link, solid in context.model.links_solids():
-        if all(joint.kind == "fixed" for joint in tree.joints_above(link)):
-            low, high = solid.bounds.lower - _BESIDE, solid.bounds.upper + _BESIDE
-            is_over = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
-            found |= is_over.any(axis=1)
+    for solid in context.model.fixed_solids():
+        low, high = solid.bounds.lower - _BESIDE, solid.bounds.upper + _BESIDE
+        is_over = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
+        found |= is_over.any(axis=1)
     return found
 
 

@@ -8,7 +8,7 @@ from debrisgrasp._arrays import BoolArray
 from debrisgrasp.control import PostureKinematics
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
-from debrisgrasp.kinematics import ArmReach
+from debrisgrasp.kinematics import ArmReach, RobotModel
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.robot import Robot
@@ -32,7 +32,8 @@ def limbs_of(
     Raises
     ------
     UnknownNameError, InputError
-        If an arm is not the robot's, or has no drop-off within its reach.
+        If an arm is not the robot's, or has no drop-off beside the robot and within its
+        reach.
     """
     names = settings.arms or tuple(robot.limbs)
     for name in names:
@@ -50,6 +51,7 @@ def limbs_of(
     for name in names:
         limb = robot.limbs[name]
         reach = ArmReach(robot.model, name)
+        _require_beside(robot.model, name, settings.drop_off[name])
         _require_reach(reach, settings.drop_off[name])
         limits = robot.model.limits(name, reach.chain)
         require_room(limits.controller, settings.load_share)
@@ -77,6 +79,17 @@ def _own_joints(robot: Robot, name: str) -> BoolArray:
     }
     names = robot.limbs[name].arm.joint_names
     return np.array([joint not in others for joint in names])
+
+
+def _require_beside(model: RobotModel, name: str, place: tuple[float, float]) -> None:
+    """Raise `InputError` if the robot itself stands at a place."""
+    if model.stands_at(place):
+        raise InputError(
+            f"drop-off of the {name} arm",
+            got=f"({place[0]:g}, {place[1]:g}), where the robot stands",
+            expected="a place beside the robot",
+            mend="Put things down on the side of the arm, clear of the robot.",
+        )
 
 
 def _require_reach(reach: ArmReach, place: tuple[float, float]) -> None:

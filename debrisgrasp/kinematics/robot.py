@@ -202,6 +202,23 @@ class RobotModel:
             for solid in solids_of_shape(shape, link, self.tree.path.parent)
         ]
 
+    def fixed_solids(self) -> list[Solid]:
+        """Collision solids of the links that no joint moves, in the base frame."""
+        joints_above = self.tree.joints_above
+        return [
+            solid
+            for link, solid in self.links_solids()
+            if all(joint.kind == "fixed" for joint in joints_above(link))
+        ]
+
+    def stands_at(self, place: tuple[float, float]) -> bool:
+        """Whether what no joint moves is at or over a place (x, y) in base [m]."""
+        boxes = (solid.bounds for solid in self.fixed_solids())
+        return any(
+            bool(((box.lower[:2] <= place) & (place <= box.upper[:2])).all())
+            for box in boxes
+        )
+
     def T_base_camera(self, moved: Mapping[str, float] | None = None) -> SE3:
         """Nominal pose of the camera; a calibration is better where there is one.
 

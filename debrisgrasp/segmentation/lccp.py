@@ -13,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
 
@@ -23,6 +24,7 @@ from .supervoxels import Patches, SupervoxelConfig, supervoxels
 __all__ = ["LccpConfig", "lccp"]
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LccpConfig:
     """Which borders between patches join them."""
@@ -46,6 +48,7 @@ class LccpConfig:
                 "concavity_tolerance",
                 got=self.concavity_tolerance,
                 expected="an angle in [0, pi] rad",
+                mend="Degrees are to be multiplied by pi / 180.",
             )
         if self.smoothness is not None and not 0 <= self.smoothness < np.inf:
             raise ConfigError(

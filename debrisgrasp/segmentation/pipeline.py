@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_finite
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import Bounds, PointCloud
 
@@ -21,6 +22,7 @@ from .surroundings import SurroundingsConfig, find_surroundings
 __all__ = ["SegmentationConfig", "segment_cloud"]
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentationConfig:
     """How a cloud is divided into objects."""

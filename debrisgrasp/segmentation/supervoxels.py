@@ -16,6 +16,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
 
@@ -35,10 +36,13 @@ _MAX_COARSENINGS = 8
 """Enlargements by the root of 2 at most: single points stay single at any size."""
 _MAX_SHORT = 46_000
 """Pairs of fewer patches can be numbered in 32 bits, which sort faster."""
+_FINEST, _COARSEST = 5e-4, 10.0
+"""Resolutions beyond these [m] can only be of another unit."""
 _SETTLED = 0.002
 """Sweeps end early once a smaller share of the voxels than this changes its patch."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SupervoxelConfig:
     """How fine the patches are and what makes a point similar to one."""
@@ -75,11 +79,13 @@ class SupervoxelConfig:
         )
 
     def __post_init__(self) -> None:
-        if not 0 < self.voxel_resolution < self.seed_resolution < np.inf:
+        if not _FINEST <= self.voxel_resolution < self.seed_resolution <= _COARSEST:
             raise ConfigError(
                 "voxel_resolution and seed_resolution",
                 got=f"{self.voxel_resolution} and {self.seed_resolution}",
-                expected="0 < voxel_resolution < seed_resolution [m]",
+                expected=f"{_FINEST} <= voxel_resolution < seed_resolution <= "
+                f"{_COARSEST} [m]",
+                mend="Millimetres are to be divided by 1000.",
             )
         for name in (
             "color_importance",

@@ -221,7 +221,7 @@ def _ticks(total: float, scale: float, *, y: int) -> str:
     step = next(k * size for k in (1, 2, 5, 10) if k * size >= total / 10.0)
     return "".join(
         f'<text x="{scale * t:.1f}" y="{y}" text-anchor="middle">{t:g} s</text>'
-        for t in np.arange(step, 0.98 * total, step)
+        for t in np.arange(step, 0.96 * total, step)
     )
 
 

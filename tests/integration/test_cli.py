@@ -233,10 +233,11 @@ def test_a_pick_of_nothing_is_refused(refused, block_file, pick, expected):
     assert expected in refused("select", block_file, "--pick", pick)
 
 
-def test_a_pick_beside_a_mask_is_refused(refused, block_capture, tmp_path):
+@pytest.mark.parametrize("option", ["--pick", "--object"])
+def test_a_choice_beside_a_mask_is_refused(refused, block_capture, tmp_path, option):
     path = tmp_path / "marked.npz"
     replace(block_capture, mask=np.isfinite(block_capture.depth)).save(path)
-    assert "a mask in the capture" in refused("plan", path, "--pick", "1")
+    assert "a mask in the capture" in refused("plan", path, option, "1")
 
 
 @pytest.mark.parametrize("pick", ["one", "1,2,3,4", "1.5,2"])

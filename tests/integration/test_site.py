@@ -152,13 +152,25 @@ def test_the_doctor_names_what_must_be_mended(run, tmp_path):
     )
     ended = run("doctor", "--site", path, "--json")
     assert ended.status == 0
-    (drop_off,) = (
+    assert _on_drop_off(ended)["status"] == "ok"
+    for place, words in (("[0.0, 0.1]", "robot itself"), ("[0.9, 0.0]", "in the way")):
+        path.write_text(
+            f"schema: debrisgrasp/site/1\narm: right\ndrop_off: {{right: {place}}}\n",
+            encoding="utf-8",
+        )
+        found = _on_drop_off(run("doctor", "--site", path, "--json"))
+        assert found["status"] == "fault"
+        assert words in found["text"]
+
+
+def _on_drop_off(ended):
+    (finding,) = (
         finding
         for findings in ended.json["checks"].values()
         for finding in findings
         if finding["what"] == "drop-off of right arm"
     )
-    assert drop_off["status"] == "ok"
+    return finding
 
 
 def test_the_doctor_plans_on_the_shipped_capture(run):

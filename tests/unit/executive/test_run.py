@@ -242,6 +242,12 @@ def test_an_arm_without_a_drop_off_is_refused(fake, pipeline):
         Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
+def test_a_drop_off_where_the_robot_stands_is_refused(fake, pipeline):
+    settings = TaskSettings(drop_off={"right": (0.1, -0.25), "left": (0.25, 0.75)})
+    with pytest.raises(InputError, match="where the robot stands"):
+        Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
 def test_a_drop_off_out_of_reach_is_refused_with_the_place(fake, pipeline):
     settings = TaskSettings(drop_off={"right": (-2.0, -2.0), "left": (0.25, 0.75)})
     with pytest.raises(InputError, match=r"right arm: got \(-2, -2\)"):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.segmentation import Binning, SupervoxelConfig
 from debrisgrasp.segmentation.supervoxels import supervoxels
 
@@ -73,10 +73,21 @@ def test_weight_of_colour_needs_colours():
         {"voxel_resolution": 0.0},
         {"voxel_resolution": 0.1},
         {"seed_resolution": np.inf},
+        {"seed_resolution": 24},
+        {"voxel_resolution": 1e-6, "seed_resolution": 1e-5},
         {"normal_importance": -1.0},
         {"refinements": -1},
     ],
 )
 def test_settings_out_of_range_are_refused(settings):
     with pytest.raises(ConfigError):
+        SupervoxelConfig(**settings)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"voxel_resolution": None}, {"refinements": 1.5}, {"binning": "x"}],
+)
+def test_settings_of_another_type_are_refused(settings):
+    with pytest.raises(InputError, match=next(iter(settings))):
         SupervoxelConfig(**settings)
