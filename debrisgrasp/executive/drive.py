@@ -36,7 +36,7 @@ from .result import FaultFound
 from .senses import Senses
 from .states import State
 
-__all__ = ["Drive", "LegEnd"]
+__all__ = ["OUTSIDE", "Drive", "LegEnd"]
 
 _SAFETY = SafetyConfig()
 _CARRYING = replace(_SAFETY, motion_force=30.0, motion_torque=8.0)
@@ -54,7 +54,7 @@ _JUMPED = 0.15
 """Farther than this no joint gets while the arm brakes and stands [rad]."""
 _AT_START = 0.03
 """A trajectory begins where the arm stands, within this [rad or m]."""
-_OUTSIDE = 1e-3
+OUTSIDE = 1e-3
 """So far outside its limits a joint may read [rad or m]."""
 _BRAKING = 0.1
 """[s]."""
@@ -102,7 +102,7 @@ class Drive(Senses):
             words = f"not engaged after {_ENGAGES_WITHIN:g} s; rolled back"
             return FaultFound("controller_refuses", words, name)
         q = np.asarray(arm.read().q, dtype=np.float64)
-        broken = self.limb.limits.controller.violation(q, tolerance=_OUTSIDE)
+        broken = self.limb.limits.controller.violation(q, tolerance=OUTSIDE)
         if broken:
             return FaultFound("start_outside_limits", broken, name)
         return self._jumped(q)
@@ -166,14 +166,15 @@ class Drive(Senses):
             words = f"{gap:.3f} rad from the start of the motion"
             return FaultFound("plan_collision", words, self.limb.name)
         # The last leg may have commanded in this very tick.
-        fault, state, _ = self.ticked(supervisor, state, begun.q, is_moving=False)
+        fault, state, now = self.ticked(supervisor, state, begun.q, is_moving=False)
         if fault is not None:
             return fault
         paces = np.atleast_1d(pace)
         if points is not None:
             room = self.room(supervisor.config)
             paces = careful(self.context, self.limb, points, trajectory, pace, room)
-        path = paced(trajectory, paces, state.q, self.period, limits.acceleration)
+        start = self._stands_at(now)
+        path = paced(trajectory, paces, start, self.period, limits.acceleration)
         rows = path.tolist()
         for i, q in enumerate(rows):
             self._send(q)
@@ -331,7 +332,7 @@ class Drive(Senses):
         if len(q) != self.limits.n_joints:
             return q
         inside = np.clip(q, self.limits.lower, self.limits.upper)
-        return inside if np.abs(inside - q).max() <= _OUTSIDE else q
+        return inside if np.abs(inside - q).max() <= OUTSIDE else q
 
     @property
     def _safety(self) -> SafetyConfig:

@@ -12,6 +12,7 @@ from debrisgrasp.control import CartesianLeg, LegPlanner, TarePolicy
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.kinematics.limits import LEAST_MARGIN
 from debrisgrasp.motion import (
     MotionPlan,
     MotionPlanner,
@@ -20,7 +21,7 @@ from debrisgrasp.motion import (
 )
 
 from .context import Context, LimbState
-from .drive import Drive, LegEnd
+from .drive import OUTSIDE, Drive
 from .fingers import loosen
 from .obstacles import BARE, space_of
 from .pacing import widest_corners
@@ -32,6 +33,7 @@ __all__ = [
     "free_share",
     "is_folded",
     "let_go",
+    "lower",
     "planned",
     "put_down",
     "reversed_motion",
@@ -95,10 +97,13 @@ def planned(
 
 
 def _inside(limb: LimbState, q: FloatArray) -> FloatArray | str:
-    """Posture within the planner's limits, unless it is far outside."""
+    """Posture within the planner's limits, unless it is far outside.
+
+    A leg may have led a joint to the end of the controller's, and it reads beyond.
+    """
     limits = limb.limits.planner
     nearest = np.clip(q, limits.lower, limits.upper)
-    if np.abs(nearest - q).max() > 0.02 + 1e-9:
+    if np.abs(nearest - q).max() > LEAST_MARGIN + OUTSIDE:
         return limits.violation(q)
     return nearest
 
@@ -276,15 +281,14 @@ def put_down(context: Context, most: float) -> FaultFound | None:
         share = free_share(limb, context.posture(limb), np.array([0.0, 0.0, -most]))
         depth = most if share > 1.0 - 1e-6 else share * most - _SPARE
         if depth > 2e-3:
-            end = _lowered(drive, depth)
-            # Loaded to its limit already, the hand can't go down: it lets go here.
-            if isinstance(end, FaultFound) and end.fault != "ratchet":
-                return end
+            fault = lower(drive, depth)
+            if fault is not None:
+                return fault
     return let_go(context)
 
 
-def _lowered(drive: Drive, depth: float) -> LegEnd | FaultFound:
-    """Lower until something else bears a good part of the weight."""
+def lower(drive: Drive, depth: float) -> FaultFound | None:
+    """Go down [m] until something else bears a good part of the weight on the hand."""
     least: list[float] = []
 
     def lies(load: Wrench) -> bool:
@@ -295,7 +299,11 @@ def _lowered(drive: Drive, depth: float) -> LegEnd | FaultFound:
         return sum(least[-5:]) < 5.0 * (weight - max(4.0, 0.3 * weight))
 
     way, speed = [0.0, 0.0, -depth], drive.context.settings.lift_speed
-    return drive.leg(way, speed=speed, tare=TarePolicy.SESSION, until=lies)
+    end = drive.leg(way, speed=speed, tare=TarePolicy.SESSION, until=lies)
+    # Loaded to its limit already, the hand can't go down: it lets go here.
+    if isinstance(end, FaultFound) and end.fault != "ratchet":
+        return end
+    return None
 
 
 def let_go(context: Context, opening: float | None = None) -> FaultFound | None:

@@ -7,14 +7,14 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp.errors import DriverError
-from debrisgrasp.geometry import Bounds
+from debrisgrasp.geometry import SE3, Bounds
 
 from .context import Context, Held
 from .drag import drive_back
 from .drive import Drive
 from .faults import Action
 from .fingers import loosen
-from .moves import back_out, let_go, put_down, to_rest
+from .moves import back_out, free_share, let_go, lower, put_down, to_rest
 from .outcome import FaultEvent
 from .relief import relieve
 from .result import Done, FaultFound, StepResult
@@ -33,6 +33,8 @@ _LOOK = 0.1
 """How long a hand that should be empty is weighed [s]."""
 _STIRRED = 0.2
 """So far around a hand things may have slid or rolled [m]."""
+_LOW = 5e-3
+"""What hangs no higher than it lay falls no way [m]."""
 _LOWERED = 0.3
 """What is put back is lowered so far, or to the ground, until it lies [m]."""
 
@@ -136,7 +138,13 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
     preshape = next(iter(limb.hand.preshapes))
     if motion is not None and motion.arm == arm:
         preshape = motion.grasp.preshape
-    fault = loosen(drive, limb.hand.preshape(preshape).widths[1])
+    # From up here it would fall past the fingers that open, and strike them.
+    risen = 0.0 if motion is None else _risen(context, drive, motion.grasp.T_base_hand)
+    fault = lower(drive, risen) if risen > _LOW else None
+    if fault is None:
+        fault = loosen(drive, limb.hand.preshape(preshape).widths[1])
+    if fault is None and risen > _LOW:
+        fault = back_out(context, arm)
     stood = drive.stand(_LOOK)
     if fault is not None or isinstance(stood, FaultFound):
         return fault or (stood if isinstance(stood, FaultFound) else None)
@@ -145,6 +153,13 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
         return None
     words = f"{force:.0f} N on a hand that was opened and drawn back: something hangs "
     return FaultFound("not_released", words + "in it", arm, {"force": force})
+
+
+def _risen(context: Context, drive: Drive, grasp: SE3) -> float:
+    """Tell how far a hand can go down to where it gripped [m]."""
+    q = context.posture(drive.limb)
+    height = float(drive.limb.pose(q).p[2] - grasp.p[2])
+    return height * free_share(drive.limb, q, np.array([0.0, 0.0, -height]))
 
 
 def stop_all(context: Context) -> list[str]:
@@ -208,10 +223,13 @@ def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
         arm = limb.limb.arm
         arm.engage()
         context.wait(0.1)
+        q = context.posture(limb)  # it swayed on while it was engaged
+        inside = np.clip(q, limits.lower, limits.upper)
         # So long that the joints begin and end with half of their acceleration.
+        away = float(np.abs(inside - q).max())
         time = np.sqrt(12.0 * away / float(limits.acceleration.min()))
         n = int(np.ceil(time / context.settings.period)) + 1
-        for k in range(1, n + 1):
+        for k in range(n + 1):
             share = (k / n) ** 2 * (3.0 - 2.0 * k / n)
             arm.command((q + (inside - q) * share).tolist())
             context.wait(context.settings.period)

@@ -20,6 +20,7 @@ from debrisgrasp.sim.model import compiled, placement, pose_of, world_tree
 from debrisgrasp.worlds import World
 
 from .arm import SimArm, SimForceSensor
+from .boxes import add_boxes
 from .contacts import Contacts, HandTouch
 from .gripper import SimGripper
 from .physics import RobotPhysics
@@ -171,6 +172,7 @@ class SimStage:
             self._hands[arm].add(root, palm, self._step)
             site = ElementTree.SubElement(palm, "site", name=f"{arm}/wrist")
             site.attrib.update(placement(self._mounts[arm]))
+        add_boxes(root, world)
         self._servo.add(root)
         section = ElementTree.SubElement(root, "sensor")
         for arm in self._arms:

@@ -19,13 +19,16 @@ from debrisgrasp.executive.calibrated import calib_check
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drag import drag, drive_back
 from debrisgrasp.executive.drive import Drive, LegEnd
+from debrisgrasp.executive.faults import Action
 from debrisgrasp.executive.fingers import open_hand
 from debrisgrasp.executive.moves import (
+    _inside,
     planned,
     reversed_motion,
 )
 from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.recover import _moved_inside
 from debrisgrasp.executive.reposition import repositioned
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
@@ -275,4 +278,58 @@ def test_a_leg_begins_with_a_command_to_stay(pipeline, monkeypatch):
     assert end.outcome is LegOutcome.DONE
     np.testing.assert_allclose(sent[0], q, atol=1e-9)
     assert np.abs(sent[1] - q).max() > 1e-6
+    assert fake.truth().violations == ()
+
+
+def test_a_motion_begins_where_the_arm_was_sent_not_where_weight_keeps_it(
+    pipeline, monkeypatch
+):
+    fake, task = executive(pipeline)
+    context, drive = task.context, Drive(task.context, "right")
+    context.wait(0.1)
+    assert isinstance(drive.leg([0.0, 0.0, -0.02], speed=0.03), LegEnd)
+    arm, read = drive.devices.arm, drive.devices.arm.read
+    sag = np.full(len(read().q), 1e-3)
+    monkeypatch.setattr(
+        arm, "read", lambda: read()._replace(q=tuple(np.array(read().q) + sag))
+    )
+    limb, bare = drive.limb, space_of(context, unknown=UnknownSpace.IGNORED)
+    goal = SE3.from_parts(p=[0.0, 0.0, 0.05]) @ limb.pose(context.posture(limb))
+    way = planned(context, limb, goal, bare).trajectory
+    assert drive.follow(way) is None
+    assert fake.truth().violations == ()
+
+
+def test_a_motion_may_begin_where_a_leg_led_a_joint_to_its_end(pipeline):
+    _, task = executive(pipeline)
+    limb = task.context.limbs["right"]
+    q = task.context.posture(limb)
+    q[0] = limb.limits.controller.lower[0] - 2e-4  # as it reads under a load
+    inside = _inside(limb, q)
+    assert inside[0] == limb.limits.planner.lower[0]
+    q[0] -= 0.01
+    assert "exceeded" in _inside(limb, q)
+
+
+def test_joints_are_moved_back_inside_from_where_they_are_by_then(pipeline):
+    fake, task = executive(pipeline)
+    context = task.context
+    arm, limb = fake.arms["right"], context.limbs["right"]
+    arm.engage()
+    context.wait(0.1)
+    q, limits = np.array(arm.q), limb.limits
+    outside = limits.planner.upper[7] + 0.005
+    fake._drives.put(arm.joints[7], outside)
+    q[7] = outside
+    for k in range(20):
+        q[6] += 1e-5 * k
+        arm.command(q.tolist())
+        context.wait(context.settings.period)
+    arm.stop()  # and that joint still moves a little
+    arm.reset()
+    event = task._event(
+        State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
+    )
+    assert _moved_inside(context, event) is None
+    assert arm.q[7] == pytest.approx(limits.planner.upper[7], abs=1e-6)
     assert fake.truth().violations == ()

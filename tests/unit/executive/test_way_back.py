@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
-from debrisgrasp.geometry import so3
+from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import ArmReach
 from debrisgrasp.motion import MotionPlanner, MotionSpace, UnknownSpace
 from debrisgrasp.pipeline import Pipeline
@@ -246,3 +247,33 @@ def test_the_box_around_a_few_points_holds_them(n, rng):
     box = box_around(points)
     inside = box.T_link_shape.inverse().apply(points)
     assert (np.abs(inside) <= 0.5 * np.array(box.size) + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("backed", "expected"),
+    [(0.12, ["lower", "loosen", "back_out"]), (0.0, ["loosen"])],
+)
+def test_what_hangs_in_an_opened_hand_is_lowered_before_that_opens_wider(
+    pipeline, monkeypatch, backed, expected
+):
+    _, task = executive(pipeline)
+    context, done = task.context, []
+    limb = context.limbs["right"]
+    T = limb.pose(context.posture(limb))
+    grasp = SimpleNamespace(
+        T_base_hand=SE3.from_parts(p=[0.0, 0.0, -backed]) @ T,
+        preshape=next(iter(limb.hand.preshapes)),
+    )
+    context.cycle.motion = SimpleNamespace(arm="right", grasp=grasp)
+
+    def hangs(drive, _seconds):
+        drive.load = (0.0, 0.0, 50.0, 0.0, 0.0, 0.0)
+        return []
+
+    monkeypatch.setattr(Drive, "stand", hangs)
+    monkeypatch.setattr(recovery, "free_share", lambda *_: 1.0)
+    for name in ("lower", "loosen", "back_out"):
+        monkeypatch.setattr(recovery, name, lambda *_, name=name: done.append(name))
+    found = recovery._hanging(context, "right")
+    assert found.fault == "not_released"
+    assert done == expected
