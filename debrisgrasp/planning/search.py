@@ -154,17 +154,9 @@ class GraspSearch:
             if not beyond <= best < SETTLED or watch.is_late():
                 break
         found = Candidates.together(tops)
-        settled = refine(
-            found.settled(),
-            found.prototype,
-            merit,
-            postures,
-            self._config,
-            sweeps=self._config.last_sweeps,
-            rng=rng,
-            is_late=watch.is_late,
-        )
-        return Candidates.together(states), Candidates.of(settled, found.prototype)
+        start, last = found.settled(), self._config.last_sweeps
+        top = self._climbed(start, found.prototype, merit, postures, last, watch, rng)
+        return Candidates.together(states), top
 
     def _promising(
         self, merit: Merit, states: Candidates, watch: Watch, beyond: float
@@ -298,13 +290,28 @@ class GraspSearch:
         value = merit(Ts, prototype, np.full(len(Ts), foot))
         rows = np.flatnonzero(value > foot)
         prototype = prototype[rows]
+        start = Settled(Walkers.at(Ts[rows], value[rows]), settled.joints[rows])
+        first = self._config.first_sweeps
+        return self._climbed(start, prototype, merit, postures, first, watch, rng)
+
+    def _climbed(
+        self,
+        start: Settled,
+        prototype: IntArray,
+        merit: Merit,
+        postures: Postures,
+        sweeps: range,
+        watch: Watch,
+        rng: Rng,
+    ) -> Candidates:
+        """Take states uphill for some sweeps of the refinement."""
         settled = refine(
-            Settled(Walkers.at(Ts[rows], value[rows]), settled.joints[rows]),
+            start,
             prototype,
             merit,
             postures,
             self._config,
-            sweeps=self._config.first_sweeps,
+            sweeps=sweeps,
             rng=rng,
             is_late=watch.is_late,
         )
