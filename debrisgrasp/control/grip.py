@@ -12,7 +12,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from debrisgrasp._arrays import require_range
-from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.errors import ConfigError
 
 __all__ = [
     "FingerReading",
@@ -55,10 +55,12 @@ class GripConfig:
     width: float
     """Distance at which the object is expected [m]."""
     resistance: float = 20.0
-    """A finger that feels this stops closing [N]: the preset of the task. Lower is
-    gentler on what is fragile; too low stops at friction in the joints."""
+    """Of the fingers of one side together [N], the preset of the task: a finger that
+    feels its share of it stops closing. Lower is gentler on what is fragile; too low
+    stops at friction in the joints."""
     squeeze: float = 40.0
-    """Held from then on [N]; more holds heavier things, up to what the hand can."""
+    """Of one side, held from then on [N]; more holds heavier things, up to what the
+    hand can."""
     speed: float = 0.05
     """At which the pads close [m/s]."""
     empty_margin: float = 0.015
@@ -75,13 +77,13 @@ class GripConfig:
     """So does a carried load that falls by this share."""
     slip_time: float = 0.05
     """For so long, before it counts [s]."""
-    sides: tuple[int, ...] = ()
+    sides: tuple[int, ...] = (-1, 1)
     """Of each finger, equal for those that press the same way: each side must feel the
-    object, and both together must close for a slip. Empty: every finger is a side."""
+    object, and both together must close for a slip. By default one finger on each."""
     period: float = 0.004
     """Of the control loop [s]."""
     max_force: float = 60.0
-    """Of the hand [N]; `squeeze` may not be more."""
+    """Of one side of the hand [N]; `squeeze` may not be more."""
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
@@ -90,6 +92,10 @@ class GripConfig:
             most = _WIDEST if name in _LENGTHS else 1e4
             most = 1.0 if name == "slip_load" else most
             require_range(f"GripConfig.{name}", getattr(self, name), 0.0, most)
+        if not self.sides:
+            raise ConfigError(
+                "GripConfig.sides", got="none", expected="one number for each finger"
+            )
         if not self.resistance <= self.squeeze <= self.max_force:
             raise ConfigError(
                 "forces of a grip [N]",
@@ -139,7 +145,8 @@ class GripCommand(NamedTuple):
     openings: tuple[float, ...]
     """Where each pad should go [m]."""
     force: float
-    """Largest force of each finger [N]."""
+    """Largest force of the fingers of one side together [N], of which each exerts an
+    equal share."""
 
 
 class GripController:
@@ -147,20 +154,16 @@ class GripController:
 
     def __init__(self, config: GripConfig) -> None:
         self.config = config
+        sides = config.sides
+        self._groups = [
+            [i for i, other in enumerate(sides) if other == side]
+            for side in sorted(set(sides))
+        ]
+        self._peers = [sides.count(side) for side in sides]
 
-    def preshape(self, reading: FingerReading) -> GripState:
-        """Begin to take the preshape.
-
-        Raises
-        ------
-        InputError
-            If the hand reports no finger.
-        """
-        n = len(reading.openings)
-        if n == 0:
-            raise InputError(
-                "fingers of a hand", got="none", expected="at least one opening"
-            )
+    def preshape(self) -> GripState:
+        """Begin to take the preshape."""
+        n = len(self.config.sides)
         return GripState(GripPhase.PRESHAPING, (self.config.opening,) * n, (False,) * n)
 
     def close(self, state: GripState) -> GripState:
@@ -188,23 +191,12 @@ class GripController:
             Their openings [m], f of them each.
         """
         closed = [a - b for a, b in zip(before, now, strict=True)]
-        groups = self._groups(len(closed))
-        if not self.config.sides:
-            return max(closed)
-        means = [sum(closed[i] for i in group) / len(group) for group in groups]
+        means = [sum(closed[i] for i in group) / len(group) for group in self._groups]
         return sum(means) / len(means)
 
     def weakest(self, forces: Sequence[float]) -> float:
-        """Force of the side that feels least, by its finger that feels most [N]."""
-        groups = self._groups(len(forces))
-        return min(max(forces[i] for i in group) for group in groups)
-
-    def _groups(self, n: int) -> list[list[int]]:
-        """Numbers of the fingers that count together."""
-        sides = self.config.sides
-        if len(sides) != n:
-            return [[i] for i in range(n)]
-        return [[i for i in range(n) if sides[i] == s] for s in sorted(set(sides))]
+        """Force of the side whose fingers feel least together [N]."""
+        return min(sum(max(forces[i], 0.0) for i in group) for group in self._groups)
 
     def step(
         self, state: GripState, reading: FingerReading
@@ -252,8 +244,10 @@ class GripController:
         config = self.config
         step = config.speed * config.period
         stopped = tuple(
-            was or force >= config.resistance
-            for was, force in zip(state.is_stopped, reading.forces, strict=True)
+            was or force * peers >= config.resistance
+            for was, force, peers in zip(
+                state.is_stopped, reading.forces, self._peers, strict=True
+            )
         )
         targets = tuple(
             opening if is_stopped else max(target - step, 0.0)
@@ -267,9 +261,8 @@ class GripController:
             not was and (x < least or (least == 0.0 and x <= config.tolerance))
             for x, was in zip(reading.openings, stopped, strict=True)
         ]
-        groups = self._groups(len(stopped))
         have_ended = all(a or b for a, b in zip(stopped, is_through, strict=True))
-        if have_ended and all(any(stopped[i] for i in group) for group in groups):
+        if have_ended and all(any(stopped[i] for i in side) for side in self._groups):
             # Squeezing sends the pads beyond the surface and lets the force decide.
             beyond = tuple(max(x - config.empty_margin, 0.0) for x in reading.openings)
             return state._replace(
@@ -278,9 +271,9 @@ class GripController:
                 held_openings=tuple(reading.openings),
                 elapsed=0.0,
             )
-        is_empty = any(all(is_through[i] for i in group) for group in groups)
+        is_empty = any(all(is_through[i] for i in side) for side in self._groups)
         # A side that is still on its way may yet move the object to the other.
-        if is_empty and (have_ended or not config.sides):
+        if is_empty and have_ended:
             return state._replace(
                 phase=GripPhase.EMPTY, targets=tuple(reading.openings)
             )

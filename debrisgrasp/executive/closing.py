@@ -27,8 +27,8 @@ from .result import Done, FaultFound, StepResult
 __all__ = ["close", "verify_grasp"]
 
 _SQUEEZE = 200.0
-"""A claw could crush: no finger squeezes harder [N]. Claws that hold, in physics, at
-their full force hold at this, and one of four does not at half of it."""
+"""A claw could crush: the fingers of a side squeeze no harder [N]. Claws that hold, in
+physics, at their full force hold at this, and one of four does not at half of it."""
 _PUSHED = 45.0
 """Pushed by more while it closes, the hand gives way [N] ..."""
 _GIVE = 0.002
@@ -271,5 +271,5 @@ def _grip_of(context: Context, limb: LimbState, motion: GraspMotion) -> Held:
         arm=motion.arm,
         grip=grip,
         watch=GripController(config(FINGER_TICKS * period)),
-        state=grip.preshape(Drive(context, motion.arm).fingers()),
+        state=grip.preshape(),
     )

@@ -38,7 +38,7 @@ class GripperModel:
     mass: float
     """[kg]."""
     max_force: float
-    """Largest force at the fingers [N]."""
+    """Largest force of all fingers of one side together, at the pads [N]."""
     palm: tuple[Solid, ...]
     """Solids that do not move."""
     fingers: tuple[Finger, ...]

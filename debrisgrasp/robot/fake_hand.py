@@ -44,10 +44,10 @@ class FakeGripper:
         """With which what a finger touches resists its closing [N]."""
         self._goals = [widest] * n
         self.force = model.max_force
-        """Largest that a finger exerts now [N]."""
+        """Largest that the fingers of a side exert together now [N]."""
         sides = [finger.side for finger in model.fingers]
-        self._shares = [max(sides.count(-s) / sides.count(s), 1.0) for s in sides]
-        """A finger stands as much as all those together that it faces."""
+        self.peers = [sides.count(side) for side in sides]
+        """How many share the force of their side, for each finger."""
         self._is_initialised = config.is_initialised
         self._ready_at: float | None = None
 
@@ -130,17 +130,16 @@ class FakeGripper:
         for i, goal in enumerate(self._goals):
             step = min(max(goal - self.openings[i], -most), most)
             resistance = self.forces[i]
+            own = self.force / self.peers[i]
             if resistance > 0.0 and step < 0.0:
                 # The spring of the contact decides how far the force carries.
-                over = resistance - self.force - _EXTRA
-                if over > 0.0:  # it stands more than it exerts
-                    over = max(over - (self._shares[i] - 1.0) * self.force, 0.0)
+                over = resistance - own - _EXTRA
+                if over > 0.0:  # it stands all that the other side exerts
+                    over = max(resistance - self.force - _EXTRA, 0.0)
                 give = over / self._config.contact_stiffness
                 step = min(max(step, give), most) if abs(give) > _STILL else 0.0
             elif resistance < 0.0 and step > 0.0:
-                give = (-resistance - self.force - _EXTRA) / (
-                    self._config.contact_stiffness
-                )
+                give = (-resistance - own - _EXTRA) / self._config.contact_stiffness
                 step = max(min(step, -give), -most) if abs(give) > _STILL else 0.0
             self.openings[i] = min(max(self.openings[i] + step, low), high)
         return tuple(self.openings) != before

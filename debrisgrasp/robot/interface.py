@@ -162,7 +162,11 @@ class Gripper(Protocol):
         """Begin to stand as for an approach: name of a preshape, opening [m]."""
 
     def command(self, command: GripCommand) -> None:
-        """Send the pads somewhere with a limited force; once per control period."""
+        """Send the pads somewhere with a limited force; once per control period.
+
+        The force is that of all fingers of one side together, as that of
+        `GripperModel.max_force`: with two on a side each presses with half of it.
+        """
 
     def read(self) -> HandReading:
         """Latest measurement."""

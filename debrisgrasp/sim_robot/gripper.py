@@ -77,8 +77,7 @@ class _Drive:
 class SimGripper(FakeGripper):
     """Fingers moved by drives in physics; fulfils `debrisgrasp.robot.Gripper`.
 
-    What it takes and refuses is what `FakeGripper` does. A force, commanded or read, is
-    that of all fingers of one side together, as `GripperModel.max_force` is.
+    What it takes and refuses is what `FakeGripper` does.
     """
 
     def __init__(
@@ -192,7 +191,7 @@ class SimGripper(FakeGripper):
             opening = gear.opening(length)
             self.openings[i] = opening
             effort = float(self._data.actuator_force[drive.index])
-            self.forces[i] = effort / gear.effort(opening)
+            self.forces[i] = effort / gear.effort(opening) / self.peers[i]
 
     def solids(self) -> tuple[Solid, ...]:
         """Palm and fingers as they stand, in the frame of the hand."""

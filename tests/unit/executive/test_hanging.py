@@ -10,7 +10,6 @@ import pytest
 from debrisgrasp.control import GripConfig, GripController
 from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.context import Held
-from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.hanging import _divided, looked_after, looked_at
 from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.perceive import capture, segment
@@ -59,12 +58,12 @@ def lifted(pipeline):
     hand = context.limbs["right"].hand
     grasp = SimpleNamespace(preshape=next(iter(hand.preshapes)), width=0.08)
     context.cycle.motion = SimpleNamespace(arm="right", grasp=grasp)
-    grip = GripController(GripConfig(opening=0.1, width=0.05))
+    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
     held = Held(
         arm="right",
         grip=grip,
         watch=grip,
-        state=grip.preshape(Drive(context, "right").fingers()),
+        state=grip.preshape(),
         points_hand=T_base_hand(context).inverse().apply(points + np.array([0, 0, UP])),
     )
     context.held = held

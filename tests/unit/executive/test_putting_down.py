@@ -51,8 +51,8 @@ def test_the_unseen_underside_is_as_far_down_as_the_object_is_wide(pipeline):
 def test_a_hand_that_is_caught_as_it_rises_is_not_free(pipeline, monkeypatch):
     _, task = executive(pipeline)
     context = task.context
-    grip = GripController(GripConfig(opening=0.1, width=0.05))
-    state = grip.preshape(Drive(context, "right").fingers())
+    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
+    state = grip.preshape()
     context.released = Held(arm="right", grip=grip, watch=grip, state=state)
     monkeypatch.setattr(
         Drive, "leg", lambda *_args, **_options: LegEnd(LegOutcome.CONTACT, 0.2, 0.04)
@@ -79,8 +79,8 @@ def test_what_hangs_low_beside_the_way_may_be_put_down_there(pipeline):
     _, task = executive(pipeline)
     context = task.context
     limb = context.limbs["right"]
-    grip = GripController(GripConfig(opening=0.1, width=0.05))
-    state = grip.preshape(Drive(context, "right").fingers())
+    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
+    state = grip.preshape()
     T = limb.pose(context.posture(limb))
     for place, expected in (
         ((0.2, -0.9, 0.1), True),
@@ -234,8 +234,8 @@ def test_what_hangs_low_over_what_was_put_down_may_be_put_down_on_it(pipeline):
     _, task = executive(pipeline)
     context = task.context
     limb = context.limbs["right"]
-    grip = GripController(GripConfig(opening=0.1, width=0.05))
-    state = grip.preshape(Drive(context, "right").fingers())
+    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
+    state = grip.preshape()
     point = (
         limb.pose(context.posture(limb)).inverse().apply(np.array([[0.2, -0.9, 0.6]]))
     )

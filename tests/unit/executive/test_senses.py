@@ -59,10 +59,8 @@ def test_fingers_that_lose_what_still_lies_close_no_further(
     context.state = State.LIFT
     openings = drive.fingers().openings
     squeeze = GripCommand((0.0,) * 3, 54.0)
-    grip = GripController(GripConfig(opening=0.1, width=0.05))
-    state = grip.preshape(drive.fingers())._replace(
-        phase=GripPhase.SLIPPED, held_openings=openings
-    )
+    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
+    state = grip.preshape()._replace(phase=GripPhase.SLIPPED, held_openings=openings)
 
     class Watch:
         def step(self, _state, _fingers):

@@ -91,14 +91,13 @@ def test_a_base_that_drags_comes_back_to_where_it_was(pipeline):
     fake, task = executive(pipeline)
     context = task.context
     context.state = State.LIFT
-    config = GripConfig(opening=0.1, width=0.05)
+    config = GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1))
     grip = GripController(config)
-    fingers = Drive(context, "right").fingers()
     context.held = Held(
         arm="right",
         grip=grip,
         watch=grip,
-        state=grip.preshape(fingers),
+        state=grip.preshape(),
         is_watched=False,
     )
     found = drag(context)
@@ -127,7 +126,7 @@ def test_weight_that_goes_while_fingers_stay_is_borne_by_something(
     sides = tuple(finger.side for finger in drive.limb.hand.fingers)
     grip = GripController(GripConfig(opening=0.1, width=0.05, sides=sides, period=0.04))
     before = FingerReading((0.05,) * 3, (40.0, 20.0, 20.0))
-    held = grip.preshape(before)._replace(
+    held = grip.preshape()._replace(
         phase=GripPhase.HOLDING, held_openings=before.openings, most_carried=30.0
     )
     context.held = Held(arm="right", grip=grip, watch=grip, state=held, is_lifted=True)

@@ -34,9 +34,9 @@ def pipeline():
     return Pipeline()
 
 
-def holding(context):
-    grip = GripController(GripConfig(opening=0.1, width=0.05))
-    state = grip.preshape(Drive(context, "right").fingers())
+def holding():
+    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
+    state = grip.preshape()
     points = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
     return Held(arm="right", grip=grip, watch=grip, state=state, points_hand=points)
 
@@ -54,7 +54,7 @@ def test_what_is_let_go_twice_lies_in_one_place(pipeline, monkeypatch):
     context.state = State.RELEASE
     monkeypatch.setattr(releasing, "_shaken_open", lambda _: None)
     monkeypatch.setattr(releasing, "put_down", lambda *_: None)
-    context.held = held = holding(context)
+    context.held = held = holding()
     for _ in range(2):
         context.cycle.reached.append(State.RELEASE)
         assert isinstance(releasing.release(context), Done)
@@ -119,7 +119,7 @@ def test_what_finds_no_way_is_lifted_again_only_if_that_can_be(
 ):
     _, task = executive(pipeline)
     context = task.context
-    context.held = holding(context)
+    context.held = holding()
     nowhere = FaultFound("plan_collision", "no way was found", "right")
     monkeypatch.setattr(carriage, "_way", lambda *_: nowhere)
     monkeypatch.setattr(carriage, "_bare_way", lambda *_: nowhere)
@@ -212,7 +212,7 @@ def test_what_is_held_is_a_part_of_the_arm_as_if_its_file_had_it(pipeline, arm):
     context, model = task.context, pipeline.robot
     limb, rng = context.limbs[arm], np.random.default_rng(0)
     points = rng.uniform(-1.0, 1.0, (60, 3)) * [0.3, 0.05, 0.1] + [0.0, 0.0, 0.05]
-    context.held = replace(holding(context), arm=arm, points_hand=points)
+    context.held = replace(holding(), arm=arm, points_hand=points)
     tip, shapes = model.arm(arm).tip, dict(model.tree.shapes)
     shapes[tip] = (*shapes[tip], box_around(points))
     loaded = replace(model, tree=replace(model.tree, shapes=shapes))

@@ -122,11 +122,17 @@ class Rig:
     def grip(self, width=0.089, squeeze=40.0) -> str:
         """Close, squeeze, and say how that ended."""
         opening = self.hand.read().openings[0]
-        most = self.hand.model.max_force
+        model = self.hand.model
         grip = GripController(
-            GripConfig(opening=opening, width=width, squeeze=squeeze, max_force=most)
+            GripConfig(
+                opening=opening,
+                width=width,
+                squeeze=squeeze,
+                max_force=model.max_force,
+                sides=tuple(finger.side for finger in model.fingers),
+            )
         )
-        state = grip.preshape(FingerReading(*self.hand.read()[1:]))
+        state = grip.preshape()
         for _ in range(1500):
             state, command = grip.step(state, FingerReading(*self.hand.read()[1:]))
             self.hand.command(command)

@@ -232,12 +232,14 @@ def test_a_finger_stops_at_a_surface_while_the_others_close():
     assert rig.hand.read().forces[1:] == (0.0, 0.0)
 
 
-def test_a_commanded_force_limits_what_a_finger_exerts():
+def test_the_fingers_of_a_side_share_a_commanded_force():
     rig = Rig([beam("bar", 200.0, (0.8, -0.3, 0.0445))])
     for force in (10.0, 25.0, 50.0):
         rig.hand.command(GripCommand((0.0,) * 3, force))
         rig.wait(1.5)
-        assert np.allclose(rig.hand.read().forces, force, atol=0.5)
+        thumb, *pair = rig.hand.read().forces
+        assert thumb == pytest.approx(force, abs=0.5)
+        assert pair == pytest.approx([0.5 * force] * 2, abs=1.0)
 
 
 def _touch(config: FakeConfig, ground: Ground | None = None) -> Touch:

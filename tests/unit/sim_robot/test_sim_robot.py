@@ -99,7 +99,7 @@ def test_a_wrist_feels_the_weight_of_what_it_lifts(lifted):
 
 
 def test_each_side_presses_with_what_was_asked_for(lifted):
-    assert lifted.hand.read().forces == pytest.approx((50.0,) * 3, rel=0.1)
+    assert lifted.hand.read().forces == pytest.approx((50.0, 25.0, 25.0), rel=0.1)
     pressure = lifted.fake._stage.touches["right"].pressure
     sides = [sum(f for (_, s), f in pressure.items() if s == side) for side in (-1, 1)]
     assert sides == pytest.approx([50.0, 50.0], rel=0.25)
