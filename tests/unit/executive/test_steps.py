@@ -332,3 +332,27 @@ def test_joints_are_moved_back_inside_from_where_they_are_by_then(pipeline):
     assert _moved_inside(context, event) is None
     assert arm.q[7] == pytest.approx(limits.planner.upper[7], abs=1e-6)
     assert fake.truth().violations == ()
+
+
+@pytest.mark.parametrize("felt", [60.0, np.nan])
+def test_a_hand_that_meets_something_on_the_way_back_inside_stops(
+    pipeline, monkeypatch, felt
+):
+    fake, task = executive(pipeline)
+    context = task.context
+    arm, limb = fake.arms["right"], context.limbs["right"]
+    fake._drives.put(arm.joints[7], limb.limits.planner.upper[7] + 0.15)
+    weights = iter([(5.0, 0.0, 0.0)] * 20)
+
+    def weighed(_drive):
+        return (*next(weights, (0.0, felt, 0.0)), 0.0, 0.0, 0.0)
+
+    monkeypatch.setattr(Drive, "weighed", weighed)
+    event = task._event(
+        State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
+    )
+    found = _moved_inside(context, event)
+    assert isinstance(found, FaultFound)
+    assert "on the way back" in found.message
+    assert all(arm.is_stopped for arm in fake.arms.values())
+    assert arm.q[7] > limb.limits.planner.upper[7] + 0.1
