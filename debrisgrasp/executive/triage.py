@@ -27,6 +27,9 @@ _FILLED = 0.7
 """Share of the box around an object that is taken for solid."""
 _THINNEST = 0.01
 """A sheet seen from one side still has some thickness [m]."""
+_DOUBT = 0.01
+"""By which an object may be higher than it was measured [m]: noise, and the pose of the
+camera."""
 _LARGEST = 2.5
 """Longer things are structures, not debris [m]."""
 
@@ -92,7 +95,7 @@ def judge(
     thin, thickness, length = extents.tolist()
     forecast = float(_DENSITY * _FILLED * np.prod(extents))
     seen = (height, thickness, forecast)
-    if height < settings.drive_over:
+    if height < settings.drive_over - _DOUBT:
         words = f"{100 * height:.0f} cm high: the tracks drive over what is below "
         words += f"{100 * settings.drive_over:.0f} cm"
         return Triage(Way.DRIVE_OVER, words, (), *seen)
