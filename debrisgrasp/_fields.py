@@ -16,6 +16,10 @@ MAX_LENGTH = 1.0
 """Longest length in a file of hands and prototypes [m]; above it, it is millimetres."""
 
 _METRES = "Lengths are in metres: 50 mm is 0.05."
+_AS_TEXT = (
+    "That is text in YAML, where a number has no quotes and, before an exponent, a "
+    "point, and in it a sign: 1.0e+9."
+)
 
 
 class Fields:
@@ -81,7 +85,8 @@ class Fields:
         """Read a finite number within [low, high]."""
         if default is not None and name not in self:
             return default
-        value = _number(self.raw(name), self.where(name), f"{low:g} to {high:g}")
+        wanted = f"{low:g} to {high:g}" if np.isfinite(high) else "any"
+        value = _number(self.raw(name), self.where(name), wanted)
         if not low <= value <= high:
             raise ConfigError(
                 self.where(name),
@@ -169,9 +174,19 @@ def _number(value: Any, where: str, wanted: str) -> float:
     number = float(value) if is_number else np.nan
     if not np.isfinite(number):
         raise ConfigError(
-            where, got=_shown(value), expected=f"a finite number ({wanted})"
+            where,
+            got=_shown(value),
+            expected=f"a finite number ({wanted})",
+            mend=_AS_TEXT if _is_number_as_text(value) else "",
         )
     return number
+
+
+def _is_number_as_text(value: object) -> bool:
+    try:
+        return isinstance(value, str) and bool(np.isfinite(float(value)))
+    except ValueError:
+        return False
 
 
 def _shown(value: object) -> str:

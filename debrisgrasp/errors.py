@@ -101,9 +101,23 @@ class OutputError(DebrisGraspError, OSError):
 
 
 class UnknownNameError(InputError):
-    """A name is not among those that are known."""
+    """A name is not among those that are known.
 
-    def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
+    Parameters
+    ----------
+    kind
+        What it is a name of.
+    name
+        The one that arrived.
+    known
+        Those that there are; of many only some are listed.
+    listed_by
+        Command that prints them all, if there is one.
+    """
+
+    def __init__(
+        self, kind: str, name: object, known: Iterable[str], *, listed_by: str = ""
+    ) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
         is_number = str(name).lstrip("-").isdigit()
         near = [] if is_number else get_close_matches(str(name), self.known, n=_NEAREST)
@@ -111,11 +125,14 @@ class UnknownNameError(InputError):
         if len(self.known) > _MANY:
             shown = near or self.known[:_NEAREST]
             expected = f"one of {len(self.known)} names, such as {', '.join(shown)}"
+        mends = [f"Did you mean {near[0]!r}?"] if near else []
+        if listed_by:
+            mends.append(f"`{listed_by}` lists them.")
         super().__init__(
             f"unknown {kind}",
             got=repr(name),
             expected=expected,
-            mend=f"Did you mean {near[0]!r}?" if near else "",
+            mend=" ".join(mends),
         )
 
 

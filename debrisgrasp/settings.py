@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from dataclasses import fields as dataclass_fields
 from pathlib import Path
@@ -197,9 +198,28 @@ class Settings:
         robot = RobotModel.load(self.robot)
         for arm in self.drop_off:
             if arm not in robot.arms:
-                kind = f"arm in drop_off, of robot {robot.name}"
+                place = "drop_off" if self.path is None else f"drop_off of {self.path}"
+                kind = f"arm in {place}, of robot {robot.name}"
                 raise UnknownNameError(kind, arm, robot.arms)
         return self.limits.of_robot(robot)
+
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Say of an unknown name among these that it may stand in their file.
+
+        Raises
+        ------
+        UnknownNameError
+            The one that is raised inside, with the file.
+        """
+        try:
+            yield
+        except UnknownNameError as error:
+            own = (self.robot, self.arm, self.gripper)
+            if self.path is None or error.name not in own:
+                raise
+            kind = f"{error.kind}, in {self.path} or given beside it"
+            raise UnknownNameError(kind, error.name, error.known) from error
 
     def pose_of_camera(self) -> CameraPose | None:
         """Pose of the camera in the base frame; None if captures bring their own.

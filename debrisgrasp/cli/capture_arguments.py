@@ -46,7 +46,7 @@ def add_capture(
         metavar="POSE",
         help="pose of the camera in the base frame, instead of the one in the capture: "
         "a file with a 4x4 matrix, x,y,z,roll,pitch,yaw, or 'level' for a stored level "
-        "frame; write --camera-pose=-0.1,... where it starts with a minus",
+        "frame",
     )
     camera.add_argument(
         "--calibration",

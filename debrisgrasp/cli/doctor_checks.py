@@ -14,8 +14,8 @@ import numpy as np
 
 import debrisgrasp
 from debrisgrasp._files import data_path, write_atomic
-from debrisgrasp.errors import ConfigError, DebrisGraspError
-from debrisgrasp.executive import TaskSettings
+from debrisgrasp.errors import DebrisGraspError, InputError
+from debrisgrasp.executive import TaskSettings, require_drop_off
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
@@ -42,7 +42,7 @@ EXTRAS = {
 _OLD_CALIBRATION = 90
 """Days after which a look at the calibration is advised."""
 _HEIGHTS = np.arange(0.1, 1.0, 0.1)
-"""Heights of the palm at which a drop-off is tried [m]."""
+"""Heights of the palm that are tried over a drop-off [m]."""
 _REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[\w,]+\])?(?:[^;]*?>=([\d.]+))?")
 _EXTRA = re.compile(r"extra == ['\"]([\w-]+)['\"]")
 
@@ -227,25 +227,22 @@ def _camera(settings: Settings) -> Iterator[Finding]:
 def _drop_off(
     name: str, place: tuple[float, float], arms: Mapping[str, ArmReach]
 ) -> Finding:
-    """Tell whether an arm can hold its hand there, pointing down, turned any way."""
+    """Tell whether `clear` takes it, and how high a palm that points down can be."""
     what, where = f"drop-off of {name} arm", ", ".join(f"{x:g}" for x in place)
-    if name not in arms:
-        known = ", ".join(arms) or "none"
-        return Finding(what, "fault", f"that arm is not in use; in use: {known}")
+    try:
+        TaskSettings(drop_off={name: place})
+        if name not in arms:
+            return Finding(what, "note", "not looked at: that arm is not in use")
+        require_drop_off(arms[name], place)
+    except InputError as error:
+        return Finding(what, "fault", f"{error.got}; expected {error.expected}")
     yaw, height = np.meshgrid(np.linspace(0, 2 * np.pi, 8, endpoint=False), _HEIGHTS)
     rpy = np.stack([np.full(yaw.size, np.pi), 0 * yaw.ravel(), yaw.ravel()], axis=-1)
     p = np.column_stack([np.broadcast_to(place, (yaw.size, 2)), height.ravel()])
     poses = SE3.from_parts(so3.from_rpy(rpy), p)
-    try:
-        TaskSettings(drop_off={name: place})
-    except ConfigError as error:
-        return Finding(what, "fault", f"{error.got}; expected {error.expected}")
-    if arms[name].robot.stands_at(place):
-        return Finding(what, "fault", f"{where} m is where the robot itself stands")
     solved = arms[name].solves(poses, rng=np.random.default_rng(0))
     if not solved.any():
-        text = f"{where} m is out of reach for a hand that points down"
-        return Finding(what, "fault", text)
+        return Finding(what, "ok", f"{where} m, within reach of a palm that tilts")
     low, high = height.ravel()[solved].min(), height.ravel()[solved].max()
     text = f"{where} m, within reach with the palm {low:.1f} to {high:.1f} m high"
     return Finding(what, "ok", text)

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from debrisgrasp import __version__
 from debrisgrasp.errors import DebrisGraspError, InputError
@@ -91,6 +91,11 @@ def _in_options(error: DebrisGraspError, given: Sequence[str]) -> str:
 
 class _Parser(argparse.ArgumentParser):
     """Refuses arguments in one line, as everything else is refused."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        # Rows of numbers, as pixels and poses are, are no options either.
+        self._negative_number_matcher = re.compile(r"-[\d.]")
 
     def error(self, message: str) -> NoReturn:
         """End with the message."""

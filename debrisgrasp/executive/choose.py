@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import counted
 from debrisgrasp.motion import MotionSpace, MotionStatus, UnknownSpace
 from debrisgrasp.pipeline import (
     GraspMotion,
@@ -90,7 +91,7 @@ def select(context: Context) -> StepResult:
         moved = repositioned(context, list(failed.values()))
         if moved:
             return Done({"moved": round(moved, 3), "left": left}, State.CAPTURE)
-        return _nothing_more(context, left, list(failed))
+        return _nothing_more(context, left, len(failed))
     if seen.segmentation.ground.plane is None:
         return FaultFound("empty_cloud", "no ground was seen: nothing says it is clear")
     return Done({"cleared": True, "left": left}, State.CLEARED)
@@ -112,7 +113,7 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
         segment.centroid, context.n_changes, context.settings.tries
     )
     if why:
-        return _nothing_more(context, {_named(segment): why}, [_named(segment)])
+        return _nothing_more(context, {_named(segment): why}, 1)
     triage = replace(_triage(context, seen, segment), way=Way.PINCH, arms=())
     return _chosen(context, segment, triage, "it is the marked object")
 
@@ -136,12 +137,10 @@ def _chosen(
     return Done(facts)
 
 
-def _nothing_more(
-    context: Context, left: dict[str, str], failed: list[str]
-) -> FaultFound:
+def _nothing_more(context: Context, left: dict[str, str], n_failed: int) -> FaultFound:
     """Objects remain, and none is worth another try: not clear, and honest about it."""
     context.left = left
-    words = "; ".join(f"{name}: {left[name]}" for name in failed)
+    words = f"{counted(n_failed, 'object')} could not be taken"
     return FaultFound("no_grasp", f"no candidate is left to try: {words}")
 
 

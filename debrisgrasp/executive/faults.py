@@ -9,7 +9,10 @@ from enum import Enum
 from debrisgrasp.control import FaultClass
 from debrisgrasp.errors import UnknownNameError
 
-__all__ = ["FAULTS", "Action", "FaultSpec", "fault_named"]
+__all__ = ["FAULTS", "LISTED_BY", "Action", "FaultSpec", "fault_named"]
+
+LISTED_BY = "debrisgrasp clear --faults list"
+"""Command that prints all faults and states."""
 
 
 class Action(Enum):
@@ -181,5 +184,5 @@ FAULTS: Mapping[str, FaultSpec] = {spec.name: spec for spec in _TABLE}
 def fault_named(name: str) -> FaultSpec:
     """Look a fault up, or raise `UnknownNameError`."""
     if name not in FAULTS:
-        raise UnknownNameError("fault", name, FAULTS)
+        raise UnknownNameError("fault", name, FAULTS, listed_by=LISTED_BY)
     return FAULTS[name]

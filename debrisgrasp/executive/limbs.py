@@ -8,7 +8,7 @@ from debrisgrasp._arrays import BoolArray
 from debrisgrasp.control import PostureKinematics
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
-from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.kinematics import ArmReach
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.robot import Robot
@@ -17,7 +17,7 @@ from .context import LimbState
 from .grasping import require_room
 from .settings import TaskSettings
 
-__all__ = ["limbs_of"]
+__all__ = ["limbs_of", "require_drop_off"]
 
 _HEIGHT = 0.35
 """Of the palm over a drop-off at which it must be able to be [m]."""
@@ -51,8 +51,7 @@ def limbs_of(
     for name in names:
         limb = robot.limbs[name]
         reach = ArmReach(robot.model, name)
-        _require_beside(robot.model, name, settings.drop_off[name])
-        _require_reach(reach, settings.drop_off[name])
+        require_drop_off(reach, settings.drop_off[name])
         limits = robot.model.limits(name, reach.chain)
         require_room(limits.controller, settings.load_share)
         limbs[name] = LimbState(
@@ -81,19 +80,18 @@ def _own_joints(robot: Robot, name: str) -> BoolArray:
     return np.array([joint not in others for joint in names])
 
 
-def _require_beside(model: RobotModel, name: str, place: tuple[float, float]) -> None:
-    """Raise `InputError` if the robot itself stands at a place."""
-    if model.stands_at(place):
+def require_drop_off(reach: ArmReach, place: tuple[float, float]) -> None:
+    """Raise `InputError` unless an arm can put things down at a place, base frame [m].
+
+    The robot may not stand there, and a palm that faces down must get above it.
+    """
+    if reach.robot.stands_at(place):
         raise InputError(
-            f"drop-off of the {name} arm",
+            f"drop-off of the {reach.name} arm",
             got=f"({place[0]:g}, {place[1]:g}), where the robot stands",
             expected="a place beside the robot",
             mend="Put things down on the side of the arm, clear of the robot.",
         )
-
-
-def _require_reach(reach: ArmReach, place: tuple[float, float]) -> None:
-    """Raise `InputError` if no palm that faces down can be over a place."""
     poses = []
     for tilt in _TILTS:
         for yaw in np.linspace(0.0, 2.0 * np.pi, _YAWS, endpoint=False):

@@ -49,6 +49,7 @@ def self_test(context: Context) -> StepResult:
         facts[limb.name] = {
             "bias": np.round(found, 3).tolist(),
             "limits": limb.limits.controller.hash,
+            "drop_off": list(context.settings.drop_off[limb.name]),
         }
     return Done(facts)
 

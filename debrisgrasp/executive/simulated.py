@@ -35,7 +35,7 @@ from debrisgrasp.worlds import (
 from debrisgrasp.worlds import named_scene as scene_named
 
 from .context import Recorder
-from .faults import fault_named
+from .faults import LISTED_BY, fault_named
 from .marking import StaysMarked
 from .outcome import RunResult
 from .run import Executive, Observer
@@ -317,6 +317,6 @@ def injections_of(faults: Sequence[str]) -> tuple[Injection, ...]:
         known = [s.value for s in State]
         fault_named(name)
         if at and state not in known:
-            raise UnknownNameError("state", state, known)
+            raise UnknownNameError("state", state, known, listed_by=LISTED_BY)
         found.append(Injection(fault=name, state=state or None))
     return tuple(found)

@@ -96,8 +96,8 @@ def judge(
     forecast = float(_DENSITY * _FILLED * np.prod(extents))
     seen = (height, thickness, forecast)
     if height < settings.drive_over - _DOUBT:
-        words = f"{100 * height:.0f} cm high: the tracks drive over what is below "
-        words += f"{100 * settings.drive_over:.0f} cm"
+        words = f"its top is {100 * height:.1f} cm above the ground: the tracks drive "
+        words += f"over what is below {100 * settings.drive_over:.3g} cm"
         return Triage(Way.DRIVE_OVER, words, (), *seen)
     if length > _LARGEST:
         words = f"{length:.1f} m long: part of a structure"

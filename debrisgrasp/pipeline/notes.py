@@ -15,6 +15,8 @@ _MOST = 0.8
 """With such a share of its points in it, an object is in a mask as a whole."""
 _SEVERAL = 0.2
 """With such a share of its points a mask covers an object, and not just touches it."""
+_GRAZED = 0.02
+"""Whole objects with less than such a share of its points are crumbs at its edge."""
 
 
 def deadline_notes(deadline: float | None, *, is_late: bool) -> tuple[str, ...]:
@@ -34,19 +36,35 @@ def pose_notes(ground: GroundReport) -> tuple[str, ...]:
     return (f"camera pose in doubt: {ground.pose_doubt}",)
 
 
-def mass_notes(mass: float | None, best: BestSoFar) -> tuple[str, ...]:
-    """Say which object a given mass [kg] was taken for, if not for the one chosen."""
+def mass_notes(
+    mass: float | None, best: BestSoFar, liftable: float = np.inf
+) -> tuple[str, ...]:
+    """Say that a given mass is too much, and for which object it was taken.
+
+    Parameters
+    ----------
+    mass
+        What the first object that was tried weighs [kg], if anybody said so.
+    liftable
+        What the strongest arm in use lifts [kg].
+    """
     first, chosen = best.first_tried, best.target
     if mass is None or first is None:
         return ()
+    notes: tuple[str, ...] = ()
+    if mass > liftable:
+        notes += (
+            f"no arm in use lifts the {mass:.6g} kg given: the strongest lifts "
+            f"{liftable:.3g} kg; is the mass in kilograms?",
+        )
     if chosen is not None and chosen.label == first.label and best.is_found:
-        return ()
+        return notes
     words = f"the {mass:.6g} kg given were taken for object {first.label}, the first "
     if chosen is not None and best.is_found:
         words += f"tried; what object {chosen.label} weighs is estimated"
     else:
         words += "tried; what others weigh is estimated"
-    return (words,)
+    return (*notes, words)
 
 
 def part_notes(
@@ -81,15 +99,21 @@ def mask_notes(is_marked: BoolArray | None, labels: IntArray) -> tuple[str, ...]
     """
     if is_marked is None or not is_marked.any():
         return ()
-    share = np.bincount(labels[is_marked]) / np.count_nonzero(is_marked)
+    count = np.bincount(labels[is_marked], minlength=int(labels.max()) + 1)
+    share = count / np.count_nonzero(is_marked)
     notes = []
     if share[0] > 0.5:
         notes.append(
             f"{share[0]:.0%} of the mask lies on the ground or on what is no object; "
             "is it the right mask?"
         )
-    covered = np.flatnonzero(share[1:] > _SEVERAL) + 1
+    is_whole = (count > _MOST * np.bincount(labels)) & (share > _GRAZED)
+    covered = np.flatnonzero((share > _SEVERAL) | is_whole)
+    covered = covered[covered > 0]
     if len(covered) > 1:
         named = ", ".join(f"{label} ({share[label]:.0%})" for label in covered)
-        notes.append(f"the mask covers objects {named}; they are taken for one")
+        notes.append(
+            f"the mask covers {len(covered)} objects, {named} of it; they are taken "
+            "for one"
+        )
     return tuple(notes)

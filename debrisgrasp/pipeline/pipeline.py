@@ -157,15 +157,16 @@ class Pipeline:
         UnknownNameError, ConfigError
             As the constructor does.
         """
-        robot = settings.robot_model()
-        pipeline = cls(
-            robot="none" if robot is None else robot,
-            arm=settings.arm,
-            gripper=settings.gripper,
-            prototypes=settings.prototypes,
-            grippers=settings.grippers,
-            config=config,
-        )
+        with settings.named():
+            robot = settings.robot_model()
+            pipeline = cls(
+                robot="none" if robot is None else robot,
+                arm=settings.arm,
+                gripper=settings.gripper,
+                prototypes=settings.prototypes,
+                grippers=settings.grippers,
+                config=config,
+            )
         pipeline.policy = settings.selection(pipeline._openings())
         return pipeline
 
@@ -262,7 +263,8 @@ class Pipeline:
         best = self._first_success(planner, seen, targets, seed, watch, mass)
         result, target = best.result, best.target
         notes = deadline_notes(deadline, is_late=watch.is_late())
-        notes += mass_notes(mass, best) + seen.notes(target if is_specific else None)
+        notes += mass_notes(mass, best, self._liftable())
+        notes += seen.notes(target if is_specific else None)
         grasps: tuple[Grasp, ...] = ()
         advice: tuple[Advice, ...] = ()
         if target is not None:
@@ -295,6 +297,11 @@ class Pipeline:
             grippers=self.grippers,
             dictionary=planner.prototypes,
         )
+
+    def _liftable(self) -> float:
+        """Find what the strongest arm lifts [kg]; infinite for a floating hand."""
+        forces = [arm.wrench_limits[0] for arm in self.arms]
+        return max(forces, default=np.inf) / self.config.planner.load.gravity
 
     @cached_property
     def _specific(self) -> GraspPlanner:

@@ -5,23 +5,28 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 
+import numpy as np
+
 from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.planning import Grasp, GraspPlan, SceneConfig
 from debrisgrasp.prototypes import GripperModel, load_grippers
-from debrisgrasp.segmentation import SegmentationConfig
+from debrisgrasp.segmentation import SegmentationConfig, region_of_interest
 
 from .perception import Perception
 from .result import PlanningResult
-from .targets import Target
+from .targets import Target, choose_targets
 
 __all__ = ["recall_plan"]
 
 _SAME = 0.9
 """So much of an object lies in the region of its plan, if it is the same object."""
+_EVEN = 1e-4
+"""Margins of a region are equal within this [m]."""
 
 
 def recall_plan(
@@ -89,10 +94,25 @@ def _target_of(plan: GraspPlan, seen: Perception) -> Target | None:
     """Find again what a plan was for; None if that was nothing."""
     if plan.region is None:
         return None
-    labels, is_object = seen.segmentation.labels, seen.is_marked
-    if is_object is None:
-        is_object = labels == plan.object_label if plan.object_label else labels > 0
-    return Target(plan.object_label, plan.region, is_object)
+    if seen.is_marked is not None and _is_around(plan.region, seen):
+        return Target(plan.object_label, plan.region, seen.is_marked)
+    (target,) = choose_targets(
+        seen.cloud,
+        seen.segmentation,
+        (),
+        region=plan.region,
+        object_label=plan.object_label or None,
+        is_marked=seen.is_marked,
+        margin=0.0,
+    )
+    return target
+
+
+def _is_around(region: Bounds, seen: Perception) -> bool:
+    """Whether a region is that of the marked points, whatever its margin."""
+    box = region_of_interest(seen.cloud.points[seen.is_marked], margin=0.0)
+    margins = [box.lower - region.lower, region.upper - box.upper]
+    return bool(np.ptp(margins) < _EVEN)
 
 
 def _require_known(

@@ -146,8 +146,10 @@ class GraspSearch:
         the best of all climb on.
         """
         states, tops = [], []
-        for config in (self._config, self._wider):
-            states.append(self._explored(scene, merit, postures, watch, rng, config))
+        for config, name in ((self._config, "search"), (self._wider, "wider search")):
+            states.append(
+                self._explored(scene, merit, postures, watch, rng, config, name)
+            )
             found = self._promising(merit, states[-1], watch, beyond)
             tops.append(self._refined(merit, postures, found, watch, rng, beyond))
             best = tops[-1].score.max(initial=0.0)
@@ -177,11 +179,12 @@ class GraspSearch:
         watch: Watch,
         rng: Rng,
         config: PlannerConfig,
+        name: str,
     ) -> Candidates:
-        """Best state of every walker."""
+        """Best state of every walker; progress is told under a name."""
 
         def on_sweep(index: int, _walkers: Walkers) -> bool:
-            watch.report("search", (index + 1) / self._config.schedule.sweeps)
+            watch.report(name, (index + 1) / config.schedule.sweeps)
             return not watch.is_late()
 
         settled, prototype = explore(
@@ -225,7 +228,9 @@ class GraspSearch:
         """Distinct poses that would fit if an arm could get there."""
         merit = self._merit(scene, burden, ())
         nobody = Postures((), self.tools.gripper_of, rng)
-        states = self._explored(scene, merit, nobody, watch, rng, self._config)
+        states = self._explored(
+            scene, merit, nobody, watch, rng, self._config, "search out of reach"
+        )
         found = self._modes(states, merit.worth)
         return found[self._reach(arms, found.Ts, found.prototype) == 0.0]
 

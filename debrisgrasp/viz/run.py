@@ -20,6 +20,7 @@ from debrisgrasp.prototypes import load_grippers
 
 from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, GROUND_COLOR
 from .raster import Splats, render
+from .run_map import map_svg
 from .scene import merged, point_spacing
 from .view import View
 
@@ -119,6 +120,7 @@ def run_html(path: str | os.PathLike[str], run: RecordedRun) -> None:
         f'<p class="note">{escape(_ending(end, total))}</p>',
         "<h2>Timeline</h2>",
         f'<div class="card">{_timeline(spans, tries, total)}</div>',
+        _from_above(run, tries),
         *(["<h2>Attempts</h2>", *attempts] if attempts else []),
         _left(end.get("left") or {}),
     ]
@@ -234,6 +236,20 @@ def _key(shown: Set[str], *, has_faults: bool) -> str:
     if has_faults:
         items.append(f'<span><b style="color:{_FAULT}">&#9650;</b> fault</span>')
     return f'<p class="key">{"".join(items)}</p>'
+
+
+def _from_above(run: RecordedRun, tries: Sequence[_Try]) -> str:
+    """Show the pile at the first look, and where its objects were put down."""
+    name = next((item.capture for item in tries if item.capture), "")
+    capture = run.capture(name) if name else None
+    picture = map_svg(run.events, None if capture is None else capture.cloud().points)
+    if not picture:
+        return ""
+    return (
+        f'<h2>From above</h2><div class="card">{picture}<p class="key">The pile at the '
+        "first look, the higher the darker; numbers are where the hand let go, by "
+        "attempt.</p></div>"
+    )
 
 
 def _card(item: _Try, run: RecordedRun) -> str:

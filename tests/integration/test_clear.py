@@ -9,6 +9,7 @@ import pytest
 
 from debrisgrasp import api
 from debrisgrasp.cli.program import run as debrisgrasp
+from debrisgrasp.errors import UnknownNameError
 from debrisgrasp.executive import (
     Action,
     Executive,
@@ -54,6 +55,12 @@ def cleared(pipeline, beam):
     return executive.run(), fake.truth()
 
 
+@pytest.mark.parametrize("fault", ["foo", "slip@foo"])
+def test_an_unknown_fault_or_state_says_what_lists_them(fault):
+    with pytest.raises(UnknownNameError, match="clear --faults list"):
+        SimulatedTask(faults=(fault,))
+
+
 def test_a_beam_is_carried_to_the_drop_off_and_the_way_is_clear(cleared):
     result, truth = cleared
     assert result.end is RunEnd.CLEARED
@@ -82,6 +89,7 @@ def test_what_is_low_is_driven_over_and_named(tmp_path, capsys):
     assert all("drive over" in reason for reason in told["left"].values())
     assert load_run(folder).is_whole
     assert "Timeline" in page.read_text()
+    assert "drop-off, right arm" in page.read_text()
     assert debrisgrasp(["replay", str(folder)]) == 0
     assert "the same" in capsys.readouterr().out
 

@@ -227,7 +227,13 @@ def test_select_takes_the_policy_and_the_pick_of_the_user(run, block_file):
 
 @pytest.mark.parametrize(
     ("pick", "expected"),
-    [("99", "unknown segment label"), ("0,0", "no object"), ("9,9,9", "picked point")],
+    [
+        ("99", "unknown segment label"),
+        ("0,0", "no object"),
+        ("-1,-1", "picked pixel: got column -1"),
+        ("9,9,9", "picked point"),
+        ("-9,-9,.5", "picked point"),
+    ],
 )
 def test_a_pick_of_nothing_is_refused(refused, block_file, pick, expected):
     assert expected in refused("select", block_file, "--pick", pick)

@@ -90,6 +90,20 @@ def test_a_doubtful_search_sets_out_once_more_with_more_walkers(
     assert set_out == [n, n, share * n]
 
 
+def test_progress_of_a_search_never_goes_back(pipeline, pipe_capture):
+    told = []
+    pipeline.plan(
+        pipe_capture, mass=12.0, progress=lambda *step: told.append(step)
+    )  # it is doubtful, and explores once more
+    begun = told.index(("search", 0.0)) + 1
+    ended = told.index(("search", 1.0), begun + SWEEPS)
+    for name in ("search", "wider search"):
+        shares = [share for stage, share in told[begun:ended] if stage == name]
+        assert len(shares) == SWEEPS
+        assert shares == sorted(shares)
+        assert shares[-1] == 1.0
+
+
 def test_equal_input_and_seed_give_an_equal_plan(pipeline, pipe_capture, pipe_result):
     pipeline.plan(pipe_capture, seed=1)
     again = pipeline.plan(pipe_capture)
@@ -303,6 +317,14 @@ def test_an_object_out_of_reach_is_passed_over_for_one_within(roman_result):
     assert near.centroid[0] < 1.0
     assert "no arm gets that far" in plan.passed_over[0].reason
     assert len(plan.grasps) >= 5
+
+
+def test_a_mass_beyond_every_arm_is_told_of_with_what_they_lift(dictionary):
+    roman = Pipeline(robot="roman", prototypes=dictionary)
+    plan = roman.plan(capture_of([NEAR_PIPE]), mass=400.0).plan
+    force = roman.robot.limits("right").planner.force
+    assert not plan.grasps
+    assert f"the strongest lifts {force / 9.81:.3g} kg" in plan.notes[0]
 
 
 def test_joints_of_every_grasp_bring_the_palm_there(roman_result):

@@ -145,15 +145,20 @@ def test_the_doctor_names_what_must_be_mended(run, tmp_path):
     )
     ended = run("doctor", "--site", path)
     assert ended.status == 1
-    assert "out of reach" in ended.out.splitlines()[-1]
+    assert "that the hand reaches" in ended.out.splitlines()[-1]
     path.write_text(
-        "schema: debrisgrasp/site/1\narm: right\ndrop_off: {right: [0.6, -0.8]}\n",
+        "schema: debrisgrasp/site/1\narm: right\n"
+        "drop_off: {right: [0.6, -0.8], left: [0.6, 0.8]}\n",
         encoding="utf-8",
     )
     ended = run("doctor", "--site", path, "--json")
     assert ended.status == 0
     assert _on_drop_off(ended)["status"] == "ok"
-    for place, words in (("[0.0, 0.1]", "robot itself"), ("[0.9, 0.0]", "in the way")):
+    assert _on_drop_off(ended, "left")["status"] == "note"  # clear does without it
+    for place, words in (
+        ("[0.0, 0.1]", "the robot stands"),
+        ("[0.9, 0.0]", "in the way"),
+    ):
         path.write_text(
             f"schema: debrisgrasp/site/1\narm: right\ndrop_off: {{right: {place}}}\n",
             encoding="utf-8",
@@ -163,12 +168,12 @@ def test_the_doctor_names_what_must_be_mended(run, tmp_path):
         assert words in found["text"]
 
 
-def _on_drop_off(ended):
+def _on_drop_off(ended, arm="right"):
     (finding,) = (
         finding
         for findings in ended.json["checks"].values()
         for finding in findings
-        if finding["what"] == "drop-off of right arm"
+        if finding["what"] == f"drop-off of {arm} arm"
     )
     return finding
 

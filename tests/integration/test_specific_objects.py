@@ -149,3 +149,25 @@ def test_all_that_is_marked_is_lifted_together_and_is_not_in_its_own_way(few, tm
     result.save(tmp_path / "grasps.json")
     again = recall_plan(tmp_path / "grasps.json", capture, None)
     np.testing.assert_array_equal(again.is_own, result.is_own)
+
+
+def test_a_saved_plan_on_one_of_the_marked_objects_is_that_of_one(few, tmp_path):
+    beam = make_body("lumber_4x4", {"length": 0.5, "width": 0.09, "height": 0.09}, 2.0)
+    beams = tuple(
+        replace(beam, name=f"beam {i}").at(SE3.from_parts(p=[0.95, y, 0.045]))
+        for i, y in enumerate((-0.3, 0.3))
+    )
+    picture = render(World(beams), CAMERA, VIEW)
+    capture = Capture(
+        depth=picture.depth,
+        intrinsics=CAMERA,
+        T_base_camera=VIEW,
+        mask=picture.labels > 0,
+    )
+    one = few.plan(capture, object_label=1)
+    one.save(tmp_path / "grasps.json")
+    again = recall_plan(tmp_path / "grasps.json", capture, None)
+    is_other = one.segmentation.labels == 2
+    assert is_other.any()
+    assert not one.is_own[is_other].any()
+    np.testing.assert_array_equal(again.is_own, one.is_own)

@@ -31,3 +31,8 @@ def test_of_many_known_names_only_the_nearest_are_shown():
     assert "40 names" in str(error)
     assert len(str(error)) < 250
     assert len(error.known) == 40
+
+
+def test_a_command_that_lists_the_known_names_is_named():
+    error = UnknownNameError("fault", "foo", ["slip"], listed_by="x --faults list")
+    assert "`x --faults list` lists them" in str(error)

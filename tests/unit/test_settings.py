@@ -113,6 +113,7 @@ def test_paths_are_relative_to_the_file(written, monkeypatch, tmp_path):
         ("camera: {calibration: gone.json}", r"field camera.calibration.*existing"),
         ("camera: {pose: [200, 0, 1200, -2.2, 0, -1.5]}", "camera.pose.*millimetres"),
         ("limits: {force: 1e9}", r"^[^,]+, field limits.force: got"),
+        ("deadline: 1e9", r"field deadline: got '1e9'.*text in YAML.*1.0e\+9"),
         ("camera: 3", r"field camera.*a mapping"),
     ],
 )
@@ -120,6 +121,16 @@ def test_a_mistake_is_named_with_file_and_field(written, text, message):
     with pytest.raises((ConfigError, UnknownNameError), match=message) as caught:
         Settings.load(written(text))
     assert "site.yaml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["arm: rihgt", "gripper: camhnd", "robot: romam", "drop_off: {lfet: [1, 1]}"],
+)
+def test_a_name_that_the_robot_does_not_know_is_told_with_the_file(written, text):
+    settings = Settings.load(written(text))
+    with pytest.raises(UnknownNameError, match=r"site\.yaml.*Did you mean"):
+        Pipeline.from_settings(settings)
 
 
 def test_a_file_of_something_else_is_refused(tmp_path):

@@ -9,6 +9,7 @@ from debrisgrasp.errors import CaptureError
 from debrisgrasp.executive import Executive, State, TaskSettings
 from debrisgrasp.executive.choose import select
 from debrisgrasp.executive.marking import StaysMarked
+from debrisgrasp.executive.marks import Marks
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3, Bounds, Intrinsics, so3
@@ -121,6 +122,14 @@ def test_a_mask_marks_the_same_object_as_the_region_it_was_drawn_in(handle):
     assert again.cycle.capture.mask.sum() == pytest.approx(
         context.cycle.capture.mask.sum(), rel=0.2
     )
+
+
+def test_reasons_of_what_is_left_are_not_told_again_by_the_fault(handle, monkeypatch):
+    context, _ = handle(region=HANDLE)
+    monkeypatch.setattr(Marks, "why_left", lambda *_: "no arm gets there")
+    found = select(context)
+    assert list(context.left.values()) == ["no arm gets there"]
+    assert found.message == ("no candidate is left to try: 1 object could not be taken")
 
 
 def test_an_object_that_is_marked_and_never_seen_is_no_cleared_way(handle):

@@ -52,6 +52,7 @@ def test_the_tracks_drive_over_what_is_lower_than_ten_centimetres():
 def test_height_counts_from_the_ground_below():
     low = judge(segment((0.5, 0.09, 0.04), 0.25), 0.2, HANDS, TaskSettings())
     assert low.way is Way.DRIVE_OVER
+    assert "top is 5.0 cm above the ground" in low.reason
 
 
 def test_the_narrow_hand_is_preferred_as_long_as_it_opens_wide_enough():

@@ -42,6 +42,13 @@ def test_a_mass_that_was_meant_for_another_object_is_told_of():
     assert mass_notes(400.0, tried()) == ()
 
 
+def test_a_mass_that_no_arm_lifts_is_told_of():
+    assert mass_notes(12.0, tried((4, GRASPS)), liftable=15.0) == ()
+    first, _ = mass_notes(3000.0, tried((4, SearchResult(()))), liftable=15.0)
+    assert "no arm in use lifts the 3000 kg given" in first
+    assert "15 kg" in first
+
+
 def test_a_mask_over_one_object_says_nothing():
     labels = np.repeat([0, 1, 2], [10, 50, 40])
     assert mask_notes(None, labels) == ()
@@ -55,6 +62,14 @@ def test_a_mask_over_one_object_says_nothing():
 def test_a_mask_over_several_objects_or_the_ground_is_told_of():
     labels = np.repeat([0, 1, 2], [40, 30, 30])
     (note,) = mask_notes(labels > 0, labels)
-    assert "objects 1 (50%), 2 (50%)" in note
+    assert "2 objects, 1 (50%), 2 (50%) of it" in note
     (note,) = mask_notes(labels == 0, labels)
     assert "100% of the mask" in note
+
+
+def test_a_mask_over_a_whole_pile_names_every_object_but_no_crumbs():
+    labels = np.repeat([0, 1, 2, 3, 4, 5, 6, 7], [50, 160, 160, 160, 160, 160, 160, 9])
+    (note,) = mask_notes(labels > 0, labels)
+    assert "covers 6 objects" in note
+    assert "6 (17%)" in note
+    assert "7 (" not in note

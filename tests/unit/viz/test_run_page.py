@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import base64
+import io
+
+import numpy as np
+from PIL import Image
+
 from debrisgrasp.executive.record import MemoryRecord
 from debrisgrasp.viz.run import run_html
+from debrisgrasp.viz.run_map import map_svg
 
 END = {"event": "end", "end": "cleared", "removed": 0, "class": "success", "left": {}}
 
@@ -71,3 +78,33 @@ def test_the_forces_of_an_attempt_have_a_time_axis(tmp_path):
     )  # fmt: skip
     forces = page.split('viewBox="0 0 560')[1].split("</svg>")[0]
     assert [f">{t} s<" in forces for t in (2, 10, 18, 20)] == [True, True, True, False]
+
+
+def test_drop_offs_and_what_was_put_down_are_shown_from_above(tmp_path):
+    tested = {
+        "event": "done", "state": "self_test",
+        "right": {"drop_off": [0.25, -0.75]}, "left": {"drop_off": [0.25, 0.75]},
+    }  # fmt: skip
+    let_go = {"event": "done", "state": "release", "place": [0.2, 0.7, 0.1]}
+    page = page_of(
+        tmp_path, *states("self_test", "release"), tested, let_go,
+        {"event": "attempt", "number": 1, "removed": True},
+        {"event": "done", "state": "select", "moved": 0.1}, let_go,
+    )  # fmt: skip
+    above = page.split("From above")[1].split("</svg>")[0]
+    for arm, x in (("right", 352), ("left", 128)):
+        assert f'<circle cx="{x}" cy="278" r="38"' in above
+        assert f"drop-off, {arm} arm" in above
+    # The base went 10 cm ahead before the second.
+    for number, y in ((1, 285), (2, 270)):
+        assert f'<circle cx="135" cy="{y}" r="9"' in above
+        assert f">{number}</text>" in above
+
+
+def test_what_stood_there_is_shown_from_above():
+    points = np.array([[0.9, 0.0, 0.3], [1.2, 0.2, 0.0], [9.0, 0.0, 0.0]])
+    data = map_svg((), points).split("base64,")[1].split('"')[0]
+    drawn = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))))
+    background = drawn[0, 0]
+    assert (drawn != background).any(axis=-1).sum() == 2
+    assert map_svg((), None) == ""
