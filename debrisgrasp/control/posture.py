@@ -10,6 +10,7 @@ that is most of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from math import cos, sin
 from typing import Any
 
@@ -113,8 +114,9 @@ def _constants(matrix: FloatArray) -> list[list[_Term]]:
     return [[(float(value), "") for value in row] for row in matrix]
 
 
+@lru_cache(maxsize=64)
 def _compiled(chain: KinematicChain, *, has_jacobian: bool) -> Callable[..., Any]:
-    """Write out and compile the function of one chain."""
+    """Write out and compile the function of one chain; every leg asks for it."""
     form, n, text = chain.form, chain.n_joints, _Text()
     first, last = _snapped(form.T_base_first), _snapped(form.T_last_tip)
     R = _constants(first[:3, :3])

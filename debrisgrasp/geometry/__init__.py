@@ -3,6 +3,7 @@
 from .camera import Intrinsics
 from .cloud import Bounds, PointCloud
 from .cloud_normals import neighborhood_normals
+from .content import SolidContent
 from .field import MAX_CELLS, DistanceField, Space
 from .image_normals import depth_normals
 from .neighbors import voxel_cells, voxel_downsample
@@ -25,6 +26,7 @@ __all__ = [
     "PanoramicSight",
     "PointCloud",
     "Solid",
+    "SolidContent",
     "Space",
     "Sphere",
     "depth_normals",

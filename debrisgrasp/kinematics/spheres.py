@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
-from debrisgrasp.geometry import SE3, Capsule, Cylinder, Solid, Sphere
+from debrisgrasp._arrays import FloatArray, frozen
+from debrisgrasp.geometry import SE3, Capsule, Cylinder, Solid, SolidContent, Sphere
 from debrisgrasp.geometry.solids import SphereSet
 
 __all__ = ["covering_spheres"]
@@ -17,7 +19,7 @@ _MOST = 64
 def covering_spheres(
     solid: Solid, excess: float, max_radius: float = np.inf
 ) -> SphereSet:
-    """Cover a solid by spheres that stand out little.
+    """Cover a solid by spheres that stand out little; the same are not covered twice.
 
     A round bar that is long enough gets a row of spheres. Every other solid is cut into
     cells, coarse inside and fine near its surface, until the sphere around each cell
@@ -39,6 +41,18 @@ def covering_spheres(
     centers, radii
         Shapes (s, 3) and (s,), in the solid's frame [m].
     """
+    return _covering(SolidContent.of([solid]), excess, max_radius)
+
+
+@lru_cache(maxsize=4096)
+def _covering(content: SolidContent, excess: float, max_radius: float) -> SphereSet:
+    centers, radii = _covered(content.solids[0], excess, max_radius)
+    return frozen(centers, "centres of spheres", (None, 3)), frozen(
+        radii, "radii of spheres", (None,)
+    )
+
+
+def _covered(solid: Solid, excess: float, max_radius: float) -> SphereSet:
     if isinstance(solid, Sphere) and solid.radius <= max_radius:
         return solid.center[None], np.array([solid.radius])
     if isinstance(solid, Cylinder | Capsule):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from debrisgrasp._arrays import Float32Array, FloatArray
-from debrisgrasp.geometry import Solid
+from debrisgrasp.geometry import Solid, SolidContent
 
 __all__ = ["GRID_SPACING", "SolidField"]
 
@@ -35,29 +36,11 @@ class SolidField:
         spacing: float = GRID_SPACING,
         reach: float = 0.11,
     ) -> SolidField:
-        """Fill a grid around solids in one frame; distances saturate at ``reach``."""
-        lower = np.min([solid.bounds.lower for solid in solids], axis=0)
-        upper = np.max([solid.bounds.upper for solid in solids], axis=0)
-        origin = lower - reach - spacing
-        nx, ny, nz = (
-            int(n) for n in np.ceil((upper - lower + 2 * reach) / spacing) + 3
-        )
-        gap = np.full((nx, ny, nz), reach, dtype=np.float32)
-        for solid in solids:
-            low = np.floor((solid.bounds.lower - reach - origin) / spacing).astype(int)
-            high = np.ceil((solid.bounds.upper + reach - origin) / spacing).astype(int)
-            block = tuple(
-                slice(max(int(i), 1), min(int(j) + 1, n - 1))
-                for i, j, n in zip(low, high, gap.shape, strict=True)
-            )
-            axes = (
-                o + spacing * np.arange(part.start, part.stop)
-                for o, part in zip(origin, block, strict=True)
-            )
-            centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-            found = solid.signed_distance(centers).astype(np.float32)
-            np.minimum(gap[block], found, out=gap[block])
-        return cls(origin, spacing, (nx, ny, nz), gap.ravel())
+        """Fill a grid around solids in one frame; distances saturate at ``reach``.
+
+        Grids around the same solids are filled once.
+        """
+        return _filled(SolidContent.of(solids), spacing, reach)
 
     def __call__(
         self, x: Float32Array, y: Float32Array, z: Float32Array
@@ -72,3 +55,29 @@ class SolidField:
             index += scaled.astype(np.int32)
         found: Float32Array = self.gap[index]
         return found
+
+
+@lru_cache(maxsize=32)
+def _filled(content: SolidContent, spacing: float, reach: float) -> SolidField:
+    solids = content.solids
+    lower = np.min([solid.bounds.lower for solid in solids], axis=0)
+    upper = np.max([solid.bounds.upper for solid in solids], axis=0)
+    origin = lower - reach - spacing
+    nx, ny, nz = (int(n) for n in np.ceil((upper - lower + 2 * reach) / spacing) + 3)
+    gap = np.full((nx, ny, nz), reach, dtype=np.float32)
+    for solid in solids:
+        low = np.floor((solid.bounds.lower - reach - origin) / spacing).astype(int)
+        high = np.ceil((solid.bounds.upper + reach - origin) / spacing).astype(int)
+        block = tuple(
+            slice(max(int(i), 1), min(int(j) + 1, n - 1))
+            for i, j, n in zip(low, high, gap.shape, strict=True)
+        )
+        axes = (
+            o + spacing * np.arange(part.start, part.stop)
+            for o, part in zip(origin, block, strict=True)
+        )
+        centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        found = solid.signed_distance(centers).astype(np.float32)
+        np.minimum(gap[block], found, out=gap[block])
+    gap.flags.writeable = False
+    return SolidField(origin, spacing, (nx, ny, nz), gap.ravel())

@@ -108,19 +108,20 @@ class Drives:
     def advance(self) -> None:
         """Move every joint for one period."""
         self.version += 1
+        q, steps, ahead = self.q, self.step, self._ahead
         for i in tuple(self._busy):
             lower, upper, most, gain, braking = self._bounds[i]
-            value, last, goal = self.q[i], self.step[i], self._goal[i]
+            value, last, goal = q[i], steps[i], self._goal[i]
             if goal is None:
                 wanted = 0.0
             else:
                 # What is left after going on with the goal is made up for so that the
                 # joint can still come to rest there.
                 flow = 0.0
-                if self._ahead[i] > 0:
+                if ahead[i] > 0:
                     flow = self._flow[i]
-                    self._ahead[i] -= 1
-                left = goal - self._ahead[i] * flow - value - flow
+                    ahead[i] -= 1
+                left = goal - ahead[i] * flow - value - flow
                 if -0.5 * gain <= left <= 0.5 * gain:
                     wanted = flow + left
                 else:
@@ -138,7 +139,6 @@ class Drives:
             if not lower <= there <= upper:
                 # Something else may have pushed it out; it comes back step by step.
                 there = min(max(there, min(lower, value)), max(upper, value))
-            self.q[i] = there
-            self.step[i] = self.q[i] - value
+            q[i], steps[i] = there, there - value
             if step == 0.0 and (goal is None or goal == value):
                 self._busy.discard(i)

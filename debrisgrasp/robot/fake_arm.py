@@ -20,6 +20,7 @@ __all__ = ["FakeArm", "FakeForceSensor"]
 
 _SLACK = 1.02
 """Commands may exceed speed and acceleration by rounding and uneven ticks."""
+_ROUNDING = 1e-6
 _DRAWN = 256
 """Errors of so many readings are drawn at once."""
 
@@ -52,7 +53,10 @@ class FakeArm:
         self._q: tuple[int, tuple[float, ...]] = (-1, ())
         self._pose: tuple[tuple[float, ...], tuple[Rotation, Vector]] | None = None
         self._ranges = tuple(zip(self._lower, self._upper, strict=True))
-        self._rates = tuple(zip(self._speed, self._acceleration, strict=True))
+        self._rates = tuple(
+            (_SLACK * most + _ROUNDING, _SLACK * gain)
+            for most, gain in zip(self._speed, self._acceleration, strict=True)
+        )
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -191,12 +195,14 @@ class FakeArm:
     ) -> None:
         checked = zip(rate, before, self._rates, strict=True)
         for i, (new, old, (most, gain)) in enumerate(checked):
-            if abs(new) > _SLACK * most + 1e-6:
-                what = f"speed {new:.4g}, more than {most:g}"
-            elif abs(new - old) > _SLACK * gain * dt + 1e-6:
-                what = f"acceleration {(new - old) / dt:.4g}, more than {gain:g}"
-            else:
+            change = gain * dt + _ROUNDING
+            is_quick = not -most <= new <= most
+            if not is_quick and -change <= new - old <= change:
                 continue
+            what = f"acceleration {(new - old) / dt:.4g}"
+            what += f", more than {self._acceleration[i]:g}"
+            if is_quick:
+                what = f"speed {new:.4g}, more than {self._speed[i]:g}"
             joint = self.joint_names[i]
             self._violations.append(
                 Violation(
@@ -255,11 +261,10 @@ class FakeForceSensor:
             drawn = self._sigma * self._rng.standard_normal((_DRAWN, 6))
             self._noise = iter(drawn.tolist())
             noise = next(self._noise)
-        return tuple(
-            [
-                min(max(value + drift * now + error, -most), most)
-                for value, drift, error, most in zip(
-                    raw, self._drift, noise, self._range, strict=True
-                )
-            ]
-        )
+        found = []
+        for value, drift, error, most in zip(
+            raw, self._drift, noise, self._range, strict=True
+        ):
+            told = value + drift * now + error
+            found.append(-most if told < -most else most if told > most else told)
+        return tuple(found)

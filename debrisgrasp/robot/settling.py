@@ -105,10 +105,13 @@ class Settling:
         gaps = hand.deepest(shape.points)[0], shape.deepest(hand.points)[0]
         return max(gaps) > -_LEANS
 
+    @property
+    def is_leaning(self) -> bool:
+        """Whether something lies against a hand."""
+        return bool(self._leaning)
+
     def follow(self, held: set[int]) -> None:
         """Let what lay against a hand that has moved away sink on."""
-        if not self._leaning:
-            return
         now = self._places()
         due = {
             body

@@ -10,6 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control._rigid import (
+    IDENTITY,
     Rotation,
     Vector,
     added,
@@ -83,8 +84,9 @@ class Stage:
         self._started = [shape.com.copy() for shape in self._rubble.shapes]
         self._pushes = Pushes(self._rubble, config)
         self._is_far: dict[int, bool] = {}
-        self._T_first: SE3 | None = None
-        """Pose of the base in odom, as long as that is the identity."""
+        self._base: tuple[SE3, Rotation, Vector]
+        self._base = SE3.identity(), IDENTITY, (0.0, 0.0, 0.0)
+        """Pose of the base in odom, and the same as plain numbers."""
         self.peak_force = dict.fromkeys(arms, 0.0)
         self.peak_torque = dict.fromkeys(arms, 0.0)
         self.scrapes: dict[tuple[str, str], float] = {}
@@ -135,11 +137,11 @@ class Stage:
         """Let a period pass for fingers and bodies."""
         touched: dict[int, FloatArray] = {}
         stiffness: dict[int, float] = {}
-        if self._T_first is None and np.array_equal(T_odom_base.matrix, np.eye(4)):
-            self._T_first = T_odom_base
+        if T_odom_base is not self._base[0]:
+            self._base = T_odom_base, *parts(T_odom_base)
         self.sticky_ticks = max(self.sticky_ticks - 1, 0)
         for name, hand in self._hands.items():
-            self._advance_hand(name, hand, T_odom_base)
+            self._advance_hand(name, hand)
             for spring in hand.springs:
                 if spring.body != GROUND and not self._is_held(spring.body):
                     push = touched.setdefault(spring.body, np.zeros(3))
@@ -149,7 +151,8 @@ class Stage:
                     )
         if touched or self._pushes:
             self._push(touched, stiffness)
-        self._settling.follow(self._held_bodies())
+        if self._settling.is_leaning:
+            self._settling.follow(self._held_bodies())
 
     def scrape(self, arm: str, links: LinkSpheres, T_odom_base: SE3) -> None:
         """Take note of the bodies that an arm's links go through."""
@@ -170,18 +173,18 @@ class Stage:
     def _held_bodies(self) -> set[int]:
         return {h.hold.index for h in self._hands.values() if h.hold is not None}
 
-    def _advance_hand(self, name: str, hand: HandState, T_odom_base: SE3) -> None:
+    def _advance_hand(self, name: str, hand: HandState) -> None:
         fingers_moved = hand.gripper.advance()
         pose = hand.arm.pose()
         hold = hand.hold
         is_slipping = hold is not None and (hold.is_slipping or hold.is_loading)
-        key = (pose, T_odom_base, self._rubble.version, hand.gripper.force)
+        key = (pose, self._base[0], self._rubble.version, hand.gripper.force)
         if hand.seen == key and not fingers_moved and not is_slipping:
             return
         if hand.seen is None or hand.seen[2] != key[2]:
             hand.touch.forget()
         hand.seen = key
-        axes, place = self._in_odom(pose, T_odom_base)
+        axes, place = self._in_odom(*pose)
         is_clear = not fingers_moved and hand.touch.is_clear(axes, place)
         if hold is None and is_clear:
             return
@@ -202,14 +205,13 @@ class Stage:
         if hand.hold is not None:
             self._check_hold(hand, hand.hold, turned_back(axes, on_body))
 
-    def _in_odom(
-        self, pose: tuple[Rotation, Vector], T_odom_base: SE3
-    ) -> tuple[Rotation, Vector]:
+    def _in_odom(self, R: Rotation, p: Vector) -> tuple[Rotation, Vector]:
         """Pose of a hand in odom as plain numbers."""
-        if T_odom_base is self._T_first:
-            return pose  # before the base has moved, its frame is that of the odometry
-        R, p = parts(T_odom_base)
-        return times(R, pose[0]), added(turned(R, pose[1]), p)
+        _, R_odom_base, p_odom_base = self._base
+        if R_odom_base == IDENTITY:  # it has not turned yet
+            return R, added(p, p_odom_base)
+        p_turned = turned(R_odom_base, p)
+        return times(R_odom_base, R), added(p_turned, p_odom_base)
 
     def _left_out(self, hand: HandState) -> set[int]:
         """Bodies that a hand passes through: in the other hand, or on what it holds."""

@@ -7,7 +7,7 @@ watch reaches, so that a tick in free space costs next to nothing.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from math import hypot, sqrt
+from math import dist, sqrt
 
 import numpy as np
 
@@ -121,11 +121,7 @@ class Touch:
         if self._clear is None:
             return False
         R0, p0, room, reach = self._clear
-        turn = 0.0
-        for a, b in zip(R, R0, strict=True):
-            turn += (a - b) * (a - b)
-        gap = hypot(p[0] - p0[0], p[1] - p0[1], p[2] - p0[2])
-        return gap + reach * sqrt(turn) < room
+        return dist(p, p0) + reach * dist(R, R0) < room
 
     def springs(
         self,

@@ -11,6 +11,8 @@ from debrisgrasp._arrays import BoolArray, FloatArray, Rng, frozen, require_rang
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.geometry import Intrinsics
 
+from .slopes import length_of, points_and_normals
+
 __all__ = ["Measured", "StereoNoise"]
 
 
@@ -155,10 +157,9 @@ class StereoNoise:
         return np.where(grows & (far > near + self.edge_jump), near, far)
 
     def _grazed(self, depth: FloatArray, intrinsics: Intrinsics, rng: Rng) -> BoolArray:
-        points = intrinsics.deproject(depth)
-        normals = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
-        sizes = np.linalg.norm(normals, axis=-1) * np.linalg.norm(points, axis=-1)
-        cosine = np.abs((normals * points).sum(-1)) / np.maximum(sizes, 1e-30)
+        points, normals = points_and_normals(depth, intrinsics)
+        sizes = length_of(normals) * length_of(points)
+        cosine = np.abs((normals * points).sum(axis=0)) / np.maximum(sizes, 1e-30)
         limit = np.cos(np.radians(self.grazing))
         return np.asarray(rng.random(depth.shape) * limit > cosine)
 

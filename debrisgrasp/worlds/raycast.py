@@ -96,7 +96,9 @@ def _between(rate: FloatArray, gap: FloatArray) -> Span:
 def _in_slabs(origin: FloatArray, rays: FloatArray, half: FloatArray) -> Span:
     """Spans of every coordinate inside [-half, half], shapes (k, n)."""
     is_parallel = rays == 0.0
-    per_length = 1.0 / np.where(is_parallel, 1.0, rays)
+    if is_parallel.any():
+        rays = np.where(is_parallel, 1.0, rays)
+    per_length = 1.0 / rays
     middle, reach = -origin[:, None] * per_length, half[:, None] * np.abs(per_length)
     enter, leave = middle - reach, middle + reach
     if is_parallel.any():

@@ -14,12 +14,15 @@ from debrisgrasp.geometry import SE3, Intrinsics, Solid
 
 from .body import Part, as_part
 from .raycast import corners_around, first_hits
+from .slopes import length_of, points_and_normals
 from .world import World
 
 __all__ = ["Rendered", "render"]
 
 _NEAR = 0.02
 """Closest depth at which a corner still bounds the picture of its solid [m]."""
+_ROUNDING = 1e-9
+"""[m]."""
 _GROUND_COLOR = (120, 116, 110)
 _LAMP = np.array([0.35, 0.45, 0.82])
 
@@ -70,26 +73,29 @@ def render(
     pose = SE3.from_matrix(T_base_camera.matrix, "T_base_camera")
     _require_free(world, extra, pose.p)
     shape = (intrinsics.height, intrinsics.width)
-    x = (np.arange(shape[1]) - intrinsics.cx) / intrinsics.fx
-    y = (np.arange(shape[0]) - intrinsics.cy) / intrinsics.fy
+    x = np.asarray((np.arange(shape[1]) - intrinsics.cx) / intrinsics.fx, np.float64)
+    y = np.asarray((np.arange(shape[0]) - intrinsics.cy) / intrinsics.fy, np.float64)
     # Along rays with z = 1 a distance in lengths of the ray is the depth.
-    rays = np.stack([*np.meshgrid(x, y), np.ones(shape)]).reshape(3, -1)
-    depth = world.ground.hit(pose.p, (pose.R @ rays).T)
-    labels = np.zeros(len(depth), dtype=np.int16)
+    rays = np.stack([*np.meshgrid(x, y), np.ones(shape)])
+    depth = world.ground.hit(pose.p, (pose.R @ rays.reshape(3, -1)).T).reshape(shape)
+    labels = np.zeros(shape, dtype=np.int16)
     groups = [body.solids for body in world.bodies] + [(solid,) for solid in extra]
     T_camera_base = pose.inverse()
     origin = np.zeros(3)
     for label, group in enumerate(groups, start=1):
         for solid in group:
             part = as_part(solid.moved(T_camera_base))
-            pixels = _pixels_around(part, intrinsics)
-            hit = first_hits(part, origin, rays[:, pixels].T)
-            nearer = hit < depth[pixels]
-            depth[pixels[nearer]] = hit[nearer]
-            labels[pixels[nearer]] = label
+            window = _window_around(part, intrinsics, x, y)
+            before = depth[window]
+            if not before.size:
+                continue
+            hit = first_hits(part, origin, rays[:, *window].reshape(3, -1).T)
+            nearer = hit.reshape(before.shape) < before
+            before[nearer] = hit[nearer.ravel()]
+            labels[window][nearer] = label
     is_seen = depth <= max_depth
-    depth = np.where(is_seen, depth, 0.0).reshape(shape)
-    labels = np.where(is_seen, labels, np.int16(-1)).reshape(shape)
+    depth = np.where(is_seen, depth, 0.0)
+    labels = np.where(is_seen, labels, np.int16(-1))
     colors = [_GROUND_COLOR, *(body.color for body in world.bodies)]
     colors += [(90, 90, 90)] * len(extra) + [(0, 0, 0)]
     rgb = _shaded(np.array(colors, dtype=float)[labels], depth, intrinsics, pose)
@@ -112,30 +118,43 @@ def _require_free(world: World, extra: Sequence[Solid], eye: FloatArray) -> None
         )
 
 
-def _pixels_around(part: Part, intrinsics: Intrinsics) -> IntArray:
-    """Flat indices of the pixels of a rectangle that holds the solid's picture."""
+def _window_around(
+    part: Part, intrinsics: Intrinsics, x: FloatArray, y: FloatArray
+) -> tuple[slice, slice]:
+    """Rows and columns of a rectangle that holds the solid's picture.
+
+    ``x`` and ``y`` are where the rays of columns and rows pass at a depth of 1.
+    """
     corners = corners_around(part)
     if corners[:, 2].max() <= 0.0:
-        return np.zeros(0, dtype=int)
-    limits = np.array([intrinsics.width, intrinsics.height])
+        return slice(0), slice(0)
     if corners[:, 2].min() < _NEAR:
-        low, high = np.zeros(2, dtype=int), limits
-    else:
-        uv, _ = intrinsics.project(corners)
-        low = np.clip(np.ceil(uv.min(axis=0)), 0, limits).astype(int)
-        high = np.clip(np.floor(uv.max(axis=0)) + 1, 0, limits).astype(int)
-    rows, columns = np.arange(low[1], high[1]), np.arange(low[0], high[0])
-    return (rows[:, None] * intrinsics.width + columns).ravel()
+        return _crossed(corners, 1, y), _crossed(corners, 0, x)
+    uv, _ = intrinsics.project(corners)
+    limits = np.array([intrinsics.width, intrinsics.height])
+    low = np.clip(np.ceil(uv.min(axis=0)), 0, limits).astype(int)
+    high = np.clip(np.floor(uv.max(axis=0)) + 1, 0, limits).astype(int)
+    return slice(low[1], high[1]), slice(low[0], high[0])
+
+
+def _crossed(corners: FloatArray, axis: int, rays: FloatArray) -> slice:
+    """Columns (axis 0) or rows (1) in which a polytope with corners (v, 3) may be seen.
+
+    Their plane through the eye has corners on both of its sides, which holds for
+    corners behind the eye, too.
+    """
+    beside = corners[:, axis, None] - corners[:, 2, None] * rays
+    is_met = (beside.min(axis=0) < _ROUNDING) & (beside.max(axis=0) > -_ROUNDING)
+    found = np.flatnonzero(is_met)
+    return slice(found[0], found[-1] + 1) if len(found) else slice(0)
 
 
 def _shaded(
     colors: FloatArray, depth: FloatArray, intrinsics: Intrinsics, T_base_camera: SE3
 ) -> IntArray:
-    points = intrinsics.deproject(depth)
-    across = np.gradient(points, axis=1)
-    down = np.gradient(points, axis=0)
-    normals = np.cross(down, across)
-    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+    _, normals = points_and_normals(depth, intrinsics)
+    normals /= np.maximum(length_of(normals), 1e-12)
+    normals = np.ascontiguousarray(np.moveaxis(normals, 0, -1))
     lit = np.maximum(T_base_camera.rotate(normals) @ _LAMP, 0.0)
     shaded = np.clip(colors * (0.45 + 0.55 * lit)[..., None], 0, 255)
     return np.asarray(shaded, dtype=np.uint8)

@@ -16,7 +16,7 @@ from scipy.optimize import lsq_linear, nnls
 
 from debrisgrasp._arrays import BoolArray, FloatArray, frozen, require_range
 from debrisgrasp._checked import checked, checked_fields
-from debrisgrasp.geometry import SE3, Box, so3
+from debrisgrasp.geometry import SE3, Bounds, Box, so3
 
 from .body import Body, Part, volume_and_centroid
 from .hull import Hull
@@ -152,6 +152,9 @@ class _Mover:
         self.body, self.world, self.config = body, world, config
         self.others = [part for other in others for part in other.solids]
         self.bounds = [solid.bounds for solid in self.others]
+        corners = [(box.lower, box.upper) for box in self.bounds]
+        self.corners = np.array(corners).reshape(-1, 2, 3)
+        self.own_bounds = [part.bounds for part in body.parts]
         points = [other.T_base_body.apply(edge_points(other, config.pitch))
                   for other in others]  # fmt: skip
         self.their_points = np.concatenate([*points, np.zeros((0, 3))])
@@ -242,14 +245,13 @@ class _Mover:
         up = np.broadcast_to([0.0, 0.0, 1.0], (int(low.sum()), 3))
         found = [(own[low], up, heights[low])]
         lower, upper = own.min(axis=0) - margin, own.max(axis=0) + margin
-        for part, box in zip(self.others, self.bounds, strict=True):
-            if (box.lower > upper).any() or (box.upper < lower).any():
-                continue
-            found.append(_near(part, own, margin))
+        beside = (self.corners[:, 0] > upper) | (self.corners[:, 1] < lower)
+        for i in np.flatnonzero(~beside.any(axis=1)):
+            found.append(_near(self.others[i], self.bounds[i], own, margin))
         inside = _inside(self.their_points, lower, upper)
         theirs = pose.inverse().apply(self.their_points[inside])
-        for part in self.body.parts:
-            points, normals, gaps = _near(part, theirs, margin)
+        for part, box in zip(self.body.parts, self.own_bounds, strict=True):
+            points, normals, gaps = _near(part, box, theirs, margin)
             found.append((pose.apply(points), -pose.rotate(normals), gaps))
         points, normals, gaps = (
             np.concatenate(items) for items in zip(*found, strict=True)
@@ -321,14 +323,14 @@ def _edge_points(parts: tuple[Part, ...], pitch: float) -> FloatArray:
 
 
 def _near(
-    part: Part, points: FloatArray, margin: float
+    part: Part, box: Bounds, points: FloatArray, margin: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Points within a margin of a part, its outward normals there, and distances.
 
+    The box is that around the part.
     Polytopes answer by their planes, which is exact over their faces and too near
     beyond their edges: quick, and safe.
     """
-    box = part.bounds
     points = points[_inside(points, box.lower - margin, box.upper + margin)]
     if isinstance(part, (Box, Hull)):
         sides, offsets = _planes(part)

@@ -19,6 +19,7 @@ from debrisgrasp.worlds import (
     look_at,
     render,
 )
+from debrisgrasp.worlds.raycast import first_hits
 
 CAMERA = Intrinsics(fx=200.0, fy=200.0, cx=80.0, cy=60.0, width=161, height=121)
 DOWN = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 2.0])
@@ -220,3 +221,22 @@ def test_drawn_views_look_at_their_target_from_the_side_of_the_robot(rng):
 def test_ground_that_is_no_grid_is_refused(heights):
     with pytest.raises(InputError, match="ground heights"):
         Ground(heights)
+
+
+def test_the_picture_of_a_solid_beside_the_eye_is_no_smaller_for_the_search(rng):
+    """A part of each stands behind the camera, or beside it."""
+    rays = CAMERA.deproject(np.ones((CAMERA.height, CAMERA.width))).reshape(-1, 3)
+    seen = 0
+    for _ in range(150):
+        half = 0.05 + 0.5 * rng.random(3)
+        place = rng.uniform([-1.0, -1.0, 1.3], [1.0, 1.0, 2.7])
+        turn = so3.exp(rng.standard_normal(3))
+        box = Box(half, SE3.from_parts(turn, place))
+        if box.signed_distance(DOWN.p) < 0.01:
+            continue
+        labels = render(world_of(box), CAMERA, DOWN).labels
+        hits = first_hits(box.moved(DOWN.inverse()), np.zeros(3), rays)
+        expected = hits < 2.0  # the ground
+        assert (labels.ravel() == 1).tolist() == expected.tolist()
+        seen += bool(expected.any())
+    assert seen > 10
