@@ -39,7 +39,7 @@ __all__ = [
 
 _LEFT_AT = re.compile(r"at \((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\)")
 """How the task names the place of an object that it leaves."""
-_DRIVE_OVER = 0.04
+_DRIVE_OVER = 0.05
 """Boards on the ground are no obstacle; all else is to be removed [m]."""
 _NEAR = 0.1
 """A place that is nearer than this to a body's box is the body's [m]."""
