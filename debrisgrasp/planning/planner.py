@@ -18,6 +18,7 @@ from .config import PlannerConfig
 from .ledger import Ledger, Rejections
 from .load import LoadModel, Loads
 from .mass import ObjectMass, likely_objects
+from .offers import Offers
 from .plan import Grasp
 from .postures import joint_columns
 from .reach import Arm, Distance
@@ -29,11 +30,6 @@ __all__ = ["GraspPlanner", "SearchResult"]
 
 _SPARE = 10
 """So many more poses than grasps are wanted are tried on the arms at once."""
-_LIFT = 0.15
-"""How far the hand goes up with the object [m]: there too it has to give way."""
-_LEEWAY = 0.9
-"""Share of the pushes that a posture has to give way to; other postures of the same
-grasp give way to the last few."""
 _STIFF = "no room to give way to a push"
 _LEAST_CHANCE = 0.1
 """What is less likely to hold is no grasp: another object, or a no, serves better."""
@@ -124,9 +120,15 @@ class GraspPlanner:
             found = Modes.none()
         with watch.stage("reachability"):
             loads = model(found.Ts, found.prototype, self._search.tools.levers)
-            grasps = self._ranked(found, loads, arms, distance, arm_rng, ledger)
-            grasps = self._approached(scene, grasps)
-            grasps = self._yielding(grasps, arms, leeway_rng, ledger)
+            offers = Offers(
+                arms,
+                self._chosen,
+                lambda grasps: self._approached(scene, grasps),
+                rng=leeway_rng,
+            )
+            self._rank(found, loads, arms, distance, offers, arm_rng, ledger)
+            grasps = offers.offered
+            self._note_stiff(offers.left_out, ledger)
         ruled_out = ledger.closed()
         return SearchResult(
             grasps,
@@ -206,42 +208,24 @@ class GraspPlanner:
             for grasp, offset in zip(grasps, offsets, strict=True)
         )
 
-    def _yielding(
-        self, grasps: tuple[Grasp, ...], arms: Sequence[Arm], rng: Rng, ledger: Ledger
-    ) -> tuple[Grasp, ...]:
-        """Leave out grasps in which the arm can't give way, unless that leaves none.
-
-        A controller that is compliant would refuse their approach or their lift.
-        """
-        yields = np.ones(len(grasps), dtype=bool)
-        for arm in arms:
-            rows = [i for i, grasp in enumerate(grasps) if grasp.arm == arm.name]
-            if rows:
-                mine = [grasps[i] for i in rows]
-                share = arm.leeway(*_way_of(mine, arm.joint_names), rng=rng)
-                yields[rows] = share >= _LEEWAY
-        if not yields.any():
-            return grasps
-        for arm in arms:
-            stiff = [
-                grasp
-                for grasp, gives in zip(grasps, yields, strict=True)
-                if grasp.arm == arm.name and not gives
-            ]
+    def _note_stiff(self, grasps: Sequence[Grasp], ledger: Ledger) -> None:
+        """Note grasps in which the arm can't give way."""
+        for name in dict.fromkeys(grasp.arm for grasp in grasps):
+            stiff = [grasp for grasp in grasps if grasp.arm == name]
             every = np.ones(len(stiff), dtype=bool)
-            ledger.add(f"{arm.name} arm: {_STIFF}", *self._placed(stiff), every)
-        return tuple(grasps[i] for i in np.flatnonzero(yields))
+            ledger.add(f"{name} arm: {_STIFF}", *self._placed(stiff), every)
 
-    def _ranked(
+    def _rank(
         self,
         found: Modes,
         loads: Loads,
         arms: Sequence[Arm],
         distance: Distance,
+        offers: Offers,
         rng: Rng,
         ledger: Ledger,
-    ) -> tuple[Grasp, ...]:
-        """Best grasps that an arm takes, or all if there is no arm."""
+    ) -> None:
+        """Offer the best grasps that an arm takes, or all if there is no arm."""
         heavy = loads.is_too_heavy
         ledger.add(
             "too heavy for the grip",
@@ -254,14 +238,14 @@ class GraspPlanner:
         ledger.add("it would hardly hold", found.Ts, found.prototype, poor, found.score)
         rows = np.flatnonzero(~heavy & ~poor)
         if not arms:
-            grasps = [self._grasp(found, loads, i) for i in rows.tolist()]
-            return self._chosen(grasps)
-        rngs, grasps = rng.spawn(len(arms)), []
+            offers.take([self._grasp(found, loads, i) for i in rows.tolist()])
+            return
+        rngs = rng.spawn(len(arms))
         rows = rows[self._turns(found[rows])]
         # The arms are asked for as many as are wanted, and some that may fail.
         step = self._config.n_best + _SPARE
         for some in np.split(rows, range(step, len(rows), step)):
-            carried = self._search.tools.gripper_of[found.prototype[some]]
+            carried, grasps = self._search.tools.gripper_of[found.prototype[some]], []
             for arm, own, arm_rng in zip(arms, joint_columns(arms), rngs, strict=True):
                 mine = some[carried == arm.gripper]
                 if len(mine):
@@ -270,10 +254,9 @@ class GraspPlanner:
                     grasps += self._taken(
                         modes, loads[mine], arm, distance, arm_rng, ledger
                     )
-            chosen = self._chosen(grasps)
-            if len(chosen) == self._config.n_best:
-                break
-        return chosen
+            offers.take(grasps)
+            if len(offers.yielding) == self._config.n_best:
+                return
 
     def _turns(self, found: Modes) -> IntArray:
         """Order in which modes are offered if all can be taken."""
@@ -281,11 +264,11 @@ class GraspPlanner:
         places = SE3(found.Ts).apply(tools.hands.grip_points[found.prototype])
         return np.argsort(turns(places, self._config.region_size), kind="stable")
 
-    def _chosen(self, grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
-        """Distinct grasps, spread over the object, best first."""
+    def _chosen(self, grasps: Sequence[Grasp]) -> IntArray:
+        """Rows of distinct grasps, spread over the object, best first."""
         Ts, which = self._placed(grasps)
         places = SE3(Ts).apply(self._search.tools.hands.grip_points[which])
-        chosen = choose(
+        return choose(
             Ts,
             places,
             [grasp.gripper for grasp in grasps],
@@ -294,7 +277,6 @@ class GraspPlanner:
             np.array([grasp.score for grasp in grasps]),
             self._config,
         )
-        return tuple(grasps[i] for i in chosen)
 
     def _taken(
         self,
@@ -383,15 +365,3 @@ class GraspPlanner:
             load=loads.forecast(index),
             success=success,
         )
-
-
-def _way_of(
-    grasps: Sequence[Grasp], joint_names: Sequence[str]
-) -> tuple[FloatArray, SE3, SE3]:
-    """Joints (k, d) and poses (k,) of grasps, and pre-grasp and lift (k, 2)."""
-    joints = [[(grasp.joints or {})[name] for name in joint_names] for grasp in grasps]
-    hand = np.array([grasp.T_base_hand.matrix for grasp in grasps])
-    away = np.array([grasp.T_base_pregrasp.matrix for grasp in grasps])
-    lifted = hand.copy()
-    lifted[:, 2, 3] += _LIFT
-    return np.array(joints), SE3(hand), SE3(np.stack([away, lifted], axis=1))

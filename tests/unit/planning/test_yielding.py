@@ -1,16 +1,18 @@
-"""Grasps whose arm can't give way are left out, unless there are no others."""
+"""Grasps whose arm can't give way make room for others, unless there are none."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from debrisgrasp.geometry import SE3
 from debrisgrasp.planning import Grasp, GraspPlanner, PlannerConfig
+from debrisgrasp.planning.choice import is_half_turn_symmetric
 from debrisgrasp.planning.ledger import Ledger
+from debrisgrasp.planning.offers import Offers
 from debrisgrasp.prototypes import PrototypeLibrary
-
-NAME = "cylinder_060_tip"
 
 
 class Arm:
@@ -28,54 +30,125 @@ class Arm:
         return joints[:, 0]
 
 
-@pytest.fixture(scope="module")
-def planner() -> GraspPlanner:
-    return GraspPlanner(PrototypeLibrary.load().select(names=[NAME]), PlannerConfig())
-
-
-def grasp(arm: str, share: float) -> Grasp:
+def grasp(arm: str, share: float, score: float) -> Grasp:
     return Grasp(
         T_base_hand=SE3.from_parts(p=(share, 0.0, 0.3)),
-        T_base_pregrasp=SE3.from_parts(p=(share, 0.0, 0.4)),
+        T_base_pregrasp=SE3.from_parts(p=(share, 0.0, 0.35)),
         gripper="robotiq_3f",
         preshape="pinch",
         opening=0.1,
         width=0.06,
-        prototype=NAME,
+        prototype="cylinder_060_tip",
         S=1.0,
         C=1.0,
         R=1.0,
         coverage=1.0,
         support=1,
         expected=1.0,
-        score=0.5,
+        score=score,
         arm=arm,
         joints={"j": share},
     )
 
 
-def left(planner, shares, ledger) -> tuple[list[float], list[Arm]]:
-    """Shares of the grasps that stay, of two arms in turn."""
+def approached(grasps) -> list[Grasp]:
+    """The hand comes from 10 cm above."""
+    up = SE3.from_parts(p=(0.0, 0.0, 0.1))
+    return [replace(one, T_base_pregrasp=up @ one.T_base_hand) for one in grasps]
+
+
+def offers(most: int) -> tuple[Offers, list[Arm]]:
+    """Offers of two arms: at most so many."""
     arms = [Arm("left"), Arm("right")]
-    given = tuple(grasp(arms[i % 2].name, share) for i, share in enumerate(shares))
-    found = planner._yielding(given, arms, np.random.default_rng(0), ledger)
-    return [one.joints["j"] for one in found], arms
+
+    def best(grasps) -> np.ndarray:
+        scores = np.array([one.score for one in grasps])
+        return np.argsort(-scores, kind="stable")[:most]
+
+    return Offers(arms, best, approached, rng=np.random.default_rng(0)), arms
 
 
-def test_grasps_that_cannot_give_way_are_left_out_with_a_reason(planner):
-    ledger = Ledger()
-    found, arms = left(planner, [1.0, 0.5, 0.95, 0.97, 0.2], ledger)
-    assert found == [1.0, 0.95, 0.97]
-    assert ledger.closed().counts() == {
-        "right arm: no room to give way to a push": 1,
-        "left arm: no room to give way to a push": 1,
-    }
+def given(shares) -> list[Grasp]:
+    """Grasps that give way so much, of two arms in turn, the best first."""
+    return [
+        grasp(("left", "right")[i % 2], share, 0.9 - 0.1 * i)
+        for i, share in enumerate(shares)
+    ]
+
+
+def shares(grasps) -> list[float]:
+    return [one.joints["j"] for one in grasps]
+
+
+def test_grasps_that_cannot_give_way_are_left_out():
+    found, arms = offers(20)
+    found.take(given([1.0, 0.5, 0.95, 0.97, 0.2]))
+    assert shares(found.offered) == [1.0, 0.95, 0.97]
+    assert shares(found.left_out) == [0.5, 0.2]
     # At the pre-grasp, and lifted by 15 cm.
     assert arms[0].seen[0] == pytest.approx(np.array([[0.4, 0.45]] * 3))
 
 
-def test_where_no_grasp_gives_way_all_stay(planner):
+def test_a_grasp_that_gives_way_takes_the_place_of_one_that_does_not():
+    found, arms = offers(2)
+    found.take(given([0.5, 0.2, 0.1, 0.95, 0.97, 1.0]))
+    assert shares(found.offered) == [0.95, 0.97]
+    assert sum(map(len, arms[0].seen)) + sum(map(len, arms[1].seen)) == 5
+    assert [one.T_base_pregrasp.p[2] for one in found.offered] == pytest.approx(
+        [0.4] * 2
+    )
+
+
+def test_grasps_taken_later_are_offered_if_they_are_better():
+    found, _ = offers(2)
+    found.take(given([0.5, 0.95, 0.97]))
+    found.take([grasp("left", 0.3, 0.99), grasp("left", 0.98, 0.95)])
+    assert shares(found.offered) == [0.98, 0.95]
+    assert shares(found.left_out) == [0.5, 0.3]
+
+
+def test_where_no_grasp_gives_way_the_best_stay():
+    found, _ = offers(2)
+    found.take(given([0.5, 0.1, 0.2]))
+    assert shares(found.offered) == [0.5, 0.1]
+    assert found.yielding == ()
+    assert found.left_out == ()
+    nothing, _ = offers(2)
+    nothing.take([])
+    assert nothing.offered == ()
+
+
+@pytest.fixture(scope="module")
+def planner() -> GraspPlanner:
+    library = PrototypeLibrary.load().select(names=["claw_bar_4x4", "cylinder_060_tip"])
+    claw = library["claw_bar_4x4"]
+    assert is_half_turn_symmetric(library.grippers[claw.gripper], claw.preshape)
+    return GraspPlanner(library, PlannerConfig())
+
+
+def test_the_hand_turned_by_half_is_offered_where_the_better_one_is_stiff(planner):
+    claw = {p.name: p for p in planner.prototypes}["claw_bar_4x4"]
+    stiff = replace(
+        grasp("left", 0.5, 0.9),
+        gripper=claw.gripper,
+        preshape=claw.preshape,
+        prototype=claw.name,
+    )
+    turn = SE3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.0, np.pi]))
+    turned = replace(
+        stiff, T_base_hand=stiff.T_base_hand @ turn, score=0.8, joints={"j": 1.0}
+    )
+    rng = np.random.default_rng(0)
+    both = Offers([Arm("left")], planner._chosen, approached, rng=rng)
+    both.take([stiff, turned])
+    assert [one.score for one in both.offered] == [0.8]
+    assert [one.score for one in both.left_out] == [0.9]
+
+
+def test_those_left_out_are_counted_with_their_reason(planner):
     ledger = Ledger()
-    assert left(planner, [0.5, 0.1], ledger)[0] == [0.5, 0.1]
-    assert not ledger.closed().counts()
-    assert left(planner, [], ledger)[0] == []
+    planner._note_stiff(given([0.5, 0.2, 0.1]), ledger)
+    assert ledger.closed().counts() == {
+        "left arm: no room to give way to a push": 2,
+        "right arm: no room to give way to a push": 1,
+    }
