@@ -8,7 +8,7 @@ the object between the fingers tells how far the hidden side is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr
@@ -23,6 +23,7 @@ from debrisgrasp._arrays import (
 from debrisgrasp.prototypes import PrototypeLibrary
 
 from .borders import is_behind
+from .near_pads import ROOM_ERROR, SAME, NearPads
 from .scene import GraspScene
 
 __all__ = ["ContactConfig", "PadContacts", "PadLook", "PadZones"]
@@ -33,17 +34,6 @@ _ROOM = 0.005
 """A finger that goes down behind a hidden side needs so much room [m]."""
 _UNDER = 0.01
 """What was seen so far beyond a finger's inner face lies under the finger [m]."""
-_ROOM_ERROR = 0.008
-"""Standard deviation of where a hidden side is expected [m]."""
-_LEAST_CURVED = 6
-"""Fewer points between the fingers don't tell where the hidden side is."""
-_FLAT = 0.01
-"""Variance of the normals along the closing axis that comes from noise alone."""
-_SAME = 0.01
-"""Points whose places along the closing axis differ by less are equally far out [m]."""
-_STRIPS = 4
-"""The outline of what was seen is told by the farthest point in each of so many strips
-across the fingers."""
 _HALF_PAD = 0.015
 """An object that ends by more than this before the middle of a pad misses it [m]."""
 _END_ERROR = 0.008
@@ -115,7 +105,8 @@ class PadLook:
     """That both sides get to press within their cones, in [0, 1], shape (k,). A side of
     which too little was seen is taken to lean as the outline of the object does, if
     what was seen of that leaves a finger room there. Where the object ends before it
-    gets to a finger, that one presses on nothing."""
+    gets to a finger, that one presses on nothing. Fingertips that end before the middle
+    of what is round press it out of the hand."""
     is_too_wide: BoolArray
     """Whether a hidden side is so far out that a finger would land on it, (k,)."""
     angles: FloatArray
@@ -155,7 +146,7 @@ class PadContacts:
         Ts_base_hand, prototype
             Poses (k, 4, 4), and whose hand each carries (k,).
         """
-        found = np.empty((len(Ts_base_hand), 7))
+        found = np.empty((len(Ts_base_hand), 9))
         n_poses = max(1, _TOGETHER // max(1, self._points.shape[1]))
         for first in range(0, len(found), n_poses):
             some = slice(first, first + n_poses)
@@ -165,11 +156,14 @@ class PadContacts:
         cone, error = np.arctan(config.friction), config.angle_error
         share = ndtr((cone - np.where(np.isnan(angles), leaning, angles)) / error)
         share /= ndtr(cone / error)
-        fits = ndtr((room - _ROOM) / _ROOM_ERROR).prod(axis=1)
+        fits = ndtr((room - _ROOM) / ROOM_ERROR).prod(axis=1)
         meets = ndtr((_HALF_PAD - found[:, 6]) / _END_ERROR)
         meets = _BY_THE_REST + (1.0 - _BY_THE_REST) * meets
+        # Sides of a round thing slant alike: what squeezes one out does the other.
+        slant, slant_error = found[:, 7:].T
+        keeps = ndtr((cone - slant) / slant_error) / ndtr(cone / slant_error)
         return PadLook(
-            probability=share.prod(axis=1) * fits * meets,
+            probability=share.prod(axis=1) * fits * meets * keeps,
             is_too_wide=fits < config.least,
             angles=angles,
             is_seen=np.asarray(np.isfinite(angles).all(axis=1)),
@@ -177,7 +171,7 @@ class PadContacts:
         )
 
     def _look(self, Ts: FloatArray, prototype: IntArray) -> FloatArray:
-        """Angles, room, and lean of the sides, and overhang, shape (k, 7)."""
+        """Angles, room, lean of the sides, overhang, slant, its error, shape (k, 9)."""
         lower, upper = self._zones.lower[prototype], self._zones.upper[prototype]
         wide = np.array([_UNDER, 0.0, 0.0], dtype=np.float32)
         around = self._between(Ts, lower - wide, upper + wide)
@@ -207,7 +201,7 @@ class PadContacts:
             out = np.float32(side) * near.x
             reaches = out > end.take(near.pose)
             farthest = near.greatest(out, near.pose, -1.0)
-            is_last = out > (farthest - np.float32(_SAME)).take(near.pose)
+            is_last = out > (farthest - np.float32(SAME)).take(near.pose)
             for goes_on, left in (
                 (reaches, 0.0),
                 (is_behind & is_last, 0.0),
@@ -218,10 +212,11 @@ class PadContacts:
             rooms.append(np.where(is_seen, np.inf, room))
             leaning.append(near.lean(out, is_behind, width))
         over = self._overhang(near, is_behind | is_cut, width)
-        return np.stack([*angles, *rooms, *leaning, over], axis=1)
+        slant, error = near.slant(upper[:, 2])
+        return np.stack([*angles, *rooms, *leaning, over, slant, error], axis=1)
 
     def _overhang(
-        self, near: _Near, is_open: BoolArray, width: Float32Array
+        self, near: NearPads, is_open: BoolArray, width: Float32Array
     ) -> FloatArray:
         """How far the object ends before the middle of the outermost pad [m], (k,).
 
@@ -238,7 +233,7 @@ class PadContacts:
         margin = np.float32(self._config.margin)
         for along, end in ((near.y, width), (-near.y, np.zeros_like(width))):
             last = near.greatest(along, near.pose, -np.inf)
-            is_last = is_open & (along > (last - np.float32(_SAME)).take(near.pose))
+            is_last = is_open & (along > (last - np.float32(SAME)).take(near.pose))
             is_hidden = near.count(is_last) >= self._config.min_points
             short = np.where(is_hidden, -np.inf, end - margin - last)
             over = np.maximum(over, short)
@@ -247,7 +242,7 @@ class PadContacts:
 
     def _between(
         self, Ts: FloatArray, lower: Float32Array, upper: Float32Array
-    ) -> _Near:
+    ) -> NearPads:
         """Points between the open fingers of each pose (k, 4, 4)."""
         to_hand = Ts[:, :3, :3].astype(np.float32).transpose(0, 2, 1)
         begin = (to_hand @ Ts[:, :3, 3:].astype(np.float32))[..., 0]
@@ -264,108 +259,14 @@ class PadContacts:
         point = found - n * pose
         normals = self._normals.take(point, axis=1)
         closing = to_hand[:, 0].T.take(pose, axis=1)
-        return _Near(
+        axis_of_palm = to_hand[:, 2].T.take(pose, axis=1)
+        return NearPads(
             pose=pose,
             point=point,
             x=places[0].take(found) - begin[:, 0].take(pose),
             y=places[1].take(found) - (begin + lower)[:, 1].take(pose),
             z=places[2].take(found) - begin[:, 2].take(pose),
             along=(closing * normals).sum(axis=0),
+            facing=-(axis_of_palm * normals).sum(axis=0),
             n_poses=len(Ts),
         )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Near:
-    """Points between the open fingers of some poses, m pairs of both."""
-
-    pose: IntArray
-    """Index of the pose, ascending, shape (m,)."""
-    point: IntArray
-    """Index of the point, shape (m,)."""
-    x: Float32Array
-    """Along the closing axis [m], palm frame, shape (m,)."""
-    y: Float32Array
-    """Across the fingers, from the edge of the zone of the pads [m], shape (m,)."""
-    z: Float32Array
-    """Along the palm's axis [m], shape (m,)."""
-    along: Float32Array
-    """Cosine of the normal to the closing axis, shape (m,)."""
-    n_poses: int
-
-    def picked(self, which: BoolArray) -> _Near:
-        """Pick some of the pairs (m,)."""
-        return replace(
-            self,
-            pose=self.pose[which],
-            point=self.point[which],
-            x=self.x[which],
-            y=self.y[which],
-            z=self.z[which],
-            along=self.along[which],
-        )
-
-    def count(self, which: BoolArray) -> IntArray:
-        """How many of some points (m,) each pose has, shape (k,)."""
-        return np.bincount(self.pose[which], minlength=self.n_poses)
-
-    def greatest(
-        self, values: Float32Array, pose: IntArray, initial: float
-    ) -> Float32Array:
-        """Greatest of the values of each pose, and ``initial``, shape (k,)."""
-        found = np.full(self.n_poses, initial, dtype=np.float32)
-        np.maximum.at(found, pose, values)
-        return found
-
-    def lean(
-        self, out: Float32Array, is_behind: BoolArray, width: Float32Array
-    ) -> FloatArray:
-        """Angle by which a hidden side is turned off the closing axis [rad], (k,).
-
-        The outline of what was seen between the fingers tells: where that is a corner,
-        the sides below it lean. Zero where the outline itself is hidden.
-
-        Parameters
-        ----------
-        out
-            How far out each point is on that side [m], shape (m,).
-        is_behind
-            Which points may go on behind something nearer, shape (m,).
-        width
-            Of the zone of the pads [m], shape (k,).
-        """
-        step = width / np.float32(_STRIPS)
-        strip = np.clip(
-            (self.y / step.take(self.pose)).astype(np.int64), 0, _STRIPS - 1
-        )
-        cell = self.pose * _STRIPS + strip
-        farthest = np.full(self.n_poses * _STRIPS, -np.inf, dtype=np.float32)
-        np.maximum.at(farthest, cell, out)
-        is_last = is_behind & (out > (farthest - np.float32(_SAME)).take(cell))
-        farthest[cell[is_last]] = -np.inf
-        outline = farthest.reshape(-1, _STRIPS)
-        is_known = np.isfinite(outline)
-        n = np.maximum(is_known.sum(axis=1, keepdims=True), 1)
-        place = np.where(is_known, np.arange(_STRIPS), 0.0)
-        place = np.where(is_known, place - place.sum(axis=1, keepdims=True) / n, 0.0)
-        slope = (place * np.where(is_known, outline, 0.0)).sum(axis=1) / step
-        slope /= np.maximum((place * place).sum(axis=1), 1.0)
-        lean: FloatArray = np.where(n[:, 0] > 2, np.arctan(np.abs(slope)), 0.0)
-        return lean
-
-    def _mean(self, values: Float32Array, n: IntArray) -> FloatArray:
-        return np.bincount(self.pose, values, self.n_poses) / n
-
-    def curve(self) -> tuple[FloatArray, FloatArray]:
-        """Middle and half width [m] that the points have, NaN if unknown, (k,) each.
-
-        Least squares of x = middle + half width * normal.
-        """
-        count = np.bincount(self.pose, minlength=self.n_poses)
-        n = np.maximum(count, 1)
-        mean_x, mean_along = self._mean(self.x, n), self._mean(self.along, n)
-        covariance = self._mean(self.x * self.along, n) - mean_x * mean_along
-        variance = self._mean(self.along * self.along, n) - mean_along**2
-        radius = np.maximum(covariance, 0.0) / (variance + _FLAT)
-        radius = np.where(count >= _LEAST_CURVED, radius, np.nan)
-        return mean_x - radius * mean_along, radius

@@ -96,6 +96,40 @@ def test_hidden_sides_lean_as_the_outline_of_the_top_does(corner, least, most):
     assert least <= look.probability[0] <= most
 
 
+@pytest.mark.parametrize(
+    ("short", "least", "most"), [(-0.02, 0.9, 1.0), (0.03, 0, 0.02)]
+)
+def test_fingertips_that_end_before_the_middle_of_a_pipe_squeeze_it_out(
+    short, least, most
+):
+    radius, reach = 0.045, PadZones.of(LIBRARY, CONFIG).upper[0, 2]
+    turn = np.linspace(-1.4, 1.4, 29)
+    normals = np.stack([np.sin(turn), 0.0 * turn, -np.cos(turn)], axis=1)
+    points = [0.0, PADS[:, 1].mean(), reach + short] + radius * normals
+    cloud = PointCloud(
+        extruded(points), np.tile(normals, (5, 1)), np.array([0.0, 0.0, -2.0])
+    )
+    found = PadContacts(scene_of(cloud), PadZones.of(LIBRARY, CONFIG), CONFIG)
+    assert least <= at(found) <= most
+
+
+def test_flat_sides_hold_however_far_below_the_fingertips_they_go_on():
+    reach = PadZones.of(LIBRARY, CONFIG).upper[0, 2]
+    top, depth = np.linspace(-0.04, 0.04, 17), np.linspace(-0.03, 0.06, 19)
+    faces = [(np.stack([top, 0 * top, 0 * top - 0.03], 1), [0.0, 0.0, -1.0])]
+    for side in (-1, 1):
+        rows = np.stack([0 * depth + side * 0.04, 0 * depth, depth], axis=1)
+        faces.append((rows, [float(side), 0.0, 0.0]))
+    points = np.concatenate([extruded(rows) for rows, _ in faces])
+    points[:, 2] += reach
+    normals = np.concatenate(
+        [np.tile(normal, (len(ACROSS) * len(rows), 1)) for rows, normal in faces]
+    )
+    cloud = PointCloud(points, normals, np.array([0.0, 0.0, -2.0]))
+    found = PadContacts(scene_of(cloud), PadZones.of(LIBRARY, CONFIG), CONFIG)
+    assert at(found) > 0.95
+
+
 def test_a_finger_does_not_come_down_on_what_goes_on_under_it():
     half = PROTOTYPE.opening / 2
     place = np.array([0.0, PADS[:, 1].mean(), PADS[:, 2].mean() - 0.02])

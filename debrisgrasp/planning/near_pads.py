@@ -1,0 +1,152 @@
+"""What was seen of an object between open fingers, for many poses at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray
+
+__all__ = ["ROOM_ERROR", "SAME", "NearPads"]
+
+_LEAST_CURVED = 6
+"""Fewer points between the fingers don't tell where the hidden side is."""
+_FLAT = 0.01
+"""Variance of the normals along the closing axis that comes from noise alone."""
+_EVEN = 0.001
+"""Variance of the normals along the palm's axis that comes from noise alone."""
+_LEAST_RADIUS = 0.005
+"""What curves more sharply than this is an edge [m]."""
+_SLANT_ERROR = 0.08
+"""Standard deviation of the slant of a round side, but for that of the hand's place
+[rad]."""
+_STRIPS = 4
+"""The outline of what was seen is told by the farthest point in each of so many strips
+across the fingers."""
+SAME = 0.01
+"""Points whose places along the closing axis differ by less are equally far out [m]."""
+ROOM_ERROR = 0.008
+"""Standard deviation of where a hidden side is expected [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearPads:
+    """Points between the open fingers of some poses, m pairs of both."""
+
+    pose: IntArray
+    """Index of the pose, ascending, shape (m,)."""
+    point: IntArray
+    """Index of the point, shape (m,)."""
+    x: Float32Array
+    """Along the closing axis [m], palm frame, shape (m,)."""
+    y: Float32Array
+    """Across the fingers, from the edge of the zone of the pads [m], shape (m,)."""
+    z: Float32Array
+    """Along the palm's axis [m], shape (m,)."""
+    along: Float32Array
+    """Cosine of the normal to the closing axis, shape (m,)."""
+    facing: Float32Array
+    """Cosine between the normal and the way back to the palm, shape (m,)."""
+    n_poses: int
+
+    def picked(self, which: BoolArray) -> NearPads:
+        """Pick some of the pairs (m,)."""
+        return replace(
+            self,
+            pose=self.pose[which],
+            point=self.point[which],
+            x=self.x[which],
+            y=self.y[which],
+            z=self.z[which],
+            along=self.along[which],
+            facing=self.facing[which],
+        )
+
+    def count(self, which: BoolArray) -> IntArray:
+        """How many of some points (m,) each pose has, shape (k,)."""
+        return np.bincount(self.pose[which], minlength=self.n_poses)
+
+    def greatest(
+        self, values: Float32Array, pose: IntArray, initial: float
+    ) -> Float32Array:
+        """Greatest of the values of each pose, and ``initial``, shape (k,)."""
+        found = np.full(self.n_poses, initial, dtype=np.float32)
+        np.maximum.at(found, pose, values)
+        return found
+
+    def lean(
+        self, out: Float32Array, is_behind: BoolArray, width: Float32Array
+    ) -> FloatArray:
+        """Angle by which a hidden side is turned off the closing axis [rad], (k,).
+
+        The outline of what was seen between the fingers tells: where that is a corner,
+        the sides below it lean. Zero where the outline itself is hidden.
+
+        Parameters
+        ----------
+        out
+            How far out each point is on that side [m], shape (m,).
+        is_behind
+            Which points may go on behind something nearer, shape (m,).
+        width
+            Of the zone of the pads [m], shape (k,).
+        """
+        step = width / np.float32(_STRIPS)
+        strip = np.clip(
+            (self.y / step.take(self.pose)).astype(np.int64), 0, _STRIPS - 1
+        )
+        cell = self.pose * _STRIPS + strip
+        farthest = np.full(self.n_poses * _STRIPS, -np.inf, dtype=np.float32)
+        np.maximum.at(farthest, cell, out)
+        is_last = is_behind & (out > (farthest - np.float32(SAME)).take(cell))
+        farthest[cell[is_last]] = -np.inf
+        outline = farthest.reshape(-1, _STRIPS)
+        is_known = np.isfinite(outline)
+        n = np.maximum(is_known.sum(axis=1, keepdims=True), 1)
+        place = np.where(is_known, np.arange(_STRIPS), 0.0)
+        place = np.where(is_known, place - place.sum(axis=1, keepdims=True) / n, 0.0)
+        slope = (place * np.where(is_known, outline, 0.0)).sum(axis=1) / step
+        slope /= np.maximum((place * place).sum(axis=1), 1.0)
+        lean: FloatArray = np.where(n[:, 0] > 2, np.arctan(np.abs(slope)), 0.0)
+        return lean
+
+    def _mean(self, values: Float32Array, n: IntArray) -> FloatArray:
+        return np.bincount(self.pose, values, self.n_poses) / n
+
+    def slant(self, reach: Float32Array) -> tuple[FloatArray, FloatArray]:
+        """How far round sides slant at the fingertips [rad], and its error, (k,) each.
+
+        They are upright at the middle of what is round; fingertips that end before it
+        press on what is turned to the palm. Least squares of z = middle - radius *
+        facing; on a box the middle is that of its sides, which fingertips get past.
+
+        Parameters
+        ----------
+        reach
+            How far from the palm the fingertips get [m], shape (k,).
+        """
+        count = self.count(self.pose >= 0)
+        n = np.maximum(count, 1)
+        mean_z, mean_facing = self._mean(self.z, n), self._mean(self.facing, n)
+        covariance = mean_z * mean_facing - self._mean(self.z * self.facing, n)
+        variance = self._mean(self.facing * self.facing, n) - mean_facing**2
+        radius = np.maximum(covariance / (variance + _EVEN), _LEAST_RADIUS)
+        short = (mean_z + radius * mean_facing - reach) / radius
+        is_round = (count >= _LEAST_CURVED) & (radius > _LEAST_RADIUS)
+        slant = np.where(is_round, np.arcsin(np.clip(short, 0.0, 1.0)), 0.0)
+        return slant, np.hypot(_SLANT_ERROR, ROOM_ERROR / radius)
+
+    def curve(self) -> tuple[FloatArray, FloatArray]:
+        """Middle and half width [m] that the points have, NaN if unknown, (k,) each.
+
+        Least squares of x = middle + half width * normal.
+        """
+        count = np.bincount(self.pose, minlength=self.n_poses)
+        n = np.maximum(count, 1)
+        mean_x, mean_along = self._mean(self.x, n), self._mean(self.along, n)
+        covariance = self._mean(self.x * self.along, n) - mean_x * mean_along
+        variance = self._mean(self.along * self.along, n) - mean_along**2
+        radius = np.maximum(covariance, 0.0) / (variance + _FLAT)
+        radius = np.where(count >= _LEAST_CURVED, radius, np.nan)
+        return mean_x - radius * mean_along, radius
