@@ -75,7 +75,7 @@ def _add_clear(subparsers: Subparsers) -> None:
         type=number,
         default=0.10,
         metavar="M",
-        help="leave what is lower than this [m] (default: 0.10)",
+        help="leave what is measured at least 1 cm lower than this [m] (default: 0.10)",
     )
     parser.add_argument(
         "--record",

@@ -51,8 +51,10 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
             lines.append(plan.grasps[0].load.in_words)
         lines.append("")
         lines.append(_grasp_table(plan, limit))
-        if any(g.load and g.load.margin < 1.0 for g in plan.grasps[:limit]):
-            lines.append(_OVERLOADED)
+        loads = [g.load for g in plan.grasps[:limit] if g.load and g.load.margin < 1.0]
+        if loads:
+            is_known = loads[0].mass[0] == loads[0].mass[1]
+            lines.append(_TOO_HEAVY if is_known else _OVERLOADED)
         if len(plan.grasps) > limit:
             lines.append(f"and {len(plan.grasps) - limit} more")
     else:
@@ -68,6 +70,10 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
     return "\n".join(lines)
 
 
+_TOO_HEAVY = (
+    "margin below 1: beyond a limit at the mass given, unless the object swings until "
+    "it hangs;\nthe score counts that in"
+)
 _OVERLOADED = (
     "margin below 1: beyond a limit if the object weighs what the middle of that range "
     "says;\nwhat it weighs is known no better, and the score counts that in"

@@ -42,6 +42,9 @@ _WIDEST = 1.0
 _RESEATS = 3.0
 """While the wrist bears all the weight, fingers that close by up to this multiple of
 the travel of a slip have only found a better hold."""
+_SHORTEST = 1e-6
+"""Fingers do move, and time passes [m/s and s]."""
+_POSITIVE = ("speed", "period", "timeout")
 _LENGTHS = ("opening", "width", "empty_margin", "tolerance", "slip_travel")
 _ENDED = (GripPhase.EMPTY, GripPhase.SLIPPED, GripPhase.JAMMED, GripPhase.LOST)
 
@@ -78,8 +81,9 @@ class GripConfig:
     slip_time: float = 0.05
     """For so long, before it counts [s]."""
     sides: tuple[int, ...] = (-1, 1)
-    """Of each finger, equal for those that press the same way: each side must feel the
-    object, and both together must close for a slip. By default one finger on each."""
+    """Of each finger -1 or 1, as `Finger.side`: those with the same number press the
+    same way. Each side must feel the object, and both together must close for a slip.
+    By default one finger on each."""
     period: float = 0.004
     """Of the control loop [s]."""
     max_force: float = 60.0
@@ -91,10 +95,14 @@ class GripConfig:
                 continue
             most = _WIDEST if name in _LENGTHS else 1e4
             most = 1.0 if name == "slip_load" else most
-            require_range(f"GripConfig.{name}", getattr(self, name), 0.0, most)
-        if not self.sides:
+            least = _SHORTEST if name in _POSITIVE else 0.0
+            require_range(f"GripConfig.{name}", getattr(self, name), least, most)
+        sides = self.sides if isinstance(self.sides, tuple) else ()
+        if any(x not in (-1, 1) for x in sides) or not {-1, 1} <= set(sides):
             raise ConfigError(
-                "GripConfig.sides", got="none", expected="one number for each finger"
+                "GripConfig.sides",
+                got=repr(self.sides),
+                expected="a tuple of -1 or 1 for each finger, and both of them",
             )
         if not self.resistance <= self.squeeze <= self.max_force:
             raise ConfigError(
@@ -196,7 +204,11 @@ class GripController:
 
     def weakest(self, forces: Sequence[float]) -> float:
         """Force of the side whose fingers feel least together [N]."""
-        return min(sum(max(forces[i], 0.0) for i in group) for group in self._groups)
+        return min(self.pressed(forces))
+
+    def pressed(self, forces: Sequence[float]) -> list[float]:
+        """Sum up what the fingers of each side feel against their closing [N]."""
+        return [sum(max(forces[i], 0.0) for i in group) for group in self._groups]
 
     def step(
         self, state: GripState, reading: FingerReading

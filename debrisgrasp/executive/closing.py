@@ -40,7 +40,8 @@ _SHIFTS = 2
 _TOUCHED = 12.0
 """... until the other side feels it [N]."""
 _RESISTANCE = 10.0
-"""A finger that feels so much stops until the others do, too [N]."""
+"""A finger that feels its share of so much on its side stops until the others do, too
+[N]."""
 _CLOSING = 0.04
 """Speed of the pads [m/s]."""
 _SLACK = 4.0
@@ -194,7 +195,7 @@ def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
             if fault is not None:
                 return fault
             context.held, n_gives = None, n_gives + 1
-        elif _is_answered(drive, config.resistance):
+        elif _is_answered(held, drive):
             level += 1
         else:
             level, n_waits = max(level - 1, 0), n_waits + 1
@@ -211,14 +212,10 @@ def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
     return Done({"openings": [round(x, 4) for x in openings]})
 
 
-def _is_answered(drive: Drive, least: float) -> bool:
+def _is_answered(held: Held, drive: Drive) -> bool:
     """Whether fingers on both sides feel the squeeze."""
-    sums = {True: 0.0, False: 0.0}
-    forces = drive.fingers().forces
-    for finger, force in zip(drive.limb.hand.fingers, forces, strict=True):
-        sums[finger.side > 0] += force
-    low, high = sorted(sums.values())
-    return high < least or low > _ANSWERED * high
+    low, high = sorted(held.grip.pressed(drive.fingers().forces))
+    return high < held.grip.config.resistance or low > _ANSWERED * high
 
 
 def verify_grasp(context: Context) -> StepResult:

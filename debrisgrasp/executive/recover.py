@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot
+from math import dist, hypot
 
 import numpy as np
 
@@ -36,7 +36,8 @@ _STIRRED = 0.2
 _LOW = 5e-3
 """What hangs no higher than it lay falls no way [m]."""
 _MET = 30.0
-"""So much more on a hand than at the start [N] is a contact."""
+"""A force on a hand that changes by so much is a contact [N]; what is carried weighs
+some other way by half of that, as the hand turns."""
 _LOWERED = 0.3
 """What is put back is lowered so far, or to the ground, until it lies [m]."""
 
@@ -214,7 +215,8 @@ def _reconnected(context: Context) -> FaultFound | None:
 def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
     """Move joints that stand outside their limits straight back inside.
 
-    Hands that meet something on the way are the end of it: arms stop, and stay.
+    A hand that meets something on the way is the end of it: tried again, it would press
+    harder.
     """
     drives = {name: Drive(context, name) for name in context.limbs}
     for name, limb in context.limbs.items():
@@ -235,17 +237,17 @@ def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
         away = float(np.abs(inside - q).max())
         time = np.sqrt(12.0 * away / float(limits.acceleration.min()))
         n = int(np.ceil(time / context.settings.period)) + 1
-        begun = {other: hypot(*drives[other].weighed()[:3]) for other in drives}
+        begun = {other: drives[other].weighed()[:3] for other in drives}
         for k in range(n + 1):
             share = (k / n) ** 2 * (3.0 - 2.0 * k / n)
             arm.command((q + (inside - q) * share).tolist())
             context.wait(context.settings.period)
             for other, drive in drives.items():
-                force = hypot(*drive.weighed()[:3])
-                if not force <= begun[other] + _MET:
+                force = dist(drive.weighed()[:3], begun[other])
+                if not force <= _MET:
                     stop_all(context)
                     words = f"{force:.0f} N on the {other} hand on the way back inside"
-                    return FaultFound("start_outside_limits", words, name)
+                    return FaultFound("ratchet", words, other)
         context.wait(0.1)
         limb.q_last = None
     return None

@@ -51,10 +51,11 @@ def release(context: Context) -> StepResult:
     if fault is not None:
         return fault
     T = limb.pose(context.posture(limb))
+    if context.dragged is not None:
+        T = context.dragged @ T  # the base will be back where it was
     # Let go a second time it lies, or nearly, where it was let go first.
     if len(points) and context.released is not held:
-        T_now = T if context.dragged is None else context.dragged @ T
-        context.dropped.append(lying(T_now, points))
+        context.dropped.append(lying(T, points))
     context.cycle.is_removed = False
     context.released, context.is_in_pile = held, held.arm
     return Done({"place": np.round(T.p, 3).tolist()})

@@ -47,7 +47,8 @@ class TaskSettings:
     drop_height: float = 0.04
     """Of an object's lowest seen point over the ground before it is lowered [m]."""
     drive_over: float = 0.10
-    """Lower things than this need not be removed [m]: the tracks drive over them."""
+    """Things that are lower than this need not be removed [m]: the tracks drive over
+    them. Only what is lower by 1 cm, as it is measured, counts; up to 0.01, nothing."""
     max_mass: float = 8.0
     """Heavier things are not carried [kg]."""
     rest: str | None = None

@@ -79,5 +79,5 @@ def _filled(content: SolidContent, spacing: float, reach: float) -> SolidField:
         centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         found = solid.signed_distance(centers).astype(np.float32)
         np.minimum(gap[block], found, out=gap[block])
-    gap.flags.writeable = False
+    origin.flags.writeable = gap.flags.writeable = False
     return SolidField(origin, spacing, (nx, ny, nz), gap.ravel())

@@ -55,6 +55,8 @@ def recall_plan(
         If the file is malformed, or the plan is for another robot or capture.
     UnknownNameError
         If a grasp has an arm or a preshape that there is not.
+    CaptureError
+        If the capture has a mask with no measured point inside it.
     """
     plan, name = load_plan(path), "none" if robot is None else robot.name
     if plan.robot != name:
@@ -110,6 +112,8 @@ def _target_of(plan: GraspPlan, seen: Perception) -> Target | None:
 
 def _is_around(region: Bounds, seen: Perception) -> bool:
     """Whether a region is that of the marked points, whatever its margin."""
+    if not np.any(seen.is_marked):
+        return False  # `choose_targets` says so
     box = region_of_interest(seen.cloud.points[seen.is_marked], margin=0.0)
     margins = [box.lower - region.lower, region.upper - box.upper]
     return bool(np.ptp(margins) < _EVEN)

@@ -16,7 +16,7 @@ def points_and_normals(
     """Points of a depth image [m] and normals there of any length, camera frame.
 
     Coordinates come first, as NumPy is slow along short last axes: both (3, h, w).
-    Normals point away from the camera.
+    Normals point to the camera's side of the surface.
     """
     points = np.ascontiguousarray(np.moveaxis(intrinsics.deproject(depth), -1, 0))
     a, b, c = np.gradient(points, axis=1)

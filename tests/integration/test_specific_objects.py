@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp._files import data_path
+from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Bounds, Intrinsics, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Passage, Pipeline, recall_plan
@@ -171,3 +172,15 @@ def test_a_saved_plan_on_one_of_the_marked_objects_is_that_of_one(few, tmp_path)
     assert is_other.any()
     assert not one.is_own[is_other].any()
     np.testing.assert_array_equal(again.is_own, one.is_own)
+
+
+def test_a_saved_plan_is_refused_beside_a_mask_in_which_nothing_was_measured(
+    few, tmp_path
+):
+    _, capture, _ = seen("ladder")
+    few.plan(capture, deadline=0.1).save(tmp_path / "grasps.json")
+    hole = np.zeros(capture.depth.shape, dtype=bool)
+    hole[:4, :4] = True
+    masked = replace(capture, depth=np.where(hole, 0.0, capture.depth), mask=hole)
+    with pytest.raises(CaptureError, match="no measured point"):
+        recall_plan(tmp_path / "grasps.json", masked, None)

@@ -65,12 +65,12 @@ def test_nothing_between_the_fingers_is_noticed():
 
 
 def test_a_flat_object_that_may_be_as_thin_as_nothing():
-    config = GripConfig(opening=0.05, width=0.01, sides=(1,))
+    config = GripConfig(opening=0.05, width=0.01)
     grip = GripController(config)
     state = grip.preshape()
-    state, _ = grip.step(state, FingerReading((0.05,), (0.0,)))
+    state, _ = grip.step(state, FingerReading((0.05,) * 2, (0.0,) * 2))
     state = grip.close(state)
-    state, _ = grip.step(state, FingerReading((0.0,), (0.0,)))
+    state, _ = grip.step(state, FingerReading((0.0,) * 2, (0.0,) * 2))
     assert state.phase is GripPhase.EMPTY
 
 
@@ -206,8 +206,6 @@ def test_a_hand_of_other_fingers_is_no_usable_one(n):
     state, command = grip.step(grip.preshape(), reading)
     assert state.phase is GripPhase.LOST
     assert command.openings == (CONFIG.opening,) * 3
-    with pytest.raises(ConfigError, match="sides"):
-        GripConfig(opening=0.12, width=0.08, sides=())
 
 
 def test_fingers_of_a_side_stop_at_their_share_of_the_resistance():
@@ -272,3 +270,17 @@ def test_a_finger_that_finds_a_better_hold_has_not_lost_what_the_wrist_still_bea
         openings = tuple((hand.openings - 0.016).tolist())
         state, _ = grip.step(state, FingerReading(openings, (40.0,) * 3, 60.0))
     assert state.phase is GripPhase.SLIPPED
+
+
+@pytest.mark.parametrize(
+    "sides", [(), 1, (1,), (1, 1), (0, 1), "ab", (1, np.nan), ([1], [-1]), (1, -1, 3)]
+)
+def test_fingers_are_on_two_sides(sides):
+    with pytest.raises(ConfigError, match="sides"):
+        GripConfig(opening=0.12, width=0.08, sides=sides)
+
+
+@pytest.mark.parametrize("name", ["speed", "period", "timeout"])
+def test_a_grip_that_never_goes_on_is_refused(name):
+    with pytest.raises(ConfigError, match=name):
+        GripConfig(opening=0.12, width=0.08, **{name: 0.0})

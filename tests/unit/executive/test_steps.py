@@ -29,9 +29,11 @@ from debrisgrasp.executive.moves import (
 from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.recover import _moved_inside
+from debrisgrasp.executive.releasing import release
 from debrisgrasp.executive.reposition import repositioned
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
+from debrisgrasp.executive.table import answer_to
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.motion import UnknownSpace
@@ -87,7 +89,7 @@ def test_a_camera_that_is_off_by_five_centimetres_is_found_out(pipeline):
     assert len(task.context.camera_watch.looks) == 2
 
 
-def test_a_base_that_drags_comes_back_to_where_it_was(pipeline):
+def test_a_base_that_drags_comes_back_to_where_it_was(pipeline, monkeypatch):
     fake, task = executive(pipeline)
     context = task.context
     context.state = State.LIFT
@@ -104,6 +106,11 @@ def test_a_base_that_drags_comes_back_to_where_it_was(pipeline):
     assert isinstance(found, Done)
     assert found.next is State.RELEASE
     assert np.linalg.norm(context.dragged.p) > 0.4
+    limb = context.limbs["right"]
+    there = context.dragged @ limb.pose(context.posture(limb))
+    monkeypatch.setattr("debrisgrasp.executive.releasing.put_down", lambda *_: None)
+    # Where that is once the base is back.
+    assert release(context).facts["place"] == pytest.approx(there.p, abs=2e-3)
     assert drive_back(context) is None
     assert np.linalg.norm(fake.base.T_odom_base.p) < 0.1
     assert fake.truth().violations == ()
@@ -334,25 +341,59 @@ def test_joints_are_moved_back_inside_from_where_they_are_by_then(pipeline):
     assert fake.truth().violations == ()
 
 
-@pytest.mark.parametrize("felt", [60.0, np.nan])
-def test_a_hand_that_meets_something_on_the_way_back_inside_stops(
-    pipeline, monkeypatch, felt
+def test_a_sensor_that_fails_on_the_way_back_inside_stops_the_arms(
+    pipeline, monkeypatch
 ):
     fake, task = executive(pipeline)
-    context = task.context
-    arm, limb = fake.arms["right"], context.limbs["right"]
-    fake._drives.put(arm.joints[7], limb.limits.planner.upper[7] + 0.15)
-    weights = iter([(5.0, 0.0, 0.0)] * 20)
-
-    def weighed(_drive):
-        return (*next(weights, (0.0, felt, 0.0)), 0.0, 0.0, 0.0)
-
-    monkeypatch.setattr(Drive, "weighed", weighed)
+    arm, limit = fake.arms["right"], task.context.limbs["right"].limits.planner.upper[7]
+    fake._drives.put(arm.joints[7], limit + 0.15)
+    forces = iter([5.0] * 20)
+    monkeypatch.setattr(
+        Drive, "weighed", lambda _drive: (next(forces, np.nan), *[0.0] * 5)
+    )
     event = task._event(
         State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
     )
-    found = _moved_inside(context, event)
-    assert isinstance(found, FaultFound)
-    assert "on the way back" in found.message
+    assert "on the way back" in _moved_inside(task.context, event).message
     assert all(arm.is_stopped for arm in fake.arms.values())
-    assert arm.q[7] > limb.limits.planner.upper[7] + 0.1
+    assert arm.q[7] > limit + 0.1
+
+
+@pytest.mark.parametrize("weight", [0.0, 60.0])
+def test_what_a_hand_meets_on_the_way_back_inside_is_not_pressed_on_again(
+    pipeline, monkeypatch, weight
+):
+    """What it meets from below bears at first what the hand carries."""
+    fake, task = executive(pipeline)
+    arm, limit = fake.arms["right"], task.context.limbs["right"].limits.planner.upper[7]
+    fake._drives.put(arm.joints[7], limit + 0.15)
+    pressed = []
+
+    def weighed(drive):
+        is_right = drive.limb.name == "right"
+        push = 1000.0 * max(limit + 0.13 - arm.q[7], 0.0)
+        pressed.append(push)
+        return ((push - weight) * is_right, *[0.0] * 5)
+
+    monkeypatch.setattr(Drive, "weighed", weighed)
+    found = FaultFound("start_outside_limits", "")
+    event = task._event(State.TRANSPORT, found, Action.RETRY)
+    answer = answer_to(State.TRANSPORT, found.fault)
+    assert task._recovered(event, answer) is State.SAFE_STOP
+    assert max(pressed) < 45.0
+    assert all(arm.is_stopped for arm in fake.arms.values())
+
+
+def test_a_jump_of_one_arm_is_noticed_though_the_other_was_moved_back_inside(pipeline):
+    fake, task = executive(pipeline)
+    context, left = task.context, fake.arms["left"]
+    limb, limits = context.limbs["left"], context.limbs["right"].limits.planner
+    limb.q_last = tuple(left.q)
+    own = int(np.flatnonzero(limb.is_own_joint)[3])
+    fake._drives.put(left.joints[own], left.q[own] + 0.3)
+    fake._drives.put(fake.arms["right"].joints[7], limits.upper[7] + 0.05)
+    event = task._event(
+        State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
+    )
+    assert _moved_inside(context, event) is None
+    assert Drive(context, "left").engage().fault == "encoder_jump"
