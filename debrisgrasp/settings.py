@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from dataclasses import fields as dataclass_fields
 from pathlib import Path
 from typing import Any
@@ -14,15 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_metres, require_range
+from debrisgrasp._arrays import FloatArray, frozen, require_metres
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._fields import Fields
 from debrisgrasp._files import read_yaml
-from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp._site_limits import SiteLimits
+from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import so3
 from debrisgrasp.io import CameraPose, Capture, parse_camera_pose
 from debrisgrasp.io.calibration_json import load_calibration
-from debrisgrasp.kinematics import ArmSpec, RobotModel
+from debrisgrasp.io.depth_images import lacks_camera
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.segmentation import (
     DEFAULT_POINT,
     PriorityPoint,
@@ -39,66 +42,10 @@ _SAME = 0.002
 """Poses of a camera that differ by less [m, rad] are the same."""
 _OF_A_LIMIT = (1e-3, 1e6)
 """What a limit of speed, force or torque may be at all."""
+_OF_A_CHOICE = re.compile(r"arm|prototypes|gripper of the \w+ arm")
+"""What errors call a choice of arm and hand that does not go together."""
 POLICIES = ("support", "priority")
 """Names of the policies: `SupportAware`, and `PriorityPoint` (Eq. 1)."""
-
-
-@checked_fields
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SiteLimits:
-    """What this site allows of what the robot could do; None: all of it."""
-
-    force: float | None = None
-    """Largest force at the hand, absolute [N]."""
-    torque: float | None = None
-    """Largest torque at the hand, absolute [N m]."""
-    joint_speed: float = 1.0
-    """Share of the speed of each joint, in (0, 1]."""
-    acceleration: float = 1.0
-    """Share of the acceleration of each joint, in (0, 1]."""
-    hand_speed: float = 0.1
-    """Of the hand on approach and lift [m/s]."""
-
-    def __post_init__(self) -> None:
-        for name in ("force", "torque"):
-            if (value := getattr(self, name)) is not None:
-                require_range(f"limits.{name}", value, 1e-3, 1e5)
-        for name in ("joint_speed", "acceleration"):
-            require_range(f"limits.{name}", getattr(self, name), 1e-3, 1.0)
-        require_range("limits.hand_speed [m/s]", self.hand_speed, 1e-3, 2.0)
-
-    def of_robot(self, robot: RobotModel) -> RobotModel:
-        """Return a robot that allows no more than this.
-
-        Raises
-        ------
-        ConfigError
-            If more force or torque is asked for than the robot's file allows.
-        """
-        joints = {
-            name: replace(joint, velocity=self.joint_speed * joint.velocity)
-            for name, joint in robot.tree.joints.items()
-        }
-        arms = {name: self._of_arm(spec, robot) for name, spec in robot.arms.items()}
-        return replace(robot, tree=replace(robot.tree, joints=joints), arms=arms)
-
-    def _of_arm(self, spec: ArmSpec, robot: RobotModel) -> ArmSpec:
-        limits = dict(spec.limits)
-        limits["acceleration"] *= self.acceleration
-        for name in ("force", "torque"):
-            if (value := getattr(self, name)) is None:
-                continue
-            if value > limits[name]:
-                raise ConfigError(
-                    f"limits.{name}",
-                    got=value,
-                    expected=f"at most {limits[name]:g}, the limit of the "
-                    f"{spec.name} arm of {robot.name}",
-                    mend="A site may only lower limits; those of the robot are in its "
-                    "own file.",
-                )
-            limits[name] = value
-        return replace(spec, limits=limits)
 
 
 @checked_fields
@@ -191,35 +138,64 @@ class Settings:
         ------
         ConfigError, UnknownNameError
             As `RobotModel.load` and `SiteLimits.of_robot` do; also for a drop-off of an
-            arm that the robot does not have.
+            arm that the robot does not have. The file of these settings is named.
         """
         if self.robot == "none":
             return None
-        robot = RobotModel.load(self.robot)
+        with self.named():
+            robot = RobotModel.load(self.robot)
         for arm in self.drop_off:
             if arm not in robot.arms:
                 place = "drop_off" if self.path is None else f"drop_off of {self.path}"
                 kind = f"arm in {place}, of robot {robot.name}"
                 raise UnknownNameError(kind, arm, robot.arms)
-        return self.limits.of_robot(robot)
+        with self.in_field():
+            return self.limits.of_robot(robot)
 
     @contextmanager
     def named(self) -> Iterator[None]:
-        """Say of an unknown name among these that it may stand in their file.
+        """Say of a robot, arm or hand that can't be had that their file may name it.
 
         Raises
         ------
-        UnknownNameError
+        ConfigError, UnknownNameError
             The one that is raised inside, with the file.
         """
+        beside = f", in {self.path} or given beside it"
         try:
             yield
         except UnknownNameError as error:
             own = (self.robot, self.arm, self.gripper)
             if self.path is None or error.name not in own:
                 raise
-            kind = f"{error.kind}, in {self.path} or given beside it"
+            kind = error.kind + beside
             raise UnknownNameError(kind, error.name, error.known) from error
+        except ConfigError as error:
+            if self.path is None or not _OF_A_CHOICE.fullmatch(error.what):
+                raise
+            raise ConfigError.about(error.what + beside, error) from error
+
+    @contextmanager
+    def in_field(self, name: str = "") -> Iterator[None]:
+        """Say of a complaint which field of their file it is about.
+
+        Parameters
+        ----------
+        name
+            Of the field; if empty, it is what the complaint is about.
+
+        Raises
+        ------
+        InputError
+            The one that is raised inside; with a file, a `ConfigError` that names it.
+        """
+        try:
+            yield
+        except InputError as error:
+            if self.path is None:
+                raise
+            where = f"{self.path}, field {name or error.what}"
+            raise ConfigError.about(where, error) from error
 
     def pose_of_camera(self) -> CameraPose | None:
         """Pose of the camera in the base frame; None if captures bring their own.
@@ -235,8 +211,13 @@ class Settings:
         stored.require_accepted()
         return stored.T_base_camera
 
+    @checked
     def capture(
-        self, path: str | os.PathLike[str], *, viewpoint: ArrayLike | None = None
+        self,
+        path: str | os.PathLike[str],
+        *,
+        camera_file: str | os.PathLike[str] | None = None,
+        viewpoint: ArrayLike | None = None,
     ) -> Capture:
         """Read a capture with the pose and the intrinsics of this site's camera.
 
@@ -247,6 +228,9 @@ class Settings:
         ----------
         path
             As for `Capture.load`.
+        camera_file
+            As for `Capture.load`. If there is none, that of the site is taken for depth
+            images without one beside them.
         viewpoint
             Of the sensor that saw a cloud, in its frame [m], shape (3,).
 
@@ -255,7 +239,9 @@ class Settings:
         CaptureError, ConfigError
             As `Capture.load` and `pose_of_camera` do.
         """
-        capture = Capture.load(path, camera_file=self.camera_file, viewpoint=viewpoint)
+        if camera_file is None and self.camera_file is not None and lacks_camera(path):
+            camera_file = self.camera_file
+        capture = Capture.load(path, camera_file=camera_file, viewpoint=viewpoint)
         pose = self.pose_of_camera()
         if pose is None:
             return capture

@@ -115,7 +115,7 @@ class Campaign:
             After Ctrl-C; workers are ended, and finished runs kept.
         """
         crews = workers if workers is not None else LocalWorkers()
-        self._claim_folder()
+        self._refuse_other_campaign()
         records = self.finished()
         on_progress(Progress(len(records), len(self.specs), None))
 
@@ -125,8 +125,11 @@ class Campaign:
             on_progress(Progress(len(records), len(self.specs), record))
 
         waiting = deque(spec for spec in self.specs if spec.name not in records)
+        if not waiting:
+            self._claim_folder()
         while waiting:
             with crews.open() as crew:
+                self._claim_folder()  # not before: there may be no workers
                 suspects = self._drain(crew, waiting, keep)
             self._run_alone(crews, deque(spec for spec, _ in suspects), keep)
         return tuple(records[spec.name] for spec in self.specs)
@@ -146,24 +149,27 @@ class Campaign:
     def _path(self, name: str) -> Path:
         return self.folder / "runs" / f"{name}.json"
 
+    def _full_header(self) -> Any:
+        return _as_read({"schema": _SCHEMA, **self.header})
+
+    def _refuse_other_campaign(self) -> None:
+        path, header = self.folder / "campaign.json", self._full_header()
+        if path.exists() and (there := read_json(path)) != header:
+            raise InputError(
+                f"campaign in {self.folder}",
+                got=_difference(there, header),
+                expected="an empty folder, or the same campaign to go on with",
+                mend="Give another folder.",
+            )
+
     def _claim_folder(self) -> None:
         path = self.folder / "campaign.json"
-        header = _as_read({"schema": _SCHEMA, **self.header})
         try:
             (self.folder / "runs").mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(self.folder, error.strerror or str(error)) from error
-        if path.exists():
-            there = read_json(path)
-            if there != header:
-                raise InputError(
-                    f"campaign in {self.folder}",
-                    got=_difference(there, header),
-                    expected="an empty folder, or the same campaign to go on with",
-                    mend="Give another folder.",
-                )
-        else:
-            write_atomic(path, json.dumps(header, indent=1) + "\n")
+        if not path.exists():
+            write_atomic(path, json.dumps(self._full_header(), indent=1) + "\n")
 
     def _drain(
         self, crew: Crew, waiting: deque[Spec], keep: Callable[[RunRecord], None]

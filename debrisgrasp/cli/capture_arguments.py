@@ -78,7 +78,11 @@ def load_capture(
 ) -> Capture:
     """Read the capture as the arguments and the site say."""
     settings = settings or site_of(arguments)
-    return settings.capture(arguments.capture, viewpoint=arguments.viewpoint)
+    return settings.capture(
+        arguments.capture,
+        camera_file=arguments.camera_file,
+        viewpoint=arguments.viewpoint,
+    )
 
 
 def add_planning(parser: argparse.ArgumentParser) -> None:

@@ -19,6 +19,7 @@ from debrisgrasp.executive import TaskSettings, require_drop_off
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
+from debrisgrasp.io.depth_images import load_camera
 from debrisgrasp.kinematics import ArmReach, cache_folder
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.prototypes import check
@@ -188,6 +189,10 @@ def site(settings: Settings) -> Iterator[Finding]:
         or f"{len(library)} for " + ", ".join(sorted({p.gripper for p in library})),
     )
     yield from _camera(settings)
+    if settings.camera_file is not None:
+        lens = load_camera(settings.camera_file)
+        text = f"fx {lens.fx:g}, fy {lens.fy:g}, cx {lens.cx:g}, cy {lens.cy:g}"
+        yield Finding("camera file", "ok", text)
     arms_in_use = {arm.name: arm for arm in pipeline.arms}
     for arm_name, place in settings.drop_off.items():
         yield _drop_off(arm_name, place, arms_in_use)

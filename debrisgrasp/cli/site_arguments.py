@@ -16,7 +16,7 @@ from .values import some_path
 __all__ = ["add_site", "site_of"]
 
 _PLAIN = ("robot", "arm", "gripper", "policy", "priority_point", "seed", "deadline")
-_PATHS = ("grippers", "prototypes", "camera_file")
+_PATHS = ("grippers", "prototypes")
 
 
 def add_site(parser: argparse.ArgumentParser) -> None:

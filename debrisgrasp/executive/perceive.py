@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -11,6 +12,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.errors import DebrisGraspError, DriverError
 from debrisgrasp.geometry import SE3, DepthSight
 from debrisgrasp.io import Capture
+from debrisgrasp.pipeline import mask_notes
 from debrisgrasp.robot import DepthFrame
 
 from .context import Context
@@ -25,6 +27,8 @@ __all__ = [
     "segment",
     "turn_head",
 ]
+
+logger = logging.getLogger(__name__)
 
 _OLDEST = 0.2
 """An image may be so much older than the wish for it [s]."""
@@ -271,6 +275,9 @@ def segment(context: Context) -> StepResult:
     taken = context.cycle.capture
     assert taken is not None
     seen = context.pipeline.perceive(taken)
+    notes: tuple[str, ...] = ()
+    if context.settings.mark is not None and context.last_seen is None:
+        notes = mask_notes(seen.is_marked, seen.segmentation)
     context.cycle.seen = context.last_seen = seen
     context.fallen.clear()
     ground = seen.segmentation.ground
@@ -286,8 +293,12 @@ def segment(context: Context) -> StepResult:
             np.round(s.centroid, 3).tolist() for s in seen.segmentation.segments
         ],
     }
+    if notes:
+        facts["notes"] = list(notes)
     if ground.status == "skipped" and not _is_bare(context):
         return FaultFound("plane_eats_pile", ground.reason)
+    for note in notes:
+        logger.warning("%s", note)
     return Done(facts)
 
 

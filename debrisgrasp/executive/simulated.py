@@ -36,6 +36,7 @@ from debrisgrasp.worlds import named_scene as scene_named
 
 from .context import Recorder
 from .faults import LISTED_BY, fault_named
+from .limbs import require_drop_off
 from .marking import StaysMarked
 from .outcome import RunResult
 from .run import Executive, Observer
@@ -195,7 +196,8 @@ class SimulatedTask:
         Raises
         ------
         ConfigError, UnknownNameError
-            If the robot has no such arm, or a drop-off lies in the way.
+            If the robot has no such arm, or a drop-off of the site lies in the way or
+            out of reach; its file and field are named.
         CaptureError
             If the file of the mask can't be read, or shows no marked object.
         """
@@ -204,8 +206,15 @@ class SimulatedTask:
         for name in self.arms:
             if name not in known:
                 raise UnknownNameError("arm", name, known)
+        reaches = {arm.name: arm for arm in pipeline.arms}
+        names = self.arms or tuple(reaches)
+        for name, place in site.drop_off.items():
+            with site.in_field(f"drop_off.{name}"):
+                TaskSettings(drop_off={name: place})
+                if name in names and name in reaches:
+                    require_drop_off(reaches[name], place)
         return TaskSettings(
-            arms=self.arms or tuple(arm.name for arm in pipeline.arms),
+            arms=names,
             drop_off={**usual.drop_off, **site.drop_off},
             approach_speed=min(usual.approach_speed, site.limits.hand_speed),
             lift_speed=min(usual.lift_speed, site.limits.hand_speed),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Intrinsics
 
 __all__ = ["checked_depth", "checked_image", "checked_points", "checked_pose"]
+
+logger = logging.getLogger(__name__)
 
 _FARTHEST_MEDIAN = 50.0
 """Median depth [m] beyond which an image can't be metres: no depth camera sees so far,
@@ -119,9 +122,23 @@ def checked_image(image: object, name: str, shape: tuple[int, ...]) -> NDArray[A
     }[name]
     if not fits:
         raise CaptureError(name, got=f"dtype {array.dtype}", expected=expected)
+    if name == "mask":
+        _doubt_labels(array)
     copy: NDArray[Any] = np.array(array, dtype=dtype)
     copy.flags.writeable = False
     return copy
+
+
+def _doubt_labels(mask: NDArray[Any]) -> None:
+    """Warn of a mask that looks like labels of several objects."""
+    marked = mask[mask != 0]
+    if marked.size and (marked.min() < 0 or marked.min() != marked.max()):
+        logger.warning(
+            "mask: got values from %d to %d, as labels have, expected one besides 0; "
+            "all but 0 are taken for the object",
+            marked.min(),
+            marked.max(),
+        )
 
 
 def checked_pose(pose: SE3 | None, name: str) -> None:

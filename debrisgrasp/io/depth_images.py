@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,13 @@ from PIL import Image, UnidentifiedImageError
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import read_json, read_yaml
-from debrisgrasp.errors import CaptureError, ConfigError
+from debrisgrasp.errors import CaptureError, ConfigError, InputError
 from debrisgrasp.geometry import SE3, Intrinsics
 
 from ._fields import CaptureFields
 from .camera_pose import pose_from_rows
 
-__all__ = ["read_depth_png", "read_folder"]
+__all__ = ["lacks_camera", "load_camera", "read_depth_png", "read_folder"]
 
 _CAMERA_SUFFIXES = (".json", ".yaml", ".yml")
 _MILLIMETRE = 0.001
@@ -36,19 +37,44 @@ class _CameraFile:
     T_base_camera: SE3 | None
 
 
+def lacks_camera(path: str | os.PathLike[str]) -> bool:
+    """Whether a capture is a depth image, alone or in a folder, without its camera."""
+    path = Path(path)
+    if path.is_dir():
+        depth = _depth_in(path)
+        return depth is not None and _camera_beside(depth) is None
+    return path.suffix.lower() == ".png" and _camera_beside(path) is None
+
+
+def load_camera(path: Path) -> Intrinsics:
+    """Read the camera of depth images that are yet to come.
+
+    Where the file tells no size, its image is taken to lie around the principal point.
+
+    Raises
+    ------
+    ConfigError
+        If no depth image could be read with it.
+    """
+    camera = _read_camera(path)
+    center = np.nan_to_num(camera.K[[1, 0], 2])
+    height, width = np.clip(2 * center + 1, 2, 1e6).astype(int).tolist()
+    try:
+        return Intrinsics.from_matrix(camera.K, camera.size or (height, width))
+    except InputError as error:
+        raise ConfigError.about(f"{error.what} in {path}", error) from error
+
+
 def read_folder(folder: Path, camera_file: Path | None) -> CaptureFields:
     """Read ``depth.png`` with its camera, and rgb, mask and labels if there."""
-    depth = folder / "depth.png"
-    if not depth.is_file():
-        images = sorted(folder.glob("*depth*.png"))
-        if len(images) != 1:
-            present = sorted(entry.name for entry in folder.iterdir())
-            raise CaptureError(
-                "folder",
-                got=", ".join(present[:20]) or "nothing",
-                expected="depth.png (or one *depth*.png) and camera.json or .yaml",
-            )
-        depth = images[0]
+    depth = _depth_in(folder)
+    if depth is None:
+        present = sorted(entry.name for entry in folder.iterdir())
+        raise CaptureError(
+            "folder",
+            got=", ".join(present[:20]) or "nothing",
+            expected="depth.png (or one *depth*.png) and camera.json or .yaml",
+        )
     result = read_depth_png(depth, camera_file)
     for suffix in (".png", ".jpg", ".jpeg"):
         for stem in ("rgb", "color"):
@@ -63,7 +89,15 @@ def read_folder(folder: Path, camera_file: Path | None) -> CaptureFields:
 
 def read_depth_png(path: Path, camera_file: Path | None) -> CaptureFields:
     """Read a 16-bit depth image, in millimetres unless its camera file has a scale."""
-    camera = _read_camera(camera_file or _camera_beside(path))
+    camera_file = camera_file or _camera_beside(path)
+    if camera_file is None:
+        raise CaptureError(
+            "camera of the depth image",
+            got="no camera file beside it",
+            expected="one of " + ", ".join(_camera_names(path)),
+            mend="Write there the fields of CameraInfo: width, height, K.",
+        )
+    camera = _read_camera(camera_file)
     raw = _read_image(path, None)
     if raw.ndim != 2 or raw.dtype.kind not in "iu" or raw.dtype.itemsize < 2:
         raise CaptureError(
@@ -89,18 +123,22 @@ def read_depth_png(path: Path, camera_file: Path | None) -> CaptureFields:
     return result
 
 
-def _camera_beside(depth: Path) -> Path:
+def _depth_in(folder: Path) -> Path | None:
+    """``depth.png``, or else the only image that is called so."""
+    if (folder / "depth.png").is_file():
+        return folder / "depth.png"
+    images = list(folder.glob("*depth*.png"))
+    return images[0] if len(images) == 1 else None
+
+
+def _camera_names(depth: Path) -> list[str]:
     stems = (depth.stem, "camera", "camera_info")
-    names = [stem + suffix for stem in stems for suffix in _CAMERA_SUFFIXES]
-    for name in names:
-        if (depth.parent / name).is_file():
-            return depth.parent / name
-    raise CaptureError(
-        "camera of the depth image",
-        got="no camera file beside it",
-        expected="one of " + ", ".join(names),
-        mend="Write there the fields of CameraInfo: width, height, K.",
-    )
+    return [stem + suffix for stem in stems for suffix in _CAMERA_SUFFIXES]
+
+
+def _camera_beside(depth: Path) -> Path | None:
+    places = (depth.parent / name for name in _camera_names(depth))
+    return next((place for place in places if place.is_file()), None)
 
 
 def _read_camera(path: Path) -> _CameraFile:
@@ -131,11 +169,20 @@ def _read_camera(path: Path) -> _CameraFile:
         )
     size = None
     if "width" in content and "height" in content:
-        size = (content["height"], content["width"])
+        size = _size(content["height"], content["width"], f"height, width in {path}")
     pose = None
     if "T_base_camera" in content:
         pose = pose_from_rows(content, f"T_base_camera in {path}")
     return _CameraFile(K.reshape(3, 3), size, scale.item(), pose)
+
+
+def _size(height: Any, width: Any, name: str) -> tuple[int, int]:
+    pixels = _numbers([height, width], name)
+    if pixels.size != 2 or not np.isin(pixels, np.arange(1, 1 << 16)).all():
+        raise ConfigError(
+            name, got=f"{height!r}, {width!r}", expected="two whole numbers of pixels"
+        )
+    return int(pixels[0]), int(pixels[1])
 
 
 def _numbers(values: Any, name: str) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from .executable import GraspMotions, first_executable
 from .grasp_chain import GraspMotion, MotionsConfig
-from .notes import pose_notes
+from .notes import mask_notes, pose_notes
 from .passage import Passage
 from .perception import Perception, motion_space
 from .pipeline import Pipeline, PipelineConfig, Progress
@@ -25,6 +25,7 @@ __all__ = [
     "choose_targets",
     "first_executable",
     "is_ground",
+    "mask_notes",
     "motion_space",
     "pose_notes",
     "recall_plan",

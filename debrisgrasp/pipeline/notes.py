@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, IntArray
-from debrisgrasp.segmentation import GroundReport
+from debrisgrasp._arrays import BoolArray
+from debrisgrasp.segmentation import GroundReport, Segmentation
 
 from .second_look import BestSoFar
 
@@ -13,10 +13,6 @@ __all__ = ["deadline_notes", "mask_notes", "mass_notes", "part_notes", "pose_not
 
 _MOST = 0.8
 """With such a share of its points in it, an object is in a mask as a whole."""
-_SEVERAL = 0.2
-"""With such a share of its points a mask covers an object, and not just touches it."""
-_GRAZED = 0.02
-"""Whole objects with less than such a share of its points are crumbs at its edge."""
 
 
 def deadline_notes(deadline: float | None, *, is_late: bool) -> tuple[str, ...]:
@@ -87,33 +83,33 @@ def part_notes(
     )
 
 
-def mask_notes(is_marked: BoolArray | None, labels: IntArray) -> tuple[str, ...]:
+def mask_notes(
+    is_marked: BoolArray | None, segmentation: Segmentation
+) -> tuple[str, ...]:
     """Say that a mask covers the ground, or several objects at once, if it does.
 
     Parameters
     ----------
     is_marked
         Which points the mask covers, shape (n,); None without a mask.
-    labels
-        Object of each point, 0 for the ground, shape (n,).
+    segmentation
+        Of the cloud with that mask.
     """
     if is_marked is None or not is_marked.any():
         return ()
-    count = np.bincount(labels[is_marked], minlength=int(labels.max()) + 1)
-    share = count / np.count_nonzero(is_marked)
     notes = []
-    if share[0] > 0.5:
+    ground = 1.0 - np.count_nonzero(segmentation.labels[is_marked]) / is_marked.sum()
+    if ground > 0.5:
         notes.append(
-            f"{share[0]:.0%} of the mask lies on the ground or on what is no object; "
+            f"{ground:.0%} of the mask lies on the ground or on what is no object; "
             "is it the right mask?"
         )
-    is_whole = (count > _MOST * np.bincount(labels)) & (share > _GRAZED)
-    covered = np.flatnonzero((share > _SEVERAL) | is_whole)
-    covered = covered[covered > 0]
-    if len(covered) > 1:
-        named = ", ".join(f"{label} ({share[label]:.0%})" for label in covered)
+    shares = segmentation.marked_shares
+    if shares is not None and len(shares) > 1:
+        told = ", ".join(f"{share:.0%}" for share in shares[:-1])
+        told += f" and {shares[-1]:.0%}"
         notes.append(
-            f"the mask covers {len(covered)} objects, {named} of it; they are taken "
-            "for one"
+            f"the mask covers {len(shares)} objects, with {told} of what stands in it; "
+            "they are taken for one"
         )
     return tuple(notes)

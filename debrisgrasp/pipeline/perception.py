@@ -144,7 +144,7 @@ class Perception:
     def notes(self, chosen: Target | None) -> tuple[str, ...]:
         """Say what to know of the pose, a mask, and a target that somebody chose."""
         notes = pose_notes(self.segmentation.ground)
-        notes += mask_notes(self.is_marked, self.segmentation.labels)
+        notes += mask_notes(self.is_marked, self.segmentation)
         if chosen is not None:
             notes += part_notes(*self.chosen_and_whole(chosen), self.is_marked)
         return notes

@@ -157,8 +157,8 @@ class Pipeline:
         UnknownNameError, ConfigError
             As the constructor does.
         """
+        robot = settings.robot_model()
         with settings.named():
-            robot = settings.robot_model()
             pipeline = cls(
                 robot="none" if robot is None else robot,
                 arm=settings.arm,

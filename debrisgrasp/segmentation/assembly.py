@@ -75,6 +75,7 @@ def assembled(
         ground=ground,
         method=method,
         kinship=kinship,
+        marked_shares=None if graph is None else graph.marked_shares,
     )
 
 

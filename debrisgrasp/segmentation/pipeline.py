@@ -15,6 +15,7 @@ from debrisgrasp.geometry import Bounds, PointCloud
 from .assembly import assembled
 from .ground import GroundConfig, find_ground
 from .lccp import LccpConfig, lccp
+from .marked import covered_shares
 from .segmentation import PatchGraph, Segmentation
 from .singulation import SingulationConfig, singulate
 from .surroundings import SurroundingsConfig, find_surroundings
@@ -171,7 +172,7 @@ def _segmented(
     )
     standing, report = find_surroundings(cloud, is_ground, report, config.surroundings)
     graph, method = _divided(cloud, standing, config, colors, of_interest)
-    return assembled(
+    result = assembled(
         cloud.points,
         standing,
         graph,
@@ -179,6 +180,12 @@ def _segmented(
         min_points=config.min_points,
         method=method,
     )
+    if of_interest is None or result.marked_shares is not None:
+        return result
+    # What no mark has joined can be counted as it is.
+    size = np.bincount(result.labels, minlength=1)
+    marked = np.bincount(result.labels[of_interest], minlength=len(size))
+    return replace(result, marked_shares=covered_shares(marked[1:], size[1:]))
 
 
 def _divided(

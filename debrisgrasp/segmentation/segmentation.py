@@ -148,6 +148,10 @@ class Segmentation:
     """Probability that pairs of segments are one object, whether they touch or not, in
     [0, 1], symmetric, shape (s, s); zero for pairs that nothing joins. None if the
     method doesn't tell."""
+    marked_shares: FloatArray | None = None
+    """Shares of what was marked as one object that lie on each of the objects that the
+    mark covers, as they would be without it, largest first, shape (k,); fewer than two
+    if it may well be one object, None if nothing was marked."""
 
     def segment(self, label: int) -> Segment:
         """Look up a segment by its label.
@@ -224,6 +228,8 @@ class PatchGraph:
     likewise."""
     pair_scores: FloatArray | None = None
     """Probability that each of these pairs is one object, shape (k,)."""
+    marked_shares: FloatArray | None = None
+    """See `Segmentation.marked_shares`; None if the method heeds no marks."""
 
 
 def measured_segments(

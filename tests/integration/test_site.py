@@ -137,6 +137,52 @@ def test_the_doctor_finds_a_sound_site_sound(run, site):
 
 
 @pytest.mark.usefixtures("quick")
+def test_the_doctor_reads_the_camera_file_of_a_site(run, refused, site, tmp_path):
+    lens = tmp_path / "lens.json"
+    site.write_text(site.read_text() + "camera: {file: lens.json}\n", encoding="utf-8")
+    K = [600, 0, 319.5, 0, 600, 239.5, 0, 0, 1]
+    lens.write_text(json.dumps({"K": K}), encoding="utf-8")
+    ended = run("doctor", "--site", site)
+    assert ended.status == 0, ended
+    assert "fx 600" in ended.out
+    for broken in ("{", json.dumps({"K": [0] * 9}), json.dumps({"width": 640})):
+        lens.write_text(broken, encoding="utf-8")
+        assert "lens.json" in refused("doctor", "--site", site)
+
+
+def test_the_camera_file_of_a_site_is_not_for_captures_with_a_camera(
+    run, refused, tmp_path, pipe_file
+):
+    site, lens = tmp_path / "site.yaml", tmp_path / "lens.json"
+    site.write_text("schema: debrisgrasp/site/1\ncamera: {file: lens.json}\n")
+    K = [600, 0, 319.5, 0, 600, 239.5, 0, 0, 1]
+    lens.write_text(json.dumps({"K": K}), encoding="utf-8")
+    assert run("segment", pipe_file, "--site", site).status == 0
+    message = refused("segment", pipe_file, "--site", site, "--camera-file", lens)
+    assert "camera file" in message
+
+
+def test_motion_names_the_site_of_an_unknown_robot(refused, tmp_path, pipe_file):
+    site, grasps = tmp_path / "site.yaml", tmp_path / "grasps.json"
+    site.write_text("schema: debrisgrasp/site/1\nrobot: romam\n", encoding="utf-8")
+    grasps.write_text("{}", encoding="utf-8")
+    message = refused("motion", pipe_file, "--site", site, "--grasps", grasps)
+    assert "site.yaml" in message
+
+
+@pytest.mark.parametrize("place", ["[3, 0]", "[0.0, 0.1]", "[0.9, 0.0]"])
+def test_clear_names_the_field_of_a_drop_off_before_it_writes(refused, tmp_path, place):
+    site, record = tmp_path / "site.yaml", tmp_path / "run"
+    site.write_text(
+        f"schema: debrisgrasp/site/1\narm: right\ndrop_off: {{right: {place}}}\n",
+        encoding="utf-8",
+    )
+    message = refused("clear", "--objects", 1, "--site", site, "--record", record)
+    assert "site.yaml, field drop_off.right: got" in message
+    assert not record.exists()
+
+
+@pytest.mark.usefixtures("quick")
 def test_the_doctor_names_what_must_be_mended(run, tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text(

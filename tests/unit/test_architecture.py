@@ -35,6 +35,7 @@ LAYERS = {
     "sim": 5,
     "io": 5,
     "viz": 5,
+    "_site_limits": 4,
     "sim_robot": 6,
     "_calibrating": 6,
     "ros": 6,

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from debrisgrasp import Pipeline, Settings
-from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.errors import CaptureError, ConfigError, UnknownNameError
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.segmentation import PriorityPoint, SupportAware
+from tests.scenes import capture_of
 
 HEAD = "schema: debrisgrasp/site/1\n"
 
@@ -131,6 +134,66 @@ def test_a_name_that_the_robot_does_not_know_is_told_with_the_file(written, text
     settings = Settings.load(written(text))
     with pytest.raises(UnknownNameError, match=r"site\.yaml.*Did you mean"):
         Pipeline.from_settings(settings)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("arm: right\ngripper: camhand", r"gripper of the right arm, in \S+site\.yaml"),
+        ("robot: none\narm: right", r"^arm, in \S+site\.yaml"),
+        ("limits: {force: 900}", r"site\.yaml, field limits\.force: .*at most 150"),
+    ],
+)
+def test_what_does_not_go_together_is_told_with_the_file(written, text, message):
+    settings = Settings.load(written(text))
+    with pytest.raises(ConfigError, match=message):
+        Pipeline.from_settings(settings)
+
+
+@pytest.mark.parametrize(
+    "text", ["robot: romam", "arm: lfet\ndrop_off: {lfet: [1, 1]}"]
+)
+def test_a_robot_that_is_not_had_names_the_file_once(written, text):
+    settings = Settings.load(written(text))
+    with pytest.raises(UnknownNameError) as caught:
+        settings.robot_model()
+    assert str(caught.value).count("site.yaml") == 1
+    with pytest.raises(UnknownNameError) as caught:
+        Pipeline.from_settings(settings)
+    assert str(caught.value).count("site.yaml") == 1
+
+
+def test_the_camera_of_a_site_is_for_images_without_one_beside_them(
+    written, tmp_path, pngs
+):
+    settings = Settings.load(written("camera: {file: lens.json}"))
+    alone, with_camera, folder, stored = pngs
+    assert settings.capture(alone).intrinsics.fx == 200
+    assert settings.capture(folder).intrinsics.fx == 200
+    assert settings.capture(with_camera).intrinsics.fx == 240
+    assert settings.capture(stored).intrinsics.fx == 240
+    own = tmp_path / "beside" / "camera.json"
+    assert settings.capture(alone, camera_file=own).intrinsics.fx == 240
+    with pytest.raises(CaptureError, match=r"camera file.*\.npz file"):
+        settings.capture(stored, camera_file=own)
+
+
+@pytest.fixture
+def pngs(tmp_path):
+    """One depth image: alone, with its camera, in a folder without one, as .npz."""
+    capture = capture_of([])
+    image = Image.fromarray((1000 * np.nan_to_num(capture.depth)).astype(np.uint16))
+    paths = [tmp_path / name / "depth.png" for name in ("alone", "beside", "folder")]
+    for path in paths:
+        path.parent.mkdir()
+        image.save(path)
+    K = capture.intrinsics.matrix
+    camera = {"K": K.tolist(), "width": 320, "height": 240}
+    (tmp_path / "beside" / "camera.json").write_text(json.dumps(camera))
+    K[0, 0] = K[1, 1] = 200
+    (tmp_path / "lens.json").write_text(json.dumps({**camera, "K": K.tolist()}))
+    capture.save(tmp_path / "stored.npz")
+    return paths[0], paths[1], paths[2].parent, tmp_path / "stored.npz"
 
 
 def test_a_file_of_something_else_is_refused(tmp_path):

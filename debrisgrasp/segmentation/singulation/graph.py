@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -120,6 +120,12 @@ class RegionGraph:
         edges = np.stack(np.divmod(keys[starts], n), axis=1)
         borders = np.add.reduceat(sums[order], starts, axis=0)
         return cls(regions, edges, borders, labels)
+
+    def unmarked(self) -> RegionGraph:
+        """Graph of the same regions, as if nobody had marked any."""
+        regions = self.regions.copy()
+        regions[:, RegionSum.OF_INTEREST] = 0.0
+        return replace(self, regions=regions)
 
     def merged(self, into: IntArray) -> RegionGraph:
         """Graph of larger regions, given the one of each region, shape (r,)."""

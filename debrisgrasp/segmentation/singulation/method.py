@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,14 @@ from numpy.typing import NDArray
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_range
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
+from debrisgrasp.segmentation.marked import covered_shares
 from debrisgrasp.segmentation.segmentation import PatchGraph
 
 from .borders import patch_graph
 from .camera import inverse_depth_image
 from .cells import CellImage, cell_image
 from .evidence import fitted_evidence
-from .graph import BorderSum, RegionGraph
+from .graph import BorderSum, RegionGraph, RegionSum
 from .merging import Merged, merged_regions
 from .notches import flush_bars_apart
 from .patches import planar_patches
@@ -29,6 +31,14 @@ _FOCAL = 300.0
 """Focal length [cells] for which steps between cells are given."""
 _MAX_CONCAVITY = float(np.deg2rad(24))
 """Concave angle that noise and curvature of one surface explain [rad]."""
+_MAY_BE_ONE = 0.05
+"""Probability of being one object from which a mark that says so is believed. Of 66
+right marks in 10 drawn piles it doubts 6; 0.3 would doubt 21."""
+_COUNTED = 0.3
+"""From such a one on, parts count as one object where a mark covers several: in those
+piles that came nearest to their number."""
+_SPECK = 10
+"""Cells of the smallest object."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,19 +126,45 @@ def singulate(
         of_interest=is_marked,
         colors=_averaged(cells, cloud, colors),
     )
-    merged = merged_regions(
+
+    def merge(graph: RegionGraph, min_score: float) -> Merged:
+        return merged_regions(
+            graph,
+            cells,
+            fitted_evidence().probability,
+            min_score,
+            color_weight=0.0 if colors is None else config.color_weight,
+        )
+
+    found = _described(
         graph,
-        cells,
-        fitted_evidence().probability,
-        config.min_score,
-        color_weight=0.0 if colors is None else config.color_weight,
-    )
-    return _described(
-        graph,
-        merged,
+        merge(graph, config.min_score),
         cells,
         pixel_patches(image, cells, patches, pixels, max_gap),
     )
+    if is_marked is None:
+        return found
+    return replace(found, marked_shares=_marked_shares(graph, merge))
+
+
+def _marked_shares(
+    graph: RegionGraph, merge: Callable[[RegionGraph, float], Merged]
+) -> FloatArray:
+    """Shares of what is marked on each of the objects that would be found without.
+
+    Empty if all of it may be one object.
+    """
+    marked = graph.regions[:, RegionSum.OF_INTEREST]
+    shares = np.empty(0)
+    for min_score in (_MAY_BE_ONE, _COUNTED):
+        region = merge(graph.unmarked(), min_score).region
+        size = np.bincount(region, graph.regions[:, RegionSum.CELLS])
+        # Specks are no objects.
+        own = np.where(size < _SPECK, 0.0, np.bincount(region, marked))
+        shares = covered_shares(own, size)
+        if len(shares) < 2:
+            return np.empty(0)
+    return shares
 
 
 def _averaged(

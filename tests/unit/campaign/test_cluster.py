@@ -83,8 +83,10 @@ def test_no_run_is_lost_when_a_worker_of_the_cluster_is_killed(tmp_path, cluster
 
 
 def test_a_cluster_that_does_not_answer_is_named(tmp_path):
-    campaign = Campaign(specs=told(1, tmp_path), run_one=do, folder=tmp_path)
+    out = tmp_path / "out"
+    campaign = Campaign(specs=told(1, tmp_path), run_one=do, folder=out)
     with pytest.raises(
         InputError, match=r"cluster tcp://127.0.0.1:1: .*dask scheduler"
     ):
         campaign.run(ClusterWorkers("tcp://127.0.0.1:1", timeout=1.0))
+    assert not out.exists()

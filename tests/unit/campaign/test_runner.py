@@ -203,6 +203,19 @@ def test_a_place_that_is_no_folder_is_refused(tmp_path, marks):
         load_records(tmp_path)
 
 
+def test_a_folder_is_taken_only_once_there_are_workers(tmp_path, marks):
+    def none() -> ThreadPoolExecutor:
+        raise InputError("cluster", got="no answer", expected="one")
+
+    out = tmp_path / "out"
+    campaign = Campaign(specs=told(1, marks), run_one=do, folder=out)
+    with pytest.raises(InputError, match="no answer"):
+        campaign.run(OwnWorkers(none))
+    assert not out.exists()
+    replace(campaign, header={"seed": 1}).run(THREADS)
+    assert len(load_records(out)) == 1
+
+
 @pytest.mark.parametrize("count", [-1, 5000])
 def test_a_count_of_workers_that_is_none_is_refused(count):
     with pytest.raises(ConfigError, match="workers"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from debrisgrasp.executive.marks import Marks
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3, Bounds, Intrinsics, so3
-from debrisgrasp.io import Capture
+from debrisgrasp.io import Capture, measured
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import FakeConfig, fake_robot
 from debrisgrasp.worlds import (
@@ -122,6 +124,18 @@ def test_a_mask_marks_the_same_object_as_the_region_it_was_drawn_in(handle):
     assert again.cycle.capture.mask.sum() == pytest.approx(
         context.cycle.capture.mask.sum(), rel=0.2
     )
+
+
+def test_a_mask_over_several_objects_is_told_of_once(handle, caplog):
+    context, _ = handle(region=HANDLE)
+    capture_, seen = context.cycle.capture, context.cycle.seen
+    handle(mark=StaysMarked.of(capture_))
+    assert "the mask covers" not in caplog.text
+    everything = np.zeros(capture_.depth.shape, dtype=bool)
+    everything[measured(capture_)] = seen.segmentation.labels > 0
+    context, _ = handle(mark=StaysMarked.of(replace(capture_, mask=everything)))
+    assert caplog.text.count("the mask covers") == 1
+    assert "notes" not in segment(context).facts
 
 
 def test_reasons_of_what_is_left_are_not_told_again_by_the_fault(handle, monkeypatch):

@@ -119,6 +119,21 @@ def test_poses_that_are_not_one_rigid_transform_are_refused(depth, camera, pose)
         Capture(depth=depth, intrinsics=camera, **{pose: SE3(np.diag([1.0, 1, 2, 1]))})
 
 
+@pytest.mark.parametrize("values", [(1, 2, 3), (-1,), (-1, 1)])
+def test_a_mask_that_looks_like_labels_is_doubted(depth, camera, caplog, values):
+    mask = np.zeros(depth.shape, dtype=np.int16)
+    mask[0, : len(values)] = values
+    taken = Capture(depth=depth, intrinsics=camera, mask=mask)
+    assert taken.mask.sum() == len(values)
+    assert f"values from {min(values)} to {max(values)}" in caplog.text
+
+
+@pytest.mark.parametrize("value", [0, 1, 255])
+def test_a_mask_of_one_value_is_not_doubted(depth, camera, caplog, value):
+    Capture(depth=depth, intrinsics=camera, mask=np.full(depth.shape, value, np.uint8))
+    assert not caplog.text
+
+
 def test_without_a_pose_there_is_no_cloud_and_both_remedies_are_named(depth, camera):
     capture = Capture(depth=depth, intrinsics=camera)
     with pytest.raises(CaptureError, match="camera-pose") as caught:

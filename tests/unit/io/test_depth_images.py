@@ -12,6 +12,7 @@ from PIL import Image
 
 from debrisgrasp.errors import CaptureError, ConfigError
 from debrisgrasp.io import Capture
+from debrisgrasp.io.depth_images import load_camera
 
 from .conftest import HEIGHT, WIDTH, K
 
@@ -91,6 +92,8 @@ def test_the_scale_of_the_camera_file_and_lower_case_keys_count(folder, info, de
         ({"depth_scale": "mm"}, "depth_scale"),
         ({"depth_scale": 1}, "millimetres"),
         ({"width": 640, "height": 480}, "Scale K"),
+        ({"width": "wide"}, "height, width in .*numbers"),
+        ({"width": 20.5}, "whole numbers of pixels"),
         ({"T_base_camera": [1, 2, 3]}, "4x4"),
         ({"T_base_camera": np.diag([1, 1, -1, 1]).tolist()}, "left-handed"),
         ({"T_base_camera": "here"}, "4x4"),
@@ -101,6 +104,31 @@ def test_camera_files_that_do_not_fit_are_refused(folder, info, changes, message
     rewrite(folder, info, **changes)
     with pytest.raises((CaptureError, ConfigError), match=message):
         Capture.load(folder)
+
+
+def test_a_camera_is_read_without_an_image(folder, info):
+    place = folder / "camera.json"
+    assert_allclose(load_camera(place).matrix, K)
+    rewrite(folder, info, width=None, height=None)
+    assert_allclose(load_camera(place).matrix, K)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"K": None},
+        {"K": [0.0] * 9},
+        {"K": [float("nan")] * 9, "width": None},
+        {"K": [0.0] * 9, "width": None},
+        {"width": 6400, "height": 4800},
+        {"depth_scale": 0},
+    ],
+    ids=str,
+)
+def test_a_camera_that_no_image_fits_names_its_file(folder, info, changes):
+    rewrite(folder, info, **changes)
+    with pytest.raises(ConfigError, match=r"camera\.json"):
+        load_camera(folder / "camera.json")
 
 
 @pytest.mark.parametrize("text", ["{", "[1, 2]", ""])

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
+import debrisgrasp
+from debrisgrasp._files import data_path
 from debrisgrasp.geometry import Bounds
+from debrisgrasp.io import Capture, measured
 from debrisgrasp.pipeline import Target
 from debrisgrasp.pipeline.notes import deadline_notes, mask_notes, mass_notes
 from debrisgrasp.pipeline.second_look import BestSoFar
@@ -49,27 +54,42 @@ def test_a_mass_that_no_arm_lifts_is_told_of():
     assert "15 kg" in first
 
 
-def test_a_mask_over_one_object_says_nothing():
-    labels = np.repeat([0, 1, 2], [10, 50, 40])
-    assert mask_notes(None, labels) == ()
-    assert mask_notes(labels == 1, labels) == ()
-    grazed = labels == 1
-    grazed[[0, 1, 60, 61]] = True
-    assert mask_notes(grazed, labels) == ()
-    assert mask_notes(np.zeros(100, dtype=bool), labels) == ()
+@pytest.fixture(scope="module")
+def pile():
+    """Return the example capture, its segmentation and the label of each pixel."""
+    capture = Capture.load(data_path("captures", "pile.npz"))
+    found = debrisgrasp.segment(capture)
+    labels = np.zeros(capture.depth.shape, dtype=int)
+    labels[measured(capture)] = found.labels
+    return capture, labels
 
 
-def test_a_mask_over_several_objects_or_the_ground_is_told_of():
-    labels = np.repeat([0, 1, 2], [40, 30, 30])
-    (note,) = mask_notes(labels > 0, labels)
-    assert "2 objects, 1 (50%), 2 (50%) of it" in note
-    (note,) = mask_notes(labels == 0, labels)
+def told(capture, mask):
+    found = debrisgrasp.segment(replace(capture, mask=mask))
+    return mask_notes(mask[measured(capture)], found)
+
+
+@pytest.mark.parametrize("label", range(1, 9))
+def test_a_mask_over_one_object_says_nothing(pile, label):
+    capture, labels = pile
+    assert told(capture, labels == label) == ()
+
+
+def test_without_a_mask_or_with_nothing_in_it_there_is_nothing_to_say(pile):
+    capture, labels = pile
+    assert mask_notes(None, debrisgrasp.segment(capture)) == ()
+    assert told(capture, np.zeros_like(labels, dtype=bool)) == ()
+
+
+@pytest.mark.parametrize("covered", [(3, 4), (1, 2, 3, 4, 5), range(1, 9)])
+def test_a_mask_over_objects_that_touch_tells_their_number(pile, covered):
+    capture, labels = pile
+    (note,) = told(capture, np.isin(labels, covered))
+    assert f"covers {len(covered)} objects" in note
+    assert note.count("%") == len(covered)
+
+
+def test_a_mask_over_the_ground_is_told_of(pile):
+    capture, labels = pile
+    (note,) = told(capture, labels == 0)
     assert "100% of the mask" in note
-
-
-def test_a_mask_over_a_whole_pile_names_every_object_but_no_crumbs():
-    labels = np.repeat([0, 1, 2, 3, 4, 5, 6, 7], [50, 160, 160, 160, 160, 160, 160, 9])
-    (note,) = mask_notes(labels > 0, labels)
-    assert "covers 6 objects" in note
-    assert "6 (17%)" in note
-    assert "7 (" not in note
