@@ -130,19 +130,25 @@ class FakeGripper:
         for i, goal in enumerate(self._goals):
             step = min(max(goal - self.openings[i], -most), most)
             resistance = self.forces[i]
-            own = self.force / self.peers[i]
             if resistance > 0.0 and step < 0.0:
-                # The spring of the contact decides how far the force carries.
-                over = resistance - own - _EXTRA
-                if over > 0.0:  # it stands all that the other side exerts
-                    over = max(resistance - self.force - _EXTRA, 0.0)
-                give = over / self._config.contact_stiffness
+                give = self._give(i, resistance)
                 step = min(max(step, give), most) if abs(give) > _STILL else 0.0
             elif resistance < 0.0 and step > 0.0:
-                give = (-resistance - own - _EXTRA) / self._config.contact_stiffness
+                give = self._give(i, -resistance)
                 step = max(min(step, -give), -most) if abs(give) > _STILL else 0.0
             self.openings[i] = min(max(self.openings[i] + step, low), high)
         return tuple(self.openings) != before
+
+    def _give(self, i: int, resistance: float) -> float:
+        """How far a finger that presses against something gives way to it [m].
+
+        Below zero it goes on, as far as the spring of the contact takes up its share of
+        the force; it stands all that the other side can exert.
+        """
+        over = resistance - self.force / self.peers[i] - _EXTRA
+        if over > 0.0:
+            over = max(resistance - self.force - _EXTRA, 0.0)
+        return over / self._config.contact_stiffness
 
     def _range(self) -> tuple[float, float]:
         openings = self.model.preshape(self.shape).openings

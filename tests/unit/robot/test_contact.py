@@ -242,6 +242,20 @@ def test_the_fingers_of_a_side_share_a_commanded_force():
         assert pair == pytest.approx([0.5 * force] * 2, abs=1.0)
 
 
+@pytest.mark.parametrize("is_closing", [True, False])
+def test_a_finger_presses_with_its_share_and_stands_what_a_side_exerts(is_closing):
+    sign = 1.0 if is_closing else -1.0
+    for pressed, way in ((10.0, -1.0), (20.0, 0.0), (40.0, 1.0)):
+        hand = FakeGripper(
+            GRIPPERS["robotiq_3f"], Timeline(0.004), FakeConfig(is_initialised=True), []
+        )
+        hand.openings = [0.1] * 3
+        hand.command(GripCommand((0.05 if is_closing else 0.15,) * 3, 30.0))
+        hand.forces = [0.0, sign * pressed, 0.0]  # one of the pair meets something
+        hand.advance()
+        assert np.sign(np.round(hand.openings[1] - 0.1, 9)) == sign * way
+
+
 def _touch(config: FakeConfig, ground: Ground | None = None) -> Touch:
     hand = FakeGripper(GRIPPERS["robotiq_3f"], Timeline(0.004), config, [])
     return Touch(hand, ground or Ground.level(), config)
