@@ -178,7 +178,8 @@ def _read_camera(path: Path) -> _CameraFile:
 
 def _size(height: Any, width: Any, name: str) -> tuple[int, int]:
     pixels = _numbers([height, width], name)
-    if pixels.size != 2 or not np.isin(pixels, np.arange(1, 1 << 16)).all():
+    is_count = (pixels >= 1) & (pixels < 1 << 16) & (pixels == np.floor(pixels))
+    if pixels.size != 2 or not is_count.all():
         raise ConfigError(
             name, got=f"{height!r}, {width!r}", expected="two whole numbers of pixels"
         )

@@ -196,13 +196,13 @@ class FakeArm:
         checked = zip(rate, before, self._rates, strict=True)
         for i, (new, old, (most, gain)) in enumerate(checked):
             change = gain * dt + _ROUNDING
-            is_quick = not -most <= new <= most
-            if not is_quick and -change <= new - old <= change:
-                continue
-            what = f"acceleration {(new - old) / dt:.4g}"
-            what += f", more than {self._acceleration[i]:g}"
-            if is_quick:
+            if not -most <= new <= most:
                 what = f"speed {new:.4g}, more than {self._speed[i]:g}"
+            elif not -change <= new - old <= change:
+                what = f"acceleration {(new - old) / dt:.4g}"
+                what += f", more than {self._acceleration[i]:g}"
+            else:
+                continue
             joint = self.joint_names[i]
             self._violations.append(
                 Violation(

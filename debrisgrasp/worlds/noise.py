@@ -11,7 +11,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray, Rng, frozen, require_rang
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.geometry import Intrinsics
 
-from .slopes import length_of, points_and_normals
+from .slopes import points_and_normals
 
 __all__ = ["Measured", "StereoNoise"]
 
@@ -158,7 +158,7 @@ class StereoNoise:
 
     def _grazed(self, depth: FloatArray, intrinsics: Intrinsics, rng: Rng) -> BoolArray:
         points, normals = points_and_normals(depth, intrinsics)
-        sizes = length_of(normals) * length_of(points)
+        sizes = np.linalg.norm(normals, axis=0) * np.linalg.norm(points, axis=0)
         cosine = np.abs((normals * points).sum(axis=0)) / np.maximum(sizes, 1e-30)
         limit = np.cos(np.radians(self.grazing))
         return np.asarray(rng.random(depth.shape) * limit > cosine)

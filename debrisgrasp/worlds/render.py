@@ -14,7 +14,7 @@ from debrisgrasp.geometry import SE3, Intrinsics, Solid
 
 from .body import Part, as_part
 from .raycast import corners_around, first_hits
-from .slopes import length_of, points_and_normals
+from .slopes import points_and_normals
 from .world import World
 
 __all__ = ["Rendered", "render"]
@@ -153,7 +153,7 @@ def _shaded(
     colors: FloatArray, depth: FloatArray, intrinsics: Intrinsics, T_base_camera: SE3
 ) -> IntArray:
     _, normals = points_and_normals(depth, intrinsics)
-    normals /= np.maximum(length_of(normals), 1e-12)
+    normals /= np.maximum(np.linalg.norm(normals, axis=0), 1e-12)
     normals = np.ascontiguousarray(np.moveaxis(normals, 0, -1))
     lit = np.maximum(T_base_camera.rotate(normals) @ _LAMP, 0.0)
     shaded = np.clip(colors * (0.45 + 0.55 * lit)[..., None], 0, 255)

@@ -7,7 +7,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import Intrinsics
 
-__all__ = ["length_of", "points_and_normals"]
+__all__ = ["points_and_normals"]
 
 
 def points_and_normals(
@@ -22,9 +22,3 @@ def points_and_normals(
     a, b, c = np.gradient(points, axis=1)
     p, q, r = np.gradient(points, axis=2)
     return points, np.stack([b * r - c * q, c * p - a * r, a * q - b * p])
-
-
-def length_of(vectors: FloatArray) -> FloatArray:
-    """Lengths of vectors whose coordinates come first (3, ...), shape (...)."""
-    x, y, z = vectors
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
