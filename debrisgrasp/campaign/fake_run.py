@@ -20,16 +20,18 @@ from debrisgrasp.executive import (
     TaskSettings,
     simulate,
 )
+from debrisgrasp.geometry import Bounds
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import FakeTruth
 from debrisgrasp.settings import Settings
 from debrisgrasp.worlds import Body
 
 from .record import SUCCESS, RunRecord
-from .specs import RunSpec, fake_world
+from .specs import OBJECT_SPECIFIC, RunSpec, fake_world
 
 __all__ = [
     "Watch",
+    "handle_of",
     "is_in_the_way",
     "pipeline_of",
     "record_of",
@@ -43,6 +45,8 @@ _DRIVE_OVER = 0.05
 """Boards on the ground are no obstacle; all else is to be removed [m]."""
 _NEAR = 0.1
 """A place that is nearer than this to a body's box is the body's [m]."""
+_MARGIN = 0.02
+"""How much larger the box is that says where the object of interest lies [m]."""
 
 
 class Watch:
@@ -85,6 +89,8 @@ def run_fake(spec: RunSpec) -> RunRecord:
     world = fake_world(spec.tier, rng.spawn(1)[0])
     pipeline = pipeline_of(spec.site)
     watch, settings = Watch(recovery=spec.recovery), settings_of(spec, pipeline)
+    if spec.tier in OBJECT_SPECIFIC:
+        settings = replace(settings, region=handle_of(world.bodies[0]))
     done = simulate(
         world,
         settings,
@@ -102,6 +108,13 @@ def settings_of(spec: RunSpec, pipeline: Pipeline) -> TaskSettings:
         site=spec.site, max_removals=spec.max_removals, drive_over=_DRIVE_OVER
     )
     return replace(task.settings(pipeline), max_attempts=spec.max_attempts)
+
+
+def handle_of(crate: Body) -> Bounds:
+    """Box around what stands above the rim of a crate, base frame."""
+    low, high = _box(crate)
+    low[2] = high[2] - crate.sizes["rise"]
+    return Bounds.around([low, high], _MARGIN)
 
 
 def record_of(

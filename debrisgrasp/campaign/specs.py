@@ -23,7 +23,15 @@ from debrisgrasp.worlds import (
     named_scene,
 )
 
-__all__ = ["FAKE_TIERS", "LEVELS", "WORLDS", "RunSpec", "draw_specs", "fake_world"]
+__all__ = [
+    "FAKE_TIERS",
+    "LEVELS",
+    "OBJECT_SPECIFIC",
+    "WORLDS",
+    "RunSpec",
+    "draw_specs",
+    "fake_world",
+]
 
 WORLDS = ("fake", "mujoco")
 LEVELS = ("hand", "arm")
@@ -34,12 +42,16 @@ _STURDY = ("cinder_block", "lumber_4x4", "brick", "pipe_wide", "crate_handle")
 FaultSource = Callable[[Rng], tuple[Injection, ...]]
 
 
-def _single(rng: Rng) -> World:
-    """Lay one sturdy object down in front of the robot."""
-    body = draw_body(str(rng.choice(_STURDY)), rng=rng)
-    yaw = so3.from_rpy(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
-    place = [_CENTER[0] + rng.uniform(-0.1, 0.1), rng.uniform(-0.15, 0.15), 0.3]
-    return World((body.at(SE3.from_parts(yaw, place)),))
+def _one_of(*kinds: str) -> Callable[[Rng], World]:
+    """Lay one object of these kinds down in front of the robot."""
+
+    def lay(rng: Rng) -> World:
+        body = draw_body(str(rng.choice(kinds)), rng=rng)
+        yaw = so3.from_rpy(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+        place = [_CENTER[0] + rng.uniform(-0.1, 0.1), rng.uniform(-0.15, 0.15), 0.3]
+        return World((body.at(SE3.from_parts(yaw, place)),))
+
+    return lay
 
 
 def _pile(fewest: int, most: int) -> Callable[[Rng], World]:
@@ -50,12 +62,15 @@ def _pile(fewest: int, most: int) -> Callable[[Rng], World]:
 
 
 FAKE_TIERS: Mapping[str, Callable[[Rng], World]] = {
-    "single": _single,
+    "single": _one_of(*_STURDY),
+    "handle": _one_of("crate_handle"),
     "few": _pile(1, 3),
     "pile": _pile(3, 8),
     **{name: lambda _, name=name: named_scene(name) for name in SCENES},  # type: ignore[misc]
 }
 """Scenes in memory by name; those of the paper are always the same."""
+OBJECT_SPECIFIC = ("handle",)
+"""Tiers whose one object is gripped with the prototypes for special objects alone."""
 
 
 def fake_world(tier: str, rng: Rng) -> World:

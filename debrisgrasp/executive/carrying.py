@@ -104,11 +104,10 @@ def _height_to_go(context: Context, limb: LimbState, held: Held, z: float) -> fl
 
 def _height_over_pile(context: Context, held: Held, T_base_hand: SE3) -> float:
     """Tell how far what is held must rise to be over all that is around it [m]."""
-    seen, label = context.cycle.seen, context.cycle.label
-    if seen is None or label is None or not len(held.points_hand):
+    seen, is_own = context.cycle.seen, context.cycle.is_own
+    if seen is None or is_own is None or not len(held.points_hand):
         return 0.0
-    labels = seen.segmentation.labels
-    others = seen.cloud.points[(labels != label) & (labels != 0)]
+    others = seen.cloud.points[~is_own & (seen.segmentation.labels != 0)]
     own = T_base_hand.apply(held.points_hand)
     low, high = own.min(axis=0) - _AROUND, own.max(axis=0) + _AROUND
     inside = ((others[:, :2] > low[:2]) & (others[:, :2] < high[:2])).all(axis=1)
@@ -227,13 +226,13 @@ def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFou
 
     Through what was not seen only if there is no other way.
     """
-    planner, label = carrying(context, limb), context.cycle.label
+    planner, is_own = carrying(context, limb), context.cycle.is_own
     q = context.posture(limb)
-    strict = space_of(context, label, unknown=UnknownSpace.HIDDEN)
+    strict = space_of(context, is_own, unknown=UnknownSpace.HIDDEN)
     space = strict.without_unknown()
     if not planner.stands_free(q, space):
         stands, ignored = (planner, q), UnknownSpace.IGNORED
-        space = space_of(context, label, unknown=ignored, stands=stands)
+        space = space_of(context, is_own, unknown=ignored, stands=stands)
     if not planner.stands_free(q, space):
         words = "the box around what is held touches something where it hangs"
         return FaultFound("plan_collision", words, limb.name)
@@ -249,8 +248,8 @@ def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFou
 
 def _bare_way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFound:
     """Plan for the arm alone: the box may touch what the object itself does not."""
-    label = context.cycle.label
-    space = room_for(context, [limb], label, unknown=UnknownSpace.IGNORED)
+    is_own = context.cycle.is_own
+    space = room_for(context, [limb], is_own, unknown=UnknownSpace.IGNORED)
     goals = _goals(context, limb, held, space, limb.planner)
     if not len(goals):
         return _nowhere(context, limb, held)

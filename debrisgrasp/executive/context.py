@@ -148,6 +148,19 @@ class Cycle:
     peak_torque: float = 0.0
     centroid: tuple[float, float, float] | None = None
 
+    @property
+    def is_own(self) -> BoolArray | None:
+        """Which points of the look are lifted with the chosen object, shape (n,).
+
+        Of an object that is marked, or gripped in a region, more than that is lifted.
+        """
+        if self.plan is not None:
+            return self.plan.is_own
+        if self.seen is None or self.label is None:
+            return None
+        is_own: BoolArray = self.seen.segmentation.labels == self.label
+        return is_own
+
 
 @dataclass(eq=False, kw_only=True)
 class Context:

@@ -64,12 +64,13 @@ def object_in_hand(context: Context, T_base_hand: SE3, width: float) -> FloatArr
 
     Of its underside nothing was seen; see `with_underside`.
     """
-    seen, label = context.cycle.seen, context.cycle.label
+    seen, is_own = context.cycle.seen, context.cycle.is_own
     assert seen is not None
-    assert label is not None
-    points = seen.cloud.points[seen.segmentation.points_of(label)]
+    assert is_own is not None
+    points = seen.cloud.points[is_own]
+    _, axes = np.linalg.eigh(np.cov(points.T))
+    middle = float(np.sort(np.ptp(points @ axes, axis=0))[1])
     points = points[voxel_downsample(points, 0.01)]
-    middle = float(np.sort(seen.segmentation.segment(label).extents)[1])
     return T_base_hand.inverse().apply(with_underside(points, width, middle))
 
 

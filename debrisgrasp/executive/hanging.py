@@ -59,9 +59,9 @@ def looked_at(context: Context, held: Held) -> int:
         Points seen of it [count]; 0: it is not in the picture, or hidden by the hand,
         or the image is none to go by, and it remains what it was taken for.
     """
-    before, label = context.cycle.seen, context.cycle.label
+    before, is_own = context.cycle.seen, context.cycle.is_own
     motion = context.cycle.motion
-    if before is None or label is None or motion is None or not len(held.points_hand):
+    if before is None or is_own is None or motion is None or not len(held.points_hand):
         return 0
     limb = context.limbs[held.arm]
     T_base_hand = limb.pose(context.posture(limb))
@@ -73,7 +73,6 @@ def looked_at(context: Context, held: Held) -> int:
     if isinstance(taken, FaultFound):
         return 0
     context.record.keep(taken, taken.name)
-    is_own = before.segmentation.labels == label
     old = before.cloud.points
 
     points, sight = _cloud(taken)

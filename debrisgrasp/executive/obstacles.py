@@ -34,7 +34,7 @@ BARE = np.array([0.0, 0.0, 1.0, 0.0])
 
 def space_of(
     context: Context,
-    without: int | None = None,
+    without: BoolArray | None = None,
     *,
     unknown: UnknownSpace,
     stands: tuple[MotionPlanner, FloatArray] | None = None,
@@ -45,7 +45,7 @@ def space_of(
     Parameters
     ----------
     without
-        Label of an object that is no obstacle, because the hand holds it.
+        Which points of that look are no obstacle, because the hand holds them.
     stands
         Of an arm, and postures (d,) or (k, d) in which it stands, or stood on its way:
         points so near to it there are left out.
@@ -59,7 +59,7 @@ def space_of(
     if context.cycle.around is not None:
         points = context.cycle.around
     elif without is not None:
-        points = points[seen.segmentation.labels != without]
+        points = points[~without]
     guesses = [*context.dropped, *context.fallen] if with_guesses else []
     points = np.concatenate([points, *context.lain, *guesses])
     if stands is not None:
@@ -82,7 +82,7 @@ def space_of(
 def room_for(
     context: Context,
     limbs: Iterable[LimbState],
-    without: int | None = None,
+    without: BoolArray | None = None,
     *,
     unknown: UnknownSpace,
 ) -> MotionSpace:

@@ -38,6 +38,8 @@ _HALF_PAD = 0.015
 """An object that ends by more than this before the middle of a pad misses it [m]."""
 _END_ERROR = 0.008
 """Standard deviation of where an object ends [m]."""
+_SPARE = 0.02
+"""By so much more than a preshape is for its fingers close [m]."""
 _BY_THE_REST = 0.05
 """Probability that the other fingers hold what one of them misses."""
 _TOGETHER = 200_000
@@ -80,11 +82,13 @@ class PadZones:
     """[m], shape (p, 3)."""
     upper: Float32Array
     """[m], shape (p, 3)."""
+    narrowest: Float32Array
+    """Narrowest object that the preshape is for [m], shape (p,)."""
 
     @classmethod
     def of(cls, library: PrototypeLibrary, config: ContactConfig) -> PadZones:
         """Collect the zone of each prototype's hand."""
-        lower, upper = [], []
+        lower, upper, narrowest = [], [], []
         for prototype in library:
             gripper = library.grippers[prototype.gripper]
             pads = gripper.pad_positions(prototype.preshape, prototype.width)
@@ -94,7 +98,8 @@ class PadZones:
             low = max(height - config.zone, 0.0)
             lower.append([-half, beside.min() - config.margin, low])
             upper.append([half, beside.max() + config.margin, reach])
-        return cls(np.array(lower, np.float32), np.array(upper, np.float32))
+            narrowest.append(gripper.preshape(prototype.preshape).widths[0])
+        return cls(*(np.array(x, np.float32) for x in (lower, upper, narrowest)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,8 +110,9 @@ class PadLook:
     """That both sides get to press within their cones, in [0, 1], shape (k,). A side of
     which too little was seen is taken to lean as the outline of the object does, if
     what was seen of that leaves a finger room there. Where the object ends before it
-    gets to a finger, that one presses on nothing. Fingertips that end before the middle
-    of what is round press it out of the hand."""
+    gets to a finger, that one presses on nothing, and so do all where it is narrower
+    than what the preshape is for. Fingertips that end before the middle of what is
+    round press it out of the hand."""
     is_too_wide: BoolArray
     """Whether a hidden side is so far out that a finger would land on it, (k,)."""
     angles: FloatArray
@@ -146,7 +152,7 @@ class PadContacts:
         Ts_base_hand, prototype
             Poses (k, 4, 4), and whose hand each carries (k,).
         """
-        found = np.empty((len(Ts_base_hand), 9))
+        found = np.empty((len(Ts_base_hand), 10))
         n_poses = max(1, _TOGETHER // max(1, self._points.shape[1]))
         for first in range(0, len(found), n_poses):
             some = slice(first, first + n_poses)
@@ -160,10 +166,11 @@ class PadContacts:
         meets = ndtr((_HALF_PAD - found[:, 6]) / _END_ERROR)
         meets = _BY_THE_REST + (1.0 - _BY_THE_REST) * meets
         # Sides of a round thing slant alike: what squeezes one out does the other.
-        slant, slant_error = found[:, 7:].T
+        slant, slant_error, spare = found[:, 7:].T
         keeps = ndtr((cone - slant) / slant_error) / ndtr(cone / slant_error)
+        squeezes = ndtr(spare / ROOM_ERROR)
         return PadLook(
-            probability=share.prod(axis=1) * fits * meets * keeps,
+            probability=share.prod(axis=1) * fits * meets * keeps * squeezes,
             is_too_wide=fits < config.least,
             angles=angles,
             is_seen=np.asarray(np.isfinite(angles).all(axis=1)),
@@ -171,7 +178,10 @@ class PadContacts:
         )
 
     def _look(self, Ts: FloatArray, prototype: IntArray) -> FloatArray:
-        """Angles, room, lean of the sides, overhang, slant, its error, shape (k, 9)."""
+        """Angles, room, lean of the sides, overhang, slant, its error, spare, (k, 10).
+
+        Spare is how much wider than the fingers close the object may be [m].
+        """
         lower, upper = self._zones.lower[prototype], self._zones.upper[prototype]
         wide = np.array([_UNDER, 0.0, 0.0], dtype=np.float32)
         around = self._between(Ts, lower - wide, upper + wide)
@@ -183,6 +193,7 @@ class PadContacts:
         is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
         width = upper[:, 1] - lower[:, 1]
         angles, rooms, leaning = [], [], []
+        spare = _SPARE - self._zones.narrowest[prototype]
         for side in (-1.0, 1.0):
             cosine = np.float32(side) * near.along
             faces = is_beside & (cosine > np.float32(_TURNED))
@@ -211,9 +222,15 @@ class PadContacts:
                 room[enough] = np.minimum(room[enough], left)
             rooms.append(np.where(is_seen, np.inf, room))
             leaning.append(near.lean(out, is_behind, width))
+            # Behind a face that is turned to the other side anything may be.
+            ends = near.count(is_last & (cosine > -np.float32(_TURNED)))
+            hidden = np.maximum(farthest, upper[:, 0] - room)
+            hidden[ends < self._config.min_points] = np.inf
+            spare += np.where(is_seen, farthest, hidden)
         over = self._overhang(near, is_behind | is_cut, width)
         slant, error = near.slant(upper[:, 2])
-        return np.stack([*angles, *rooms, *leaning, over, slant, error], axis=1)
+        spare[near.count(near.pose >= 0) < self._config.min_points] = np.inf
+        return np.stack([*angles, *rooms, *leaning, over, slant, error, spare], axis=1)
 
     def _overhang(
         self, near: NearPads, is_open: BoolArray, width: Float32Array

@@ -59,16 +59,19 @@ TARGETS = {
     "paper_handle_all_in_interval": "1",
     "paper_handle_grasps_in_interval": "1",
 }
-PAPER = {"paper_piles": (19, 26, 43), "paper_handle": (95, 99, 147)}
-"""Successes, runs that got to a grasp, runs."""
+PAPER = {
+    "paper_piles": ("single", 19, 26, 43),
+    "paper_handle": ("handle", 95, 99, 147),
+}
+"""Scene, successes, runs that got to a grasp, runs."""
 Source = Callable[[Rng], tuple[Injection, ...]] | None
 
 
 class Bench:
     """Runs campaigns into folders, so that an interrupted benchmark goes on."""
 
-    def __init__(self, out: Path, workers: int, tier: str, seed: int = SEED) -> None:
-        self.out, self.workers, self.tier, self.seed = out, workers, tier, seed
+    def __init__(self, out: Path, workers: int, seed: int = SEED) -> None:
+        self.out, self.workers, self.seed = out, workers, seed
 
     def run(
         self,
@@ -76,13 +79,14 @@ class Bench:
         n: int,
         faults: Source = None,
         *,
+        tier: str = "single",
         recovery: bool = True,
         workers: int | None = None,
     ) -> tuple[RunRecord, ...]:
         specs = draw_specs(
             n,
             seed=self.seed,
-            tier=self.tier,
+            tier=tier,
             faults=faults,
             recovery=recovery,
             max_removals=1,
@@ -153,11 +157,11 @@ def by_fault(records: Sequence[RunRecord]) -> str:
 
 def reenacted(bench: Bench, name: str, n: int) -> dict[str, float]:
     """Inject the rates of one of the paper's campaigns, without and with recovery."""
-    successes, grasps, runs = PAPER[name]
+    tier, successes, grasps, runs = PAPER[name]
     rates = FaultRates.load(data_path("campaigns", f"{name}.yaml"))
-    clean = tabulate(bench.run("clean", n))
-    off = tabulate(bench.run(f"{name}_off", n, rates.drawn, recovery=False))
-    on = tabulate(bench.run(f"{name}_on", n, rates.drawn))
+    clean = tabulate(bench.run(f"{name}_clean", n, tier=tier))
+    off = tabulate(bench.run(f"{name}_off", n, rates.drawn, tier=tier, recovery=False))
+    on = tabulate(bench.run(f"{name}_on", n, rates.drawn, tier=tier))
     rows, figures = [], {}
     for words, key, paper, ours in (
         ("success of all runs", "all", Share(successes, runs), off.success),
@@ -198,7 +202,7 @@ def scaling(bench: Bench, n: int) -> dict[str, float]:
     rates, costs, shares = [], [], []
     with tempfile.TemporaryDirectory() as folder:
         for workers in (1, 2):
-            fresh = Bench(Path(folder) / str(workers), workers, bench.tier, bench.seed)
+            fresh = Bench(Path(folder) / str(workers), workers, bench.seed)
             start = time.perf_counter()
             records = fresh.run("scaling", n)
             spent, wall = sum(r.seconds for r in records), time.perf_counter() - start
@@ -226,14 +230,13 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=1000, help="runs of the attack")
     parser.add_argument("--paper-n", type=int, default=200, help="runs of each other")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--tier", default="single")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--scaling-n", type=int, default=24, help="0: not measured")
     parser.add_argument("--out", type=Path, help="keep the records here, and go on")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         out = options.out or Path(folder)
-        bench = Bench(out, options.workers, options.tier, options.seed)
+        bench = Bench(out, options.workers, options.seed)
         figures = attack(bench, options.n) if options.n else {}
         if options.paper_n:
             for name in PAPER:

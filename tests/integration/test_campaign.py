@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
-from debrisgrasp.campaign import RunRecord, RunSpec, run_fake
+from debrisgrasp.campaign import RunRecord, RunSpec, fake_world, run_fake
+from debrisgrasp.campaign.fake_run import handle_of
 from debrisgrasp.robot import INJECTABLE, Injection
 
 JAW = Path(__file__).parents[2] / "examples/jaw_site.yaml"
@@ -29,6 +31,23 @@ def struck(*faults: Injection, recovery: bool = False) -> RunSpec:
         recovery=recovery,
         max_attempts=2,
     )
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_crate_is_taken_by_its_handle(seed):
+    spec = RunSpec(name="x", seed=seed, tier="handle", max_removals=1, max_attempts=2)
+    record = run_fake(spec)
+    assert (record.outcome, record.n_removed) == ("success", 1)
+    assert not any(record.checks.values())
+
+
+def test_the_region_of_a_handle_ends_above_the_rim():
+    world = fake_world("handle", np.random.default_rng(3))
+    (crate,) = world.bodies
+    region, rim = handle_of(crate), crate.sizes["height"]
+    tops = np.array([solid.bounds.upper for solid in crate.solids])
+    assert region.contains(tops[tops[:, 2] > rim + 0.03]).all()
+    assert region.lower[2] > rim - 0.03
 
 
 @pytest.mark.parametrize(

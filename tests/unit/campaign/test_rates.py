@@ -138,7 +138,7 @@ def test_a_spec_of_another_program_is_refused():
         RunSpec.from_json({"name": "x", "colour": "red"})
 
 
-@pytest.mark.parametrize("tier", ["single", "few", "wood_on_truss"])
+@pytest.mark.parametrize("tier", ["single", "handle", "few", "wood_on_truss"])
 def test_scenes_are_at_rest_and_the_same_for_the_same_seed(tier):
     first, second = (fake_world(tier, np.random.default_rng(5)) for _ in range(2))
     for one, other in zip(first.bodies, second.bodies, strict=True):

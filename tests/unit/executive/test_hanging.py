@@ -10,6 +10,7 @@ import pytest
 from debrisgrasp.control import GripConfig, GripController
 from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.context import Held
+from debrisgrasp.executive.dropoff import object_in_hand
 from debrisgrasp.executive.hanging import _divided, looked_after, looked_at
 from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.perceive import capture, segment
@@ -91,12 +92,26 @@ def test_what_hangs_in_the_hand_is_seen_in_its_whole_length(lifted):
 def test_the_pile_around_it_is_seen_anew_without_it(lifted):
     _, context, held = lifted
     looked_at(context, held)
-    space = space_of(context, context.cycle.label, unknown=UnknownSpace.IGNORED)
+    space = space_of(context, context.cycle.is_own, unknown=UnknownSpace.IGNORED)
     points = space.measured_points
     beside = np.abs(points[:, :2] - BEAM.p[:2]).max(axis=1) < 0.08
     assert np.count_nonzero(beside & (points[:, 2] > 0.35)) < 10  # flying pixels
     face = np.abs(points - BLOCK.p - np.array([0, 0, 0.15])).max(axis=1) < 0.06
     assert np.count_nonzero(face) > 20
+
+
+def test_of_an_object_that_is_gripped_at_a_part_the_whole_is_lifted(lifted):
+    _, context, _ = lifted
+    cycle, pose = context.cycle, SE3.identity()
+    part = object_in_hand(context, pose, 0.05)
+    is_own = cycle.is_own | (np.abs(cycle.seen.cloud.points - BLOCK.p) < 0.2).all(
+        axis=1
+    )
+    cycle.plan = SimpleNamespace(is_own=is_own)
+    whole = object_in_hand(context, pose, 0.05)
+    assert whole[:, 2].min() < 0.1 < part[:, 2].min()
+    space = space_of(context, cycle.is_own, unknown=UnknownSpace.IGNORED)
+    assert (np.abs(space.measured_points - BLOCK.p) > 0.16).any(axis=1).all()
 
 
 def test_what_is_out_of_the_picture_remains_what_it_was_taken_for(lifted):

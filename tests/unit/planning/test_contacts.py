@@ -113,6 +113,23 @@ def test_fingertips_that_end_before_the_middle_of_a_pipe_squeeze_it_out(
     assert least <= at(found) <= most
 
 
+@pytest.mark.parametrize(
+    ("radius", "least", "most"), [(0.05, 0.5, 1), (0.015, 0, 0.02)]
+)
+def test_a_claw_can_not_squeeze_what_is_thinner_than_it_closes(radius, least, most):
+    claw = PrototypeLibrary.load().select(names=["claw_bar_4x4"])
+    zones = PadZones.of(claw, CONFIG)
+    turn = np.linspace(-1.4, 1.4, 29)
+    normals = np.stack([np.sin(turn), 0.0 * turn, -np.cos(turn)], axis=1)
+    beside = (zones.lower[0] + zones.upper[0])[1] / 2
+    points = [0.0, beside, float(zones.upper[0, 2]) - 0.055] + radius * normals
+    cloud = PointCloud(
+        extruded(points), np.tile(normals, (5, 1)), np.array([0.0, 0.0, -2.0])
+    )
+    found = PadContacts(scene_of(cloud), zones, CONFIG)
+    assert least <= at(found) <= most
+
+
 def test_flat_sides_hold_however_far_below_the_fingertips_they_go_on():
     reach = PadZones.of(LIBRARY, CONFIG).upper[0, 2]
     top, depth = np.linspace(-0.04, 0.04, 17), np.linspace(-0.03, 0.06, 19)
