@@ -28,6 +28,7 @@ Float32Array = NDArray[np.float32]
 IntArray = NDArray[np.integer[Any]]
 BoolArray = NDArray[np.bool_]
 Rng = np.random.Generator
+_MILLIMETRES = "If these are millimetres, divide by 1000."
 _FARTHEST = 20.0
 """Coordinates of places near a robot beyond this [m] can only be millimetres."""
 
@@ -70,7 +71,10 @@ def require_range(name: str, value: float, low: float, high: float = np.inf) -> 
     """Raise `ConfigError` unless the setting is a number in [low, high]."""
     if not (isinstance(value, Real) and low <= value <= high):
         limit = f"{low:g} to {high:g}" if high < np.inf else f"{low:g} or more"
-        raise ConfigError(name, got=value, expected=limit)
+        is_far = name.endswith("[m]") and isinstance(value, Real) and value > high
+        raise ConfigError(
+            name, got=value, expected=limit, mend=_MILLIMETRES if is_far else ""
+        )
 
 
 def require_metres(name: str, coordinates: ArrayLike) -> None:
@@ -89,7 +93,7 @@ def require_metres(name: str, coordinates: ArrayLike) -> None:
             name,
             got=f"a coordinate of {largest:g}",
             expected=f"metres, at most {_FARTHEST:g}",
-            mend="If these are millimetres, divide by 1000.",
+            mend=_MILLIMETRES,
         )
 
 

@@ -71,8 +71,8 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         kinds = _kinds(function)
         for name, value in given.arguments.items():
             allowed = kinds.get(name, ())
-            if isinstance(value, list) and tuple in map(_holder, allowed):
-                given.arguments[name] = value = tuple(value)
+            if tuple in map(_holder, allowed):
+                given.arguments[name] = value = _tupled(value)
             if fault := _fault(name, value, allowed):
                 raise fault
         return function(*given.args, **given.kwargs)
@@ -105,6 +105,12 @@ class _Items:
             for i, (item, kind) in enumerate(zip(value, kinds, strict=True))
         )
         return next(filter(None, faults), None)
+
+
+def _tupled(value: Any) -> Any:
+    """Return lists, and those in them, as tuples."""
+    is_list = isinstance(value, list) or type(value) is tuple
+    return tuple(map(_tupled, value)) if is_list else value
 
 
 @cache

@@ -13,6 +13,7 @@ from difflib import get_close_matches
 
 __all__ = [
     "CaptureError",
+    "ChoiceError",
     "ConfigError",
     "DebrisGraspError",
     "DriverError",
@@ -78,6 +79,10 @@ class ConfigError(InputError):
     def about(cls, what: str, error: InputError) -> ConfigError:
         """Make the same complaint as another error, about what the caller calls it."""
         return cls(what, got=error.got, expected=error.expected, mend=error.mend)
+
+
+class ChoiceError(ConfigError):
+    """Arm, hand and prototypes that were chosen don't go together."""
 
 
 class DriverError(DebrisGraspError, RuntimeError):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -20,7 +19,7 @@ from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._fields import Fields
 from debrisgrasp._files import read_yaml
 from debrisgrasp._site_limits import SiteLimits
-from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
+from debrisgrasp.errors import ChoiceError, ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import so3
 from debrisgrasp.io import CameraPose, Capture, parse_camera_pose
 from debrisgrasp.io.calibration_json import load_calibration
@@ -42,8 +41,6 @@ _SAME = 0.002
 """Poses of a camera that differ by less [m, rad] are the same."""
 _OF_A_LIMIT = (1e-3, 1e6)
 """What a limit of speed, force or torque may be at all."""
-_OF_A_CHOICE = re.compile(r"arm|prototypes|gripper of the \w+ arm")
-"""What errors call a choice of arm and hand that does not go together."""
 POLICIES = ("support", "priority")
 """Names of the policies: `SupportAware`, and `PriorityPoint` (Eq. 1)."""
 
@@ -170,8 +167,8 @@ class Settings:
                 raise
             kind = error.kind + beside
             raise UnknownNameError(kind, error.name, error.known) from error
-        except ConfigError as error:
-            if self.path is None or not _OF_A_CHOICE.fullmatch(error.what):
+        except ChoiceError as error:
+            if self.path is None:
                 raise
             raise ConfigError.about(error.what + beside, error) from error
 

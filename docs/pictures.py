@@ -1,6 +1,10 @@
-"""Draw the pictures of the documentation: `python docs/pictures.py`.
+r"""Draw the pictures of the documentation: `python docs/pictures.py`.
 
 They change only when frames, robots or hands do, so they are kept beside the text.
+`segmentation_time.png` is measured, and so it is drawn by a benchmark:
+
+    python -m tests.benchmarks.segmentation --piles 1 \
+        --plot docs/images/segmentation_time.png
 """
 
 import tempfile

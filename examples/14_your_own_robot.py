@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from debrisgrasp import SE3, Intrinsics, robot
-from debrisgrasp.control import LoadModel
+from debrisgrasp.control import Body, LoadModel
 from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.prototypes import GripperModel
 
 clock = SimpleNamespace(time=0.0, now=lambda: clock.time)
 clock.wait_until = lambda until: setattr(clock, "time", max(clock.time, until))
@@ -49,8 +50,9 @@ class Gripper:
 
     is_initialised = False
 
-    def __init__(self, name, n_fingers) -> None:
-        self.name, self.openings = name, (0.1,) * n_fingers
+    def __init__(self, hand) -> None:
+        self.name, self.openings = hand.name, (0.1,) * len(hand.fingers)
+        self.sides = [finger.side for finger in hand.fingers]
 
     def initialise(self) -> None:
         self.is_initialised = True
@@ -59,6 +61,8 @@ class Gripper:
         self.openings = (opening,) * len(self.openings)
 
     def command(self, command) -> None:
+        # The force is that of a side: two fingers on it press with half of it each.
+        self.forces = [command.force / self.sides.count(side) for side in self.sides]
         self.openings = command.openings
 
     def read(self) -> robot.HandReading:
@@ -73,17 +77,18 @@ def main() -> None:
     camera = SimpleNamespace(
         capture=lambda: robot.DepthFrame(time=clock.now(), **image)
     )
+    # A third one: the weight of the tool is not in it.
     wrench = SimpleNamespace(
         read=lambda: robot.WrenchReading(clock.now(), rng.normal(0, 0.1, 6))
     )
     limbs = {}
-    for name, n_fingers in (("right", 3), ("left", 4)):
+    for name in mine.arms:
         start = mine.chain(name).vector(mine.posture(name, "ready"))
         limbs[name] = robot.Limb(
             arm=Arm(mine.limits(name).hardware, start.tolist()),
             sensor=wrench,
-            gripper=Gripper(mine.arm(name).gripper, n_fingers),
-            loads=LoadModel(T_ee_ft=SE3.identity()),
+            gripper=Gripper(GripperModel.load(mine.arm(name).gripper)),
+            loads=LoadModel(T_ee_ft=SE3.identity(), tool=Body(mass=1.5)),
         )
     devices = robot.Robot(model=mine, clock=clock, limbs=limbs, camera=camera)
     print(robot.check_robot(devices, motion=True))

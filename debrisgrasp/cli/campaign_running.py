@@ -37,6 +37,7 @@ from debrisgrasp.campaign import (
     tabulate,
 )
 from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.executive import SimulatedTask
 from debrisgrasp.robot import Injection
 from debrisgrasp.sim import TIERS
 from debrisgrasp.sim._mujoco import mujoco
@@ -157,13 +158,17 @@ def _site(arguments: argparse.Namespace) -> str | None:
         return None
     site = str(arguments.site.resolve())
     is_flying = arguments.world == "mujoco" and arguments.level == "hand"
-    if pipeline_of(site).robot is None and not is_flying:
+    pipeline = pipeline_of(site)
+    if is_flying:
+        return site
+    if pipeline.robot is None:
         raise ConfigError(
             "robot of the site",
             got="none",
             expected="a robot with arms",
             mend="Only the flying hand of --world mujoco --level hand has no arm.",
         )
+    SimulatedTask(site=site).settings(pipeline)  # drop-offs that none of the runs reach
     return site
 
 

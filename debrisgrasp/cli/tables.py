@@ -53,7 +53,7 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
         lines.append(_grasp_table(plan, limit))
         loads = [g.load for g in plan.grasps[:limit] if g.load and g.load.margin < 1.0]
         if loads:
-            is_known = loads[0].mass[0] == loads[0].mass[1]
+            is_known = loads[0].is_mass_known
             lines.append(_TOO_HEAVY if is_known else _OVERLOADED)
         if len(plan.grasps) > limit:
             lines.append(f"and {len(plan.grasps) - limit} more")
@@ -72,7 +72,7 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
 
 _TOO_HEAVY = (
     "margin below 1: beyond a limit at the mass given, unless the object swings until "
-    "it hangs;\nthe score counts that in"
+    "it hangs;\nthe score counts that in, and what is within the limits comes first"
 )
 _OVERLOADED = (
     "margin below 1: beyond a limit if the object weighs what the middle of that range "

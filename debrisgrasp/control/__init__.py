@@ -26,7 +26,14 @@ from .leg_state import (
     TarePolicy,
 )
 from .legs import CartesianLeg, LegPlan, LegPlanner, LegStatus
-from .loads import Body, LoadModel, ToolFit, identify_payload, identify_tool
+from .loads import (
+    Body,
+    LoadModel,
+    ToolFit,
+    felt_weight,
+    identify_payload,
+    identify_tool,
+)
 from .oscillation import OscillationGuard, OscillationState
 from .posture import PostureKinematics
 from .preview import Preview, preview
@@ -99,6 +106,7 @@ __all__ = [
     "WrenchFilter",
     "choose_pull",
     "contact_gain",
+    "felt_weight",
     "identify_payload",
     "identify_tool",
     "judge_baseline",

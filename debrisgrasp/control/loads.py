@@ -37,6 +37,7 @@ __all__ = [
     "Body",
     "LoadModel",
     "ToolFit",
+    "felt_weight",
     "identify_payload",
     "identify_tool",
 ]
@@ -270,6 +271,30 @@ def identify_tool(
         rms=np.sqrt((rest**2).sum(axis=2).mean(axis=0)),
         span=span,
     )
+
+
+def felt_weight(
+    loads: LoadModel, Rs_base_ft: FloatArray, forces: FloatArray
+) -> tuple[float, float]:
+    """Compare how a turn of an empty hand changes the force, and how it must.
+
+    Parameters
+    ----------
+    Rs_base_ft
+        Orientation of the sensor before and after, shape (2, 3, 3).
+    forces
+        Raw forces read there [N], shape (2, 3).
+
+    Returns
+    -------
+    felt, due : float
+        Change along the way in which the tool's weight changes it, and the change of
+        that weight [N]: equal if the sensor is right, opposite if its sign is wrong.
+    """
+    before, after = Rs_base_ft.swapaxes(1, 2) @ (loads.tool.mass * loads.gravity)
+    change, due = after - before, float(np.linalg.norm(after - before))
+    felt = loads.wrench_sign * (forces[1] - forces[0])
+    return float(change @ felt) / max(due, 1e-9), due
 
 
 def identify_payload(

@@ -60,7 +60,7 @@ def select(context: Context) -> StepResult:
     open_: list[tuple[Segment, Triage, str]] = []
     for candidate in seen.order(context.pipeline.policy):
         segment = seen.segmentation.segment(candidate.label)
-        name = _named(segment)
+        name = _named(context, segment)
         reason = _not_in_the_way(context, seen, segment)
         if reason:
             continue
@@ -113,7 +113,7 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
         segment.centroid, context.n_changes, context.settings.tries
     )
     if why:
-        return _nothing_more(context, {_named(segment): why}, 1)
+        return _nothing_more(context, {_named(context, segment): why}, 1)
     triage = replace(_triage(context, seen, segment), way=Way.PINCH, arms=())
     return _chosen(context, segment, triage, "it is the marked object")
 
@@ -122,11 +122,12 @@ def _chosen(
     context: Context, segment: Segment, triage: Triage, reason: str
 ) -> StepResult:
     cycle = context.cycle
-    cycle.label, cycle.triage = segment.label, triage
+    cycle.label, cycle.triage, cycle.look = segment.label, triage, context.n_looks
     x, y, z = segment.centroid.tolist()
     cycle.centroid = (x, y, z)
     facts: dict[str, object] = {
         "object": segment.label,
+        "look": context.n_looks,
         "centroid": np.round(segment.centroid, 4).tolist(),
         "way": triage.way.value,
         "arms": list(triage.arms),
@@ -144,10 +145,12 @@ def _nothing_more(context: Context, left: dict[str, str], n_failed: int) -> Faul
     return FaultFound("no_grasp", f"no candidate is left to try: {words}")
 
 
-def _named(segment: Segment) -> str:
+def _named(context: Context, segment: Segment) -> str:
+    """Name an object so that no other of the run has that name."""
     x, y, z = segment.centroid
     size = " x ".join(f"{100 * e:.0f}" for e in segment.extents)
-    return f"object {segment.label} of {size} cm at ({x:.2f}, {y:.2f}, {z:.2f})"
+    name = f"object {segment.label} of look {context.n_looks}"
+    return f"{name}, {size} cm at ({x:.2f}, {y:.2f}, {z:.2f})"
 
 
 def _not_in_the_way(context: Context, seen: Perception, segment: Segment) -> str:

@@ -133,6 +133,8 @@ class Cycle:
     capture: Capture | None = None
     seen: Perception | None = None
     label: int | None = None
+    look: int | None = None
+    """In which the object has that label, see `Context.n_looks`."""
     triage: Triage | None = None
     plan: PlanningResult | None = None
     motion: GraspMotion | None = None
@@ -183,6 +185,8 @@ class Context:
     is_closed: bool = False
     """Whether its fingers were sent to close."""
     marks: Marks = field(default_factory=Marks)
+    n_looks: int = 0
+    """How many images of the workspace were taken; labels of objects go by them."""
     n_removed: int = 0
     n_moves: int = 0
     """How often the base drove to where the arms reach better."""

@@ -66,6 +66,8 @@ class Attempt:
     """Whether the object was put down at the drop-off, verified."""
     faults: tuple[FaultEvent, ...] = ()
     object_label: int | None = None
+    look: int | None = None
+    """In which the object has that label, from 1: each look labels objects anew."""
     centroid: tuple[float, float, float] | None = None
     """Of the object's visible points, base frame [m]."""
     arm: str | None = None
@@ -75,6 +77,23 @@ class Attempt:
     """Largest force on the hand, absolute [N]."""
     peak_torque: float = 0.0
     """[N m]."""
+
+    def facts(self) -> dict[str, object]:
+        """Tell what a record has of it."""
+        return {
+            "number": self.number,
+            "reached": [state.value for state in self.reached],
+            "removed": self.is_removed,
+            "faults": [event.fault for event in self.faults],
+            "object": self.object_label,
+            "look": self.look,
+            "centroid": self.centroid,
+            "arm": self.arm,
+            "prototype": self.prototype,
+            "score": self.score,
+            "peak_force": round(self.peak_force, 2),
+            "peak_torque": round(self.peak_torque, 3),
+        }
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -59,14 +59,15 @@ _DROP_ROOM = 0.2
 def capture(context: Context) -> StepResult:
     """Take an image, and refuse what is old, empty or full of holes."""
     look_around(context)
-    taken = image(context, f"capture_{context.cycle.number:03d}")
+    look = context.n_looks + 1
+    taken = image(context, f"capture_{look:03d}")
     if isinstance(taken, FaultFound):
         return taken
     taken = _marked(context, taken)
-    context.cycle.capture = taken
+    context.cycle.capture, context.n_looks = taken, look
     context.record.keep(taken, taken.name)
     share = float(np.mean(np.isfinite(np.asarray(taken.depth))))
-    return Done({"measured_share": round(share, 4)})
+    return Done({"look": look, "measured_share": round(share, 4)})
 
 
 def look_around(context: Context) -> None:

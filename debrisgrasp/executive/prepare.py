@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import BaselineLook, BiasBound, LoadModel, judge_baseline
+from debrisgrasp.control import (
+    BaselineLook,
+    BiasBound,
+    LoadModel,
+    felt_weight,
+    judge_baseline,
+)
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitFamily
@@ -179,12 +185,9 @@ def _turn(context: Context, limb: LimbState) -> FaultFound | None:
 
 def _sign(loads: LoadModel, looks: tuple[BaselineLook, BaselineLook]) -> str:
     """Say whether the tool's weight changes the readings the wrong way round."""
-    weights = [look.R_base_ft.T @ (loads.tool.mass * loads.gravity) for look in looks]
-    expected = weights[1] - weights[0]
-    raw = [loads.wrench_sign * look.raw[:, :3].mean(axis=0) for look in looks]
-    seen = raw[1] - raw[0]
-    size = float(np.linalg.norm(expected))
-    along = float(expected @ seen) / max(size, 1e-9)
+    Rs = np.array([look.R_base_ft for look in looks])
+    forces = np.array([look.raw[:, :3].mean(axis=0) for look in looks])
+    along, size = felt_weight(loads, Rs, forces)
     if size < 3.0 or along > -0.5 * size:
         return ""
     return (

@@ -159,7 +159,8 @@ class StoredRun:
             if event.get("event") == "attempt":
                 number = int(event.get("number", number)) + 1
             if event.get("event") == "done" and event.get("state") == "capture":
-                names.append(f"capture_{number:03d}.npz")
+                # Older records number captures by the attempt.
+                names.append(f"capture_{event.get('look', number):03d}.npz")
         folder = self.folder / _CAPTURES
         # The list of what a .npz holds stands at its end: one cut short has none.
         gone = [name for name in dict.fromkeys(names) if not is_zipfile(folder / name)]

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from debrisgrasp._arrays import Rng
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.control import FaultClass
 from debrisgrasp.errors import DriverError
 from debrisgrasp.pipeline import Pipeline
@@ -66,6 +67,7 @@ class Observer(Protocol):
         ...
 
 
+@checked_fields
 class Executive:
     """Clears a pile with a robot, or says why not.
 
@@ -89,7 +91,8 @@ class Executive:
     UnknownNameError
         If an arm is not the robot's.
     InputError
-        If the robot has no arm in use, or a drop-off is out of reach.
+        If the robot has no arm in use, a drop-off is out of reach, or something is not
+        what its annotation says.
     """
 
     def __init__(
@@ -279,19 +282,17 @@ class Executive:
         )
 
     def _write_fault(self, event: FaultEvent) -> None:
-        self._write(
-            "fault",
-            {
-                "state": event.state.value,
-                "fault": event.fault,
-                "class": event.fault_class.value,
-                "message": event.message,
-                "action": event.action.value,
-                "arm": event.arm,
-                "values": dict(event.values),
-                "time": round(event.time, 4),
-            },
-        )
+        facts = {
+            "state": event.state.value,
+            "fault": event.fault,
+            "class": event.fault_class.value,
+            "message": event.message,
+            "action": event.action.value,
+            "arm": event.arm,
+            "values": dict(event.values),
+            "time": round(event.time, 4),
+        }
+        self._write("fault", facts)
 
     def _finish_attempt(self, *, keeps_look: bool = False) -> None:
         """Close the present attempt, and begin the next."""
@@ -306,6 +307,7 @@ class Executive:
             is_removed=cycle.is_removed,
             faults=faults,
             object_label=cycle.label,
+            look=cycle.look,
             centroid=cycle.centroid,
             arm=motion.arm if motion else None,
             prototype=motion.grasp.prototype if motion else None,
@@ -315,7 +317,7 @@ class Executive:
         )
         self._attempts.append(attempt)
         self._of_attempt = len(self._faults)
-        self._write("attempt", _attempt_facts(attempt))
+        self._write("attempt", attempt.facts())
         following = Cycle(number=len(self._attempts) + 1)
         if keeps_look:
             following.capture, following.seen = cycle.capture, cycle.seen
@@ -382,19 +384,3 @@ def _cleared_up(context: Context) -> StepResult:
 def _given_up(context: Context) -> FaultFound:
     n = context.settings.max_attempts
     return FaultFound("no_grasp", f"{n} attempts were made, as many as allowed")
-
-
-def _attempt_facts(attempt: Attempt) -> dict[str, object]:
-    return {
-        "number": attempt.number,
-        "reached": [state.value for state in attempt.reached],
-        "removed": attempt.is_removed,
-        "faults": [event.fault for event in attempt.faults],
-        "object": attempt.object_label,
-        "centroid": attempt.centroid,
-        "arm": attempt.arm,
-        "prototype": attempt.prototype,
-        "score": attempt.score,
-        "peak_force": round(attempt.peak_force, 2),
-        "peak_torque": round(attempt.peak_torque, 3),
-    }

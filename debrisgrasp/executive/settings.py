@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, require_metres, require_range
+from debrisgrasp._arrays import BoolArray, frozen, require_metres, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
@@ -24,6 +25,7 @@ def _beside() -> Mapping[str, tuple[float, float]]:
     return {"right": (0.25, -0.75), "left": (0.25, 0.75)}
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskSettings:
     """What is to be done, and how carefully."""
@@ -97,10 +99,13 @@ class TaskSettings:
         if self.max_removals is not None:
             require_range("TaskSettings.max_removals", self.max_removals, 1, 10_000)
         require_range("TaskSettings.repositions", self.repositions, 0, 100)
-        for name in ("drive_over", "drop_height", "max_dropout"):
-            require_range(f"TaskSettings.{name}", getattr(self, name), 0.0, 1.0)
-        for name in ("lift", "approach_speed", "lift_speed", "drag_distance"):
-            require_range(f"TaskSettings.{name}", getattr(self, name), 1e-3, 2.0)
+        require_range("TaskSettings.max_dropout", self.max_dropout, 0.0, 1.0)
+        for name in ("drive_over", "drop_height"):
+            require_range(f"TaskSettings.{name} [m]", getattr(self, name), 0.0, 1.0)
+        for name in ("lift", "drag_distance"):
+            require_range(f"TaskSettings.{name} [m]", getattr(self, name), 1e-3, 2.0)
+        for name in ("approach_speed", "lift_speed"):
+            require_range(f"TaskSettings.{name} [m/s]", getattr(self, name), 1e-3, 2.0)
         require_range("TaskSettings.carry_speed", self.carry_speed, 0.05, 1.0)
         require_range("TaskSettings.load_share", self.load_share, 0.1, 1.0)
         require_range("TaskSettings.period [s]", self.period, 5e-4, 0.02)
@@ -112,15 +117,20 @@ class TaskSettings:
                 got=self.workspace,
                 expected="a lower corner below an upper one",
             )
+        require_range("TaskSettings.empty_load [N]", self.empty_load, 1e-3, 1e3)
+        require_range("TaskSettings.camera_shift [m]", self.camera_shift, 1e-3, 1.0)
+        for part in self.compliance:
+            require_range("TaskSettings.compliance", part, 0.0, 1.0)
         for arm, place in self.drop_off.items():
             self._require_place(arm, place)
 
     def _require_place(self, arm: str, place: tuple[float, float]) -> None:
-        require_metres(f"drop-off of the {arm} arm", place)
+        what = f"drop-off of the {arm} arm"
+        require_metres(what, frozen(place, what, (2,)))
         (x0, y0, _), (x1, y1, _) = self.workspace
         if x0 <= place[0] <= x1 and y0 <= place[1] <= y1:
             raise ConfigError(
-                f"drop-off of the {arm} arm",
+                what,
                 got=f"({place[0]:g}, {place[1]:g}), in the way that is to be cleared",
                 expected=f"a place outside x {x0:g} to {x1:g}, y {y0:g} to {y1:g} m",
                 mend="Put things down beside the robot, or make the workspace smaller.",

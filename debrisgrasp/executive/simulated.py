@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import Rng, require_range
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
@@ -190,6 +190,7 @@ class SimulatedTask:
         """
         return Pipeline.from_settings(self._site())
 
+    @checked
     def settings(self, pipeline: Pipeline) -> TaskSettings:
         """Return what is to be done, by this task and its site.
 
@@ -224,6 +225,7 @@ class SimulatedTask:
             region=self._bounds(),
         )
 
+    @checked
     def run(
         self,
         record: Recorder | None = None,
@@ -253,6 +255,7 @@ class SimulatedTask:
         )
 
 
+@checked
 def simulate(
     world: World,
     settings: TaskSettings,
@@ -312,6 +315,7 @@ class _Teller:
         self._injected.on_state(state.value)
 
 
+@checked
 def injections_of(faults: Sequence[str]) -> tuple[Injection, ...]:
     """Read faults written as ``name`` or ``name@state``.
 

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +33,7 @@ __all__ = [
 ]
 
 SCHEMA = "debrisgrasp/calibration/1"
+_EXPECTED = "a calibration: the JSON file that `debrisgrasp calibrate --out` writes"
 _DIGITS = 12
 _CONVENTION = (
     "T_true = exp(twist) @ T_base_camera; twist = (vx, vy, vz, wx, wy, wz) "
@@ -204,7 +206,11 @@ def load_calibration(path: str | os.PathLike[str]) -> StoredCalibration:
         Naming the file and the field that is missing or wrong.
     """
     path = Path(path)
-    content = read_schema(path, SCHEMA)
+    try:
+        content = read_schema(path, SCHEMA)
+    except ConfigError as error:
+        got = "arrays (.npz), such as a capture" if is_zipfile(path) else error.got
+        raise ConfigError(error.what, got=got, expected=_EXPECTED) from error
     with naming_fields(path, SCHEMA):
         return _stored(content, path)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.kinematics import ArmReach, RobotModel
 
 __all__ = ["arms_of", "require_limits", "robot_of"]
@@ -41,7 +41,7 @@ def arms_of(
     """Arms of the robot that are in use."""
     if robot is None:
         if arm is not None:
-            raise ConfigError(
+            raise ChoiceError(
                 "arm",
                 got=repr(arm),
                 expected="no arm, because the robot is 'none'",
@@ -56,7 +56,7 @@ def arms_of(
             f"gripper of {robot.name}", gripper, sorted(carried.values())
         )
     if arm is not None and gripper not in (None, carried[arm]):
-        raise ConfigError(
+        raise ChoiceError(
             f"gripper of the {arm} arm",
             got=repr(gripper),
             expected=f"{carried[arm]!r}, which it carries",

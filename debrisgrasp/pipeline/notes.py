@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray
-from debrisgrasp.segmentation import GroundReport, Segmentation
+from debrisgrasp.segmentation import WHOLE_SHARE, GroundReport, Segmentation
 
 from .second_look import BestSoFar
 
 __all__ = ["deadline_notes", "mask_notes", "mass_notes", "part_notes", "pose_notes"]
 
-_MOST = 0.8
-"""With such a share of its points in it, an object is in a mask as a whole."""
+_LIGHT = 0.05
+"""Debris is hardly ever lighter: a tenth of what most pieces weigh at least [kg]."""
 
 
 def deadline_notes(deadline: float | None, *, is_late: bool) -> tuple[str, ...]:
@@ -35,7 +35,7 @@ def pose_notes(ground: GroundReport) -> tuple[str, ...]:
 def mass_notes(
     mass: float | None, best: BestSoFar, liftable: float = np.inf
 ) -> tuple[str, ...]:
-    """Say that a given mass is too much, and for which object it was taken.
+    """Say that a given mass is too much or too little, and for what it was taken.
 
     Parameters
     ----------
@@ -53,7 +53,12 @@ def mass_notes(
             f"no arm in use lifts the {mass:.6g} kg given: the strongest lifts "
             f"{liftable:.3g} kg; is the mass in kilograms?",
         )
-    if chosen is not None and chosen.label == first.label and best.is_found:
+    if mass < _LIGHT:
+        notes += (
+            f"the {mass:.6g} kg given are {1e3 * mass:.3g} g: hardly any debris is so "
+            "light; is the mass in kilograms?",
+        )
+    if len(best.tried) == 1 or (chosen is first and best.is_found):
         return notes
     words = f"the {mass:.6g} kg given were taken for object {first.label}, the first "
     if chosen is not None and best.is_found:
@@ -74,7 +79,7 @@ def part_notes(
         Which points are sought, and which are lifted with them, shapes (n,).
     """
     share = np.count_nonzero(is_chosen) / max(1, int(np.count_nonzero(whole)))
-    if share > _MOST:
+    if share > WHOLE_SHARE:
         return ()
     holder = "region" if is_marked is None else "mask"
     return (

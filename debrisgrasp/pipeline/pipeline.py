@@ -12,7 +12,7 @@ import numpy as np
 from debrisgrasp._arrays import Rng, require_range
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._stopwatch import Progress, Stopwatch
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ChoiceError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import RobotModel
@@ -106,7 +106,7 @@ class Pipeline:
     UnknownNameError
         If the robot, arm or gripper is not known; the known ones are listed.
     ConfigError
-        If a file is malformed, or no prototype fits the chosen hands.
+        If a file is malformed; a `ChoiceError` if no prototype fits the chosen hands.
     """
 
     @checked
@@ -134,7 +134,7 @@ class Pipeline:
             )
         generic = library.select(kind="generic")
         if not len(generic):
-            raise ConfigError(
+            raise ChoiceError(
                 "prototypes",
                 got="no generic one for a hand that is in use",
                 expected="at least one",

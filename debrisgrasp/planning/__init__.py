@@ -7,7 +7,7 @@ from .clearance import ClearanceConfig
 from .config import PlannerConfig
 from .inspection import InspectionConfig
 from .ledger import Rejections
-from .load import LoadForecast
+from .load_forecast import LoadForecast
 from .mass import LoadConfig, ObjectMass
 from .obstacles import ObstacleMap
 from .plan import Grasp, GraspPlan, PassedOver, Retreat

@@ -12,12 +12,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
-from debrisgrasp._words import in_kilograms
 from debrisgrasp.prototypes import GripperModel
 
+from .load_forecast import LoadForecast
 from .mass import Build, Interval, LoadConfig, ObjectMass
 
-__all__ = ["GripLevers", "LoadForecast", "LoadModel", "Loads"]
+__all__ = ["GripLevers", "LoadModel", "Loads"]
 
 _FLOOR = 1e-9
 """Keeps quotients finite; far below every load and limit."""
@@ -57,43 +57,6 @@ class GripLevers:
             lever.append([0.67 * patch + span / 2, patch + depth / 2, patch + span])
             force.append(gripper.max_force)
         return cls(np.array(middle), np.array(lever), np.array(force))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoadForecast:
-    """What lifting the object will demand of hand and arm; (least, greatest) each."""
-
-    build: str
-    """``solid``, ``hollow`` or ``sheet``."""
-    mass: Interval
-    """[kg]."""
-    force: Interval
-    """Weight at the wrist [N]."""
-    torque: Interval
-    """Moment of the weight about the palm [N m]."""
-    grip: Interval
-    """Squeeze that holds it [N]; the least trusts in fingers that reach around it."""
-    lever: float
-    """Horizontal distance from the middle of the grip to the centre of mass [m]."""
-    lever_error: float
-    """How far that may be off [m]."""
-    tilt: float
-    """Angle between the palm's axis and the vertical [rad]; 0 grips from above."""
-    margin: float
-    """Smallest limit over its load, at the mass expected: below 1 is too heavy."""
-    margins: Interval
-    """The same at worst and at best."""
-    limit: str
-    """What limits it: ``grip``, ``wrist force``, ``wrist torque`` or
-    ``joint torque``."""
-
-    @property
-    def in_words(self) -> str:
-        """Say what is known of the object's weight."""
-        low, high = self.mass
-        if low == high:
-            return f"the object weighs {low:.6g} kg, as stated"
-        return f"the object looks {self.build}: {in_kilograms(low, high)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from debrisgrasp.geometry import SE3, Bounds
 
 from .advice import Advice
 from .ledger import Rejections
-from .load import LoadForecast
+from .load_forecast import LoadForecast
 from .success import SuccessForecast
 
 __all__ = ["Grasp", "GraspPlan", "PassedOver", "Retreat"]
@@ -63,7 +63,7 @@ class Grasp:
     score: float
     """What the list is sorted by, best first: the probability that it holds, from
     ``expected``, the load, the faces at the pads and the room around the hand (see
-    `SuccessModel`)."""
+    `SuccessModel`). What is overloaded (see `LoadForecast`) comes last all the same."""
     arm: str | None = None
     joints: Mapping[str, float] | None = None
     """Joint positions [rad or m] that take the pose; None for a floating hand."""

@@ -274,7 +274,7 @@ class GraspPlanner:
             [grasp.gripper for grasp in grasps],
             [grasp.prototype for grasp in grasps],
             self._is_symmetric[which],
-            np.array([grasp.score for grasp in grasps]),
+            np.array([_worth(grasp) for grasp in grasps]),
             self._config,
         )
 
@@ -365,3 +365,9 @@ class GraspPlanner:
             load=loads.forecast(index),
             success=success,
         )
+
+
+def _worth(grasp: Grasp) -> float:
+    """Put all that is within the limits before all beyond, and order both by score."""
+    is_beyond = grasp.load is not None and grasp.load.is_overloaded
+    return grasp.score - is_beyond

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._files import data_path
-from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
+from debrisgrasp.errors import ChoiceError, ConfigError, OutputError, UnknownNameError
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 
 from .gripper import GripperModel, load_grippers
@@ -160,11 +160,11 @@ class PrototypeLibrary:
 
         Raises
         ------
-        ConfigError
+        ChoiceError
             If the library is empty.
         """
         if not self.prototypes:
-            raise ConfigError(
+            raise ChoiceError(
                 "prototypes", got="none", expected="at least one", mend=_CHOOSE_MORE
             )
         directions = self.prototypes[0].visible.directions

@@ -34,6 +34,7 @@ from .promises_moving import (
     head_moves,
     nonsense_is_refused,
     stopped_arm_stands,
+    wrist_feels_weight,
 )
 
 __all__ = ["CHECKS", "MOVING_CHECKS", "Check", "Finding", "Report", "check_robot"]
@@ -115,6 +116,7 @@ CHECKS = (
 MOVING_CHECKS = (
     _check(disengaged_arm_stands, "a disengaged arm follows nothing", moves=True),
     _check(arm_follows, "an engaged arm goes where it is sent", moves=True),
+    _check(wrist_feels_weight, "a turned wrist feels the tool's weight", moves=True),
     _check(nonsense_is_refused, "an arm follows no NaN", moves=True),
     _check(stopped_arm_stands, "a stopped arm follows nothing", moves=True),
     _check(hand_moves, "fingers initialise, open and close", moves=True),

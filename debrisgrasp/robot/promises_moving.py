@@ -8,7 +8,8 @@ from contextlib import suppress
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import GripCommand
+from debrisgrasp.control import GripCommand, felt_weight
+from debrisgrasp.kinematics import KinematicChain
 from debrisgrasp.prototypes import load_grippers
 
 from .interface import Arm, Gripper, Robot
@@ -20,6 +21,7 @@ __all__ = [
     "head_moves",
     "nonsense_is_refused",
     "stopped_arm_stands",
+    "wrist_feels_weight",
 ]
 
 _SWING = np.deg2rad(2.0)
@@ -27,6 +29,10 @@ _SWING = np.deg2rad(2.0)
 _STOOD = np.deg2rad(0.1)
 """A joint that moved less than this stood [rad]."""
 _PERIOD = 0.004
+_READINGS = 100
+"""Of the wrist at each end of a turn."""
+_CERTAIN, _LEAST = 8.0, 0.2
+"""A change of the weight counts beyond so many standard errors, and beyond [N]."""
 
 
 def disengaged_arm_stands(robot: Robot) -> Iterator[str]:
@@ -73,6 +79,62 @@ def arm_follows(robot: Robot) -> Iterator[str]:
         _wait(robot, 0.2)
         if np.abs(_q(arm) - start).max() > 0.25 * _SWING:
             yield f"arm {name}: did not come back to where it was"
+
+
+def wrist_feels_weight(robot: Robot) -> Iterator[str]:
+    """Check that a wrist that is turned feels the tool's weight, the right way round.
+
+    Nothing is said where 2 degrees at each joint change it too little for the noise.
+    """
+    for name, limb in robot.limbs.items():
+        arm, loads, chain = limb.arm, limb.loads, robot.model.chain(name)
+        if not _engaged(robot, arm):
+            yield f"arm {name}: not engaged within 0.5 s"
+            continue
+        start = _q(arm)
+        goal = start + _tilt(arm, chain, start)
+        ends = []
+        for q_from, q_to in ((start, start), (start, goal)):
+            _send(robot, arm, q_from, q_to)
+            ends.append((chain.fk(_q(arm)).R @ loads.T_ee_ft.R, _forces(robot, name)))
+        _send(robot, arm, goal, start)
+        arm.disengage()
+        Rs, forces = (np.array(each) for each in zip(*ends, strict=True))
+        error = np.sqrt((forces.var(axis=1) / _READINGS).sum())
+        felt, due = felt_weight(loads, Rs, forces.mean(axis=1))
+        if due < max(_CERTAIN * error, _LEAST):
+            continue
+        said = f"sensor {name}: a turn that changes the tool's weight by {due:.2f} N"
+        if felt < -0.5 * due:
+            yield f"{said} changes the force by {felt:.2f} N; its sign is inverted"
+        elif felt < 0.5 * due:
+            yield f"{said} changes the force by {felt:.2f} N; does it measure at all?"
+
+
+def _tilt(arm: Arm, chain: KinematicChain, q: FloatArray) -> FloatArray:
+    """Small motion that turns the hand most against gravity, shape (d,)."""
+    down, size = chain.fk(q).R[2], np.abs(_swing(arm, q))
+    steps = np.concatenate([np.diag(size), -np.diag(size)])
+    allowed = ((q + steps >= arm.limits.lower) & (q + steps <= arm.limits.upper)).all(1)
+    steps = steps[allowed]
+    turns = chain.fk(q + steps).R[:, 2] - down
+    most = turns[np.argmax(np.linalg.norm(turns, axis=1))]
+    along = turns @ most
+    found = np.zeros(len(q))
+    for row in np.argsort(along):
+        if along[row] > 0.0:
+            joint = int(np.argmax(np.abs(steps[row])))
+            found[joint] = steps[row, joint]
+    return found
+
+
+def _forces(robot: Robot, name: str) -> FloatArray:
+    """Read the wrist while the arm stands [N], shape (n, 3)."""
+    rows = []
+    for _ in range(_READINGS):
+        rows.append(np.asarray(robot.limbs[name].sensor.read().wrench_ft)[:3])
+        _wait(robot, 2 * _PERIOD)
+    return np.array(rows, dtype=np.float64)
 
 
 def nonsense_is_refused(robot: Robot) -> Iterator[str]:

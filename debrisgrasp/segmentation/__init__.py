@@ -2,6 +2,7 @@
 
 from .ground import GroundConfig
 from .lccp import LccpConfig
+from .marked import WHOLE_SHARE
 from .pipeline import SegmentationConfig, segment_cloud
 from .segmentation import (
     GroundReport,
@@ -29,6 +30,7 @@ from .voxels import Binning
 __all__ = [
     "DEFAULT_POINT",
     "GROUND",
+    "WHOLE_SHARE",
     "Binning",
     "Candidate",
     "GroundConfig",

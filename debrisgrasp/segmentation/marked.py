@@ -6,12 +6,12 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray
 
-__all__ = ["covered_shares"]
+__all__ = ["WHOLE_SHARE", "covered_shares"]
 
 _SEVERAL = 0.2
 """With such a share of itself a mark covers an object, and not just touches it."""
-_MOST = 0.8
-"""With such a share of an object in it, a mark covers it as a whole."""
+WHOLE_SHARE = 0.8
+"""With such a share of an object in it, a mark or a region covers it as a whole."""
 _CRUMB = 0.02
 """Whole objects with less than such a share of the largest are crumbs at the edge."""
 
@@ -32,6 +32,6 @@ def covered_shares(
         As shares of what is marked, largest first, shape (k,).
     """
     share = marked / max(float(marked.sum()), 1.0)
-    is_whole = (marked > _MOST * size) & (marked > _CRUMB * marked.max(initial=0))
+    is_whole = (marked > WHOLE_SHARE * size) & (marked > _CRUMB * marked.max(initial=0))
     covered: FloatArray = np.sort(share[(share > _SEVERAL) | is_whole])[::-1]
     return covered

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite
+from debrisgrasp._arrays import FloatArray, frozen, require_metres
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import Bounds, PointCloud
 
@@ -111,6 +111,10 @@ class OperatorPick:
     others: SelectionPolicy
     """What orders the rest."""
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.pick, int) and len(self.pick) == 3:
+            require_point(self.pick, "pick")
+
     def order(
         self, segmentation: Segmentation, cloud: PointCloud
     ) -> tuple[Candidate, ...]:
@@ -138,7 +142,7 @@ class OperatorPick:
             return segmentation.segment(self.pick).label
         if len(self.pick) == 2:
             return _label_at_pixel(segmentation, cloud, *self.pick)
-        point = require_point(np.array(self.pick))
+        point = np.array(self.pick)
         is_object = segmentation.labels > 0
         distance = np.linalg.norm(cloud.points[is_object] - point, axis=1)
         nearest = float(distance.min(initial=np.inf))
@@ -197,12 +201,12 @@ def nearest_distances(
     return distances
 
 
-def require_point(point: ArrayLike) -> FloatArray:
-    """Freeze a priority or picked point, or raise if it isn't one."""
-    result = frozen(point, "point", (3,))
+def require_point(point: ArrayLike, name: str = "point") -> FloatArray:
+    """Freeze a priority or picked point [m], or raise if it isn't one."""
+    result = frozen(point, name, (3,))
     if result.shape != (3,):
-        raise InputError("point", got=result.shape, expected="one point")
-    require_finite(result, "point")
+        raise InputError(name, got=result.shape, expected="one point")
+    require_metres(name, result)
     return result
 
 

@@ -20,7 +20,7 @@ from debrisgrasp.prototypes import load_grippers
 
 from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, GROUND_COLOR
 from .raster import Splats, render
-from .run_map import map_svg
+from .run_map import map_key, map_svg
 from .scene import merged, point_spacing
 from .view import View
 
@@ -66,7 +66,7 @@ td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid #edf0f3;
 vertical-align:top}th{color:#5d6878;font-weight:600}
 svg{display:block;width:100%;height:auto}svg text{font:11px system-ui;fill:#5d6878}
 .key span{display:inline-block;margin-right:16px}.key i{display:inline-block;width:11px;
-height:11px;border-radius:2px;margin-right:5px}
+height:11px;border-radius:2px;margin-right:5px;box-sizing:border-box}
 @media(max-width:900px){.try{grid-template-columns:1fr}.try img{width:100%}}
 """
 
@@ -165,7 +165,7 @@ def _tries(events: Sequence[Mapping[str, Any]]) -> list[_Try]:
     for event in events:
         kind, state, now = event.get("event"), event.get("state"), found[-1]
         if kind == "done" and state == "capture":
-            capture = f"capture_{now.number:03d}"
+            capture = f"capture_{event.get('look', now.number):03d}"
         now.capture = now.capture or capture
         if kind == "done" and state == "capture":
             now.capture = capture
@@ -246,9 +246,8 @@ def _from_above(run: RecordedRun, tries: Sequence[_Try]) -> str:
     if not picture:
         return ""
     return (
-        f'<h2>From above</h2><div class="card">{picture}<p class="key">The pile at the '
-        "first look, the higher the darker; numbers are where the hand let go, by "
-        "attempt.</p></div>"
+        f'<h2>From above</h2><div class="card">{picture}'
+        f'<p class="key">{map_key()}</p></div>'
     )
 
 
@@ -259,7 +258,10 @@ def _card(item: _Try, run: RecordedRun) -> str:
     lines = []
     if item.object is not None and item.object.get("object"):
         x, y, z = item.object["centroid"]
-        lines.append(f"object {item.object['object']} at ({x:.2f}, {y:.2f}, {z:.2f})")
+        name = f"object {item.object['object']}"
+        if "look" in item.object:  # not in older records
+            name += f" of look {item.object['look']}"
+        lines.append(f"{name} at ({x:.2f}, {y:.2f}, {z:.2f})")
         lines.append(f"taken because {item.object['why_it']}")
         lines.append(f"what suits it: {item.object['way']}; {item.object['why_so']}")
     if item.grasp is not None:

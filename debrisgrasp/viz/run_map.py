@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -15,10 +16,10 @@ from debrisgrasp._arrays import FloatArray
 
 from .colors import CHOSEN_COLOR, GROUND_COLOR
 
-__all__ = ["map_svg"]
+__all__ = ["map_key", "map_svg"]
 
 _LOW, _HIGH = np.array([-0.4, -1.6]), np.array([2.1, 1.6])
-"""What is shown of the ground, base frame at the first look [m]."""
+"""What is shown of the ground at least, base frame at the first look [m]."""
 _CELL = 0.02
 """[m]."""
 _ABOVE = 0.02
@@ -26,10 +27,48 @@ _ABOVE = 0.02
 _TALL = 0.5
 """What is as high as this is darkest [m]."""
 _SCALE = 150.0
-"""Widths of the picture for each metre."""
+"""Widths of the picture for each metre, as long as it is no wider than the page."""
+_WIDEST = 980.0
 _AREA = 0.25
 """Radius of the circle that stands for a drop-off [m]."""
-_DROP, _PLACED = "#4f9aa8", "#2f7d4f"
+_BESIDE = 0.2
+"""Room beside that for its name [m]."""
+_DROP, _PLACED, _ROBOT = "#4f9aa8", "#2f7d4f", "#5d6878"
+_LIGHTEST, _DARKEST = 0.95, 0.35
+"""Brightness of what is lowest, and of what is highest."""
+_GROUND = np.minimum(1.05 * np.asarray(GROUND_COLOR), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """What part of the ground is shown, and how large."""
+
+    low: FloatArray
+    """Of x and y, base frame at the first look [m], shape (2,)."""
+    high: FloatArray
+
+    @classmethod
+    def around(cls, places: Sequence[tuple[float, float]]) -> _Frame:
+        """Show the ground where piles are, and all of some places."""
+        shown = np.reshape(places, (-1, 2))
+        low = np.minimum(_LOW, (shown - _AREA - _BESIDE).min(axis=0, initial=np.inf))
+        high = np.maximum(_HIGH, (shown + _AREA + _BESIDE).max(axis=0, initial=-np.inf))
+        return cls(low, low + np.ceil((high - low) / _CELL - 1e-6) * _CELL)
+
+    @property
+    def scale(self) -> float:
+        """Widths of the picture for each metre."""
+        return min(_SCALE, _WIDEST / float((self.high - self.low)[1]))
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the picture."""
+        height, width = (self.scale * (self.high - self.low)).tolist()
+        return width, height
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Where a place of the base frame [m] is in the picture."""
+        return self.scale * (self.high[1] - y), self.scale * (self.high[0] - x)
 
 
 def map_svg(events: Sequence[Mapping[str, Any]], points: FloatArray | None) -> str:
@@ -47,71 +86,108 @@ def map_svg(events: Sequence[Mapping[str, Any]], points: FloatArray | None) -> s
     str
         SVG; empty if there is nothing to show.
     """
-    parts = [_ground(points)] if points is not None else []
-    parts += [*_drop_offs(events), *_places(events)]
-    if not parts:
+    drop_offs, places = dict(_drop_offs(events)), list(_places(events))
+    if points is None and not drop_offs and not places:
         return ""
-    x, y = _at(0.0, 0.0)
+    frame = _Frame.around([*drop_offs.values(), *(place for _, place in places)])
+    parts = [] if points is None else [_ground(points, frame)]
+    parts += [_circle(arm, frame, *place) for arm, place in drop_offs.items()]
+    parts += [_number(number, frame, *place) for number, place in places]
+    x, y = frame.at(0.0, 0.0)
     parts.append(
-        f'<path d="M{x:.0f} {y - 14:.0f}l10 20h-20z" fill="#5d6878"/>'
+        f'<path d="M{x:.0f} {y - 14:.0f}l10 20h-20z" fill="{_ROBOT}"/>'
         f'<text x="{x + 14:.0f}" y="{y + 4:.0f}">robot</text>'
     )
-    height, width = _SCALE * (_HIGH - _LOW)
+    width, height = frame.size
+    bar = 0.5 * frame.scale
+    parts.append(
+        f'<path d="M10 {height - 16:.0f}v6h{bar:.1f}v-6" fill="none" '
+        f'stroke="{_ROBOT}" stroke-width="1.5"/>'
+        f'<text x="{10 + bar / 2:.1f}" y="{height - 16:.0f}" text-anchor="middle">'
+        "0.5 m</text>"
+    )
     return (
         f'<svg viewBox="0 0 {width:.0f} {height:.0f}" style="max-width:{width:.0f}px">'
         f"{''.join(parts)}</svg>"
     )
 
 
-def _at(x: float, y: float) -> tuple[float, float]:
-    """Where a place of the base frame [m] is in the picture."""
-    return _SCALE * (_HIGH[1] - y), _SCALE * (_HIGH[0] - x)
+def map_key() -> str:
+    """Say what is what in the picture, as HTML for a paragraph."""
+    low, high = (
+        _css(share * np.asarray(CHOSEN_COLOR)) for share in (_LIGHTEST, _DARKEST)
+    )
+    items = (
+        (f"background:{_css(_GROUND)}", "ground"),
+        (
+            f"width:60px;background:linear-gradient(90deg,{low},{high})",
+            f"{_ABOVE:g} m to {_TALL:g} m high and more, at the first look",
+        ),
+        (f"border:1.5px dashed {_DROP};border-radius:50%", "drop-off"),
+        (f"background:{_PLACED};border-radius:50%", "let go, by attempt"),
+    )
+    return "".join(f'<span><i style="{look}"></i>{name}</span>' for look, name in items)
 
 
-def _ground(points: FloatArray) -> str:
+def _css(color: FloatArray) -> str:
+    red, green, blue = np.rint(255.0 * color).astype(int).tolist()
+    return f"rgb({red},{green},{blue})"
+
+
+def _ground(points: FloatArray, frame: _Frame) -> str:
     """Picture of the highest points of each cell, the higher the darker."""
-    shape = np.rint((_HIGH - _LOW) / _CELL).astype(np.intp)
-    cell = np.floor((_HIGH - points[:, :2]) / _CELL)
+    shape = np.rint((frame.high - frame.low) / _CELL).astype(np.intp)
+    cell = np.floor((frame.high - points[:, :2]) / _CELL)
     inside = (
         np.isfinite(points).all(axis=1) & (cell >= 0).all(1) & (cell < shape).all(1)
     )
     heights = np.full(shape, -np.inf)
     np.maximum.at(heights, tuple(cell[inside].astype(np.intp).T), points[inside, 2])
     colors = np.full((*shape, 3), 0.97)
-    colors[np.isfinite(heights)] = np.minimum(1.05 * np.asarray(GROUND_COLOR), 1.0)
+    colors[np.isfinite(heights)] = _GROUND
     is_thing = heights > _ABOVE
     share = np.clip(heights[is_thing] / _TALL, 0.0, 1.0)[:, None]
-    colors[is_thing] = (0.95 - 0.6 * share) * np.asarray(CHOSEN_COLOR)
+    brightness = _LIGHTEST + (_DARKEST - _LIGHTEST) * share
+    colors[is_thing] = brightness * np.asarray(CHOSEN_COLOR)
     stream = io.BytesIO()
     Image.fromarray(np.rint(255.0 * colors).astype(np.uint8)).save(stream, format="PNG")
     data = base64.b64encode(stream.getvalue()).decode()
-    height, width = _SCALE * (_HIGH - _LOW)
+    width, height = frame.size
     return (
         f'<image width="{width:.0f}" height="{height:.0f}" '
         f'href="data:image/png;base64,{data}"/>'
     )
 
 
-def _drop_offs(events: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Draw a circle around the drop-off of each arm in use."""
+def _drop_offs(
+    events: Sequence[Mapping[str, Any]],
+) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Find the drop-off of each arm in use [m]."""
     tested: Mapping[str, Any] = next(
         (e for e in events if e.get("event") == "done" and e["state"] == "self_test"),
         {},
     )
     for arm, facts in tested.items():
-        if not isinstance(facts, Mapping) or "drop_off" not in facts:
-            continue
-        x, y = _at(*facts["drop_off"])
-        yield (
-            f'<circle cx="{x:.0f}" cy="{y:.0f}" r="{_SCALE * _AREA:.0f}" fill="none" '
-            f'stroke="{_DROP}" stroke-width="1.5" stroke-dasharray="5 4"/>'
-            f'<text x="{x:.0f}" y="{y + _SCALE * _AREA + 13:.0f}" '
-            f'text-anchor="middle">drop-off, {escape(arm)} arm</text>'
-        )
+        if isinstance(facts, Mapping) and "drop_off" in facts:
+            x, y = facts["drop_off"]
+            yield arm, (x, y)
 
 
-def _places(events: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Mark where the hand let go, with the number of the attempt."""
+def _circle(arm: str, frame: _Frame, x: float, y: float) -> str:
+    """Draw a circle around the drop-off of an arm."""
+    (x, y), radius = frame.at(x, y), frame.scale * _AREA
+    return (
+        f'<circle cx="{x:.0f}" cy="{y:.0f}" r="{radius:.0f}" fill="none" '
+        f'stroke="{_DROP}" stroke-width="1.5" stroke-dasharray="5 4"/>'
+        f'<text x="{x:.0f}" y="{y + radius + 13:.0f}" '
+        f'text-anchor="middle">drop-off, {escape(arm)} arm</text>'
+    )
+
+
+def _places(
+    events: Sequence[Mapping[str, Any]],
+) -> Iterator[tuple[int, tuple[float, float]]]:
+    """Find where the hand let go [m], with the number of the attempt."""
     number, gone = 1, 0.0
     for event in events:
         number += event.get("event") == "attempt"
@@ -119,9 +195,14 @@ def _places(events: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             continue
         gone += float(event.get("moved", 0.0))  # of the base, ahead
         if event["state"] == "release" and "place" in event:
-            x, y = _at(event["place"][0] + gone, event["place"][1])
-            yield (
-                f'<circle cx="{x:.0f}" cy="{y:.0f}" r="9" fill="{_PLACED}"/>'
-                f'<text x="{x:.0f}" y="{y + 4:.0f}" text-anchor="middle" '
-                f'style="fill:#fff">{number}</text>'
-            )
+            yield number, (event["place"][0] + gone, event["place"][1])
+
+
+def _number(number: int, frame: _Frame, x: float, y: float) -> str:
+    """Mark a place with the number of an attempt."""
+    x, y = frame.at(x, y)
+    return (
+        f'<circle cx="{x:.0f}" cy="{y:.0f}" r="9" fill="{_PLACED}"/>'
+        f'<text x="{x:.0f}" y="{y + 4:.0f}" text-anchor="middle" '
+        f'style="fill:#fff">{number}</text>'
+    )

@@ -140,6 +140,15 @@ def test_bad_input_is_named_before_anything_runs(run, tmp_path, words, message):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_drop_off_out_of_reach_is_named_before_anything_runs(run, tmp_path):
+    site = tmp_path / "site.yaml"
+    site.write_text("schema: debrisgrasp/site/1\ndrop_off: {left: [3.5, 3.0]}\n")
+    done = run("campaign", "--site", site, "--n", 1, "--out", tmp_path / "out")
+    assert done.status == 2
+    assert "field drop_off.left" in done.err
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_hand_of_ones_own_is_tried_in_physics(run, tmp_path):
     pytest.importorskip("mujoco")
     out = tmp_path / "out"

@@ -14,6 +14,8 @@ import debrisgrasp
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import InputError
+from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
+from debrisgrasp.executive.simulated import injections_of, simulate
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.settings import Settings
 
@@ -89,6 +91,7 @@ def test_fields_of_a_record_are_checked():
         Record(size="big")
 
 
+RNG = np.random.default_rng(0)
 CALLS = {
     "segment": lambda _: debrisgrasp.segment("pile.npz"),
     "select": lambda c: debrisgrasp.select(debrisgrasp.segment(c), c),
@@ -105,6 +108,11 @@ CALLS = {
     "calibrate": lambda _: debrisgrasp.calibrate(np.eye(4)),
     "clear": lambda _: debrisgrasp.clear("pile"),
     "load": lambda _: Capture.load(None),
+    "robot of a task": lambda _: Executive("roman", rng=RNG),
+    "simulate": lambda _: simulate("pile", TaskSettings(), pipeline=None, rng=RNG),
+    "run": lambda _: SimulatedTask().run("folder"),
+    "task of a pipeline": lambda _: SimulatedTask().settings("roman"),
+    "faults": lambda _: injections_of("slip"),
 }
 
 
@@ -131,6 +139,19 @@ def stack(
 
 def test_a_list_stands_for_a_tuple():
     assert stack([1, 2.5], ["a"]) == ((1, 2.5), ("a",), ())
+
+
+@checked
+def span(box: tuple[tuple[float, float], tuple[float, float]]) -> object:
+    """Return it."""
+    return box
+
+
+def test_a_list_stands_for_a_tuple_inside_another():
+    for box in ([[0, 1], [2, 3]], ([0, 1], [2, 3])):
+        assert span(box) == ((0, 1), (2, 3))
+    with pytest.raises(InputError, match=r"box\[1\]"):
+        span([[0, 1], 2])
 
 
 @pytest.mark.parametrize(

@@ -154,5 +154,11 @@ def test_the_api_pages_cover_every_public_part():
     assert covered >= known - facade, known - facade - covered
 
 
+def test_a_command_is_named_that_draws_each_picture():
+    docs = Path(__file__).parents[2] / "docs"
+    told = (docs / "pictures.py").read_text()
+    assert [p.name for p in (docs / "images").iterdir() if p.name not in told] == []
+
+
 def _text(folder: Path) -> str:
     return "\n".join(path.read_text() for path in sorted(folder.glob("*.md")))

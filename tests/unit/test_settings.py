@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from debrisgrasp import Pipeline, Settings
-from debrisgrasp.errors import CaptureError, ConfigError, UnknownNameError
+from debrisgrasp.errors import CaptureError, ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.segmentation import PriorityPoint, SupportAware
 from tests.scenes import capture_of
@@ -148,6 +148,18 @@ def test_what_does_not_go_together_is_told_with_the_file(written, text, message)
     settings = Settings.load(written(text))
     with pytest.raises(ConfigError, match=message):
         Pipeline.from_settings(settings)
+
+
+@pytest.mark.parametrize(
+    ("kind", "is_told"), [(ChoiceError, True), (ConfigError, False)]
+)
+def test_only_a_choice_is_told_with_the_file_whatever_it_is_called(
+    written, kind, is_told
+):
+    settings = Settings.load(written("arm: right"))
+    with pytest.raises(ConfigError) as caught, settings.named():
+        raise kind("arm", got="a", expected="b")
+    assert ("site.yaml" in str(caught.value)) == is_told
 
 
 @pytest.mark.parametrize(

@@ -146,6 +146,19 @@ def test_reasons_of_what_is_left_are_not_told_again_by_the_fault(handle, monkeyp
     assert found.message == ("no candidate is left to try: 1 object could not be taken")
 
 
+def test_objects_of_two_looks_have_two_names_and_two_pictures(handle, monkeypatch):
+    context, first = handle(region=HANDLE)
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    second = select(context)
+    assert (first.facts["look"], second.facts["look"]) == (1, 2)
+    assert context.cycle.capture.name == "capture_002"
+    monkeypatch.setattr(Marks, "why_left", lambda *_: "no arm gets there")
+    select(context)
+    (name,) = context.left
+    assert name.startswith(f"object {second.facts['object']} of look 2, ")
+
+
 def test_an_object_that_is_marked_and_never_seen_is_no_cleared_way(handle):
     nowhere = Bounds(np.array([0.9, -0.6, 0.6]), np.array([1.0, -0.5, 0.7]))
     context, found = handle(region=nowhere)

@@ -79,6 +79,14 @@ def test_a_record_says_what_it_lacks(tmp_path):
     assert len(load_run(tmp_path).missing) == 2
 
 
+def test_two_looks_of_one_attempt_are_two_captures_of_a_record(tmp_path):
+    record = RunRecord(tmp_path, {})
+    for look in (1, 2):
+        record.write("done", {"state": "capture", "look": look})
+    record.keep(picture(), "capture_001")
+    assert "captures/capture_002.npz" in load_run(tmp_path).missing
+
+
 def test_a_damaged_line_in_the_middle_is_named(tmp_path):
     RunRecord(tmp_path, {})
     (tmp_path / "events.jsonl").write_text('{"event": 1}\n{oops\n{"event": 2}\n')

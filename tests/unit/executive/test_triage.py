@@ -8,7 +8,7 @@ from weakref import ref
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.executive import TaskSettings
 from debrisgrasp.executive.choose import _ordered
 from debrisgrasp.executive.marks import Mark, Marks
@@ -130,12 +130,54 @@ def test_a_drop_off_in_millimetres_is_refused():
         TaskSettings(drop_off={"right": (250.0, -750.0)})
 
 
+def test_a_height_in_millimetres_is_refused_with_its_unit():
+    with pytest.raises(ConfigError, match=r"drive_over \[m\].*millimetres"):
+        TaskSettings(drive_over=100.0)
+    with pytest.raises(ConfigError) as refused:
+        TaskSettings(drive_over=-0.1)
+    assert "millimetres" not in str(refused.value)
+
+
 @pytest.mark.parametrize(
-    "wrong", [{"max_removals": 0}, {"carry_speed": 0.0}, {"lift": -0.1}]
+    "wrong",
+    [
+        {"max_removals": 0},
+        {"carry_speed": 0.0},
+        {"lift": -0.1},
+        {"empty_load": 0.0},
+        {"compliance": (-1e-5, 3e-4)},
+    ],
 )
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError):
         TaskSettings(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("arms", "left"),
+        ("arms", (1,)),
+        ("max_removals", 2.5),
+        ("workspace", "all"),
+        ("workspace", (1.0, 2.0)),
+        ("workspace", np.zeros(3)),
+        ("drop_off", (0.2, 0.8)),
+        ("drop_off", {"left": "there"}),
+        ("drop_off", {"left": None}),
+        ("drop_off", {"left": (0.2,)}),
+        ("rest", 3),
+        ("look", (0.1, 0.2)),
+        ("compliance", 5e-5),
+        ("clamp", 0.015),
+        ("camera_shift", "2 cm"),
+        ("mark", np.zeros((4, 4))),
+        ("region", (0.0, 0.0, 0.0, 1.0, 1.0, 1.0)),
+    ],
+)
+def test_settings_of_another_type_are_refused(name, value):
+    with pytest.raises(InputError, match=name.replace("drop_off", "drop.off")):
+        TaskSettings(**{name: value})
 
 
 def test_what_failed_on_an_object_comes_after_other_prototypes_about_as_likely():

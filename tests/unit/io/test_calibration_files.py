@@ -160,6 +160,23 @@ def test_something_else_is_never_replaced(tmp_path, rng):
     assert path.read_text() == '{"mine": 1}'
 
 
+def test_another_file_is_told_from_a_calibration(tmp_path):
+    np.savez(tmp_path / "pile.npz", depth=np.ones((4, 4)))
+    (tmp_path / "site.yaml").write_text("schema: debrisgrasp/site/1\n")
+    (tmp_path / "grasps.json").write_text('{"schema": "debrisgrasp/grasps/1"}')
+    told = {
+        "pile.npz": "such as a capture",
+        "site.yaml": "no JSON",
+        "grasps.json": "debrisgrasp/grasps/1",
+        "none.json": "No such file",
+    }
+    for name, words in told.items():
+        with pytest.raises(ConfigError, match=words) as refused:
+            load_calibration(tmp_path / name)
+        assert name in str(refused.value)
+        assert "a calibration: the JSON file" in str(refused.value)
+
+
 def test_a_refused_calibration_is_not_used_unnoticed(tmp_path):
     content = calibration_to_dict(calibrate(looks(PLACES[:4])), date=NOON)
     save_calibration(tmp_path / "c.json", content)

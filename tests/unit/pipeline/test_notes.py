@@ -42,16 +42,28 @@ def test_a_mass_that_was_meant_for_another_object_is_told_of():
     (note,) = mass_notes(400.0, other)
     assert "400 kg given were taken for object 4" in note
     assert "object 7" in note
-    (note,) = mass_notes(400.0, tried((4, SearchResult(()))))
+    (note,) = mass_notes(400.0, tried((4, SearchResult(())), (7, SearchResult(()))))
     assert "object 4" in note
     assert mass_notes(400.0, tried()) == ()
 
 
+def test_a_mass_of_the_only_thing_tried_is_not_said_to_be_of_the_first():
+    for label in (0, 4):
+        assert mass_notes(400.0, tried((label, SearchResult(())))) == ()
+
+
 def test_a_mass_that_no_arm_lifts_is_told_of():
     assert mass_notes(12.0, tried((4, GRASPS)), liftable=15.0) == ()
-    first, _ = mass_notes(3000.0, tried((4, SearchResult(()))), liftable=15.0)
-    assert "no arm in use lifts the 3000 kg given" in first
-    assert "15 kg" in first
+    (note,) = mass_notes(3000.0, tried((4, SearchResult(()))), liftable=15.0)
+    assert "no arm in use lifts the 3000 kg given" in note
+    assert "15 kg" in note
+
+
+def test_a_mass_too_small_for_debris_is_told_of():
+    assert mass_notes(0.3, tried((4, GRASPS)), liftable=15.0) == ()
+    (note,) = mass_notes(0.008, tried((4, GRASPS)), liftable=15.0)
+    assert "8 g" in note
+    assert "kilograms" in note
 
 
 @pytest.fixture(scope="module")

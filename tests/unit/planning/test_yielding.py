@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.geometry import SE3
-from debrisgrasp.planning import Grasp, GraspPlanner, PlannerConfig
+from debrisgrasp.planning import Grasp, GraspPlanner, LoadForecast, PlannerConfig
 from debrisgrasp.planning.choice import is_half_turn_symmetric
 from debrisgrasp.planning.ledger import Ledger
 from debrisgrasp.planning.offers import Offers
@@ -143,6 +143,37 @@ def test_the_hand_turned_by_half_is_offered_where_the_better_one_is_stiff(planne
     both.take([stiff, turned])
     assert [one.score for one in both.offered] == [0.8]
     assert [one.score for one in both.left_out] == [0.9]
+
+
+def loaded(score: float, margin: float, mass: tuple[float, float]) -> Grasp:
+    load = LoadForecast(
+        build="solid",
+        mass=mass,
+        force=(9.8, 98.0),
+        torque=(1.0, 10.0),
+        grip=(10.0, 100.0),
+        lever=0.1,
+        lever_error=0.05,
+        tilt=0.0,
+        margin=margin,
+        margins=(margin, margin),
+        limit="grip",
+    )
+    return replace(grasp("left", score, score), load=load)
+
+
+def test_what_is_overloaded_for_certain_comes_after_what_is_not(planner):
+    def scores(mass):
+        offered = (
+            loaded(0.6, 0.12, mass),
+            loaded(0.5, 1.3, mass),
+            loaded(0.4, 0.9, mass),
+        )
+        return [offered[row].score for row in planner._chosen(offered)]
+
+    assert scores((12.0, 12.0)) == [0.5, 0.6, 0.4]
+    # Of a mass that is guessed, the score is all that is known.
+    assert scores((1.0, 12.0)) == [0.6, 0.5, 0.4]
 
 
 def test_those_left_out_are_counted_with_their_reason(planner):

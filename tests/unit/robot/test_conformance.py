@@ -303,6 +303,29 @@ def credulous(robot):
     return with_limb(robot, "arm", command=command, read=read)
 
 
+def unfelt(robot):
+    """A sensor that is alive and measures nothing but its bias."""
+    limb, rng = robot.limbs["right"], np.random.default_rng(1)
+
+    def read():
+        wrench = limb.loads.bias + rng.normal(0.0, 0.05, 6)
+        return limb.sensor.read()._replace(wrench_ft=wrench)
+
+    return with_limb(robot, "sensor", read=read)
+
+
+def inverted_weight(robot):
+    """A sensor of the wrong sign; its model has the bias that it then seems to have."""
+    robot = inverted_wrench(robot)
+    limb = robot.limbs["right"]
+    R = robot.model.chain("right").fk(limb.arm.read().q).R @ limb.loads.T_ee_ft.R
+    weight = R.T @ (limb.loads.tool.mass * limb.loads.gravity)
+    moment = np.cross(limb.loads.tool.com, weight)
+    bias = -limb.loads.bias - 2.0 * np.concatenate([weight, moment])
+    limb = replace(limb, loads=limb.loads.with_bias(bias))
+    return replace(robot, limbs={**robot.limbs, "right": limb})
+
+
 def deaf_stop(robot):
     return with_limb(robot, "arm", stop=nothing)
 
@@ -330,6 +353,8 @@ def still_head(robot):
         (lazy, "arm_follows", "misses it"),
         (stuck_joint, "arm_follows", "right_arm_joint5"),
         (never_engaged, "arm_follows", "not engaged"),
+        (unfelt, "wrist_feels_weight", "right.*does it measure at all"),
+        (inverted_weight, "wrist_feels_weight", "right.*sign is inverted"),
         (credulous, "nonsense_is_refused", "sent NaN"),
         (deaf_stop, "stopped_arm_stands", "though it was stopped"),
         (stiff_hand, "hand_moves", "missed by|misses it"),
@@ -343,6 +368,19 @@ def test_a_promise_broken_in_motion_fails_its_check(broken, check, words):
     problems = one(broken(made()))
     assert problems
     assert re.search(words, " ".join(problems)), problems
+
+
+def test_at_rest_no_check_sees_what_a_turn_of_the_wrist_shows():
+    assert check_robot(inverted_weight(made())).is_conformant
+
+
+def test_a_weight_too_small_for_the_noise_says_nothing():
+    [check] = [c for c in MOVING_CHECKS if c.name == "wrist_feels_weight"]
+    robot = unfelt(made())
+    limb = robot.limbs["right"]
+    loads = replace(limb.loads, tool=replace(limb.loads.tool, mass=0.1))
+    limbs = {**robot.limbs, "right": replace(limb, loads=loads)}
+    assert check(replace(robot, limbs=limbs)) == ()
 
 
 def test_a_report_says_all_that_is_wrong():

@@ -103,6 +103,11 @@ def test_a_picked_label_comes_first_and_the_rest_follow(scene):
     assert first.reason == "picked by the operator; why"
 
 
+def test_a_picked_point_in_millimetres_is_refused_at_once():
+    with pytest.raises(ConfigError, match=r"pick.*900.*millimetres"):
+        OperatorPick((900.0, 100.0, 300.0), ByLabel())
+
+
 def test_a_picked_point_takes_the_nearest_object(scene):
     assert picked(scene, (0.55, 0.05, 0.33)) == [2, 1]
     with pytest.raises(InputError, match="of one"):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from debrisgrasp.executive.record import MemoryRecord
@@ -70,6 +72,20 @@ def test_what_was_judged_by_size_is_not_taken_for_the_grip(tmp_path):
     assert "gripped by bar (camhand claw) with the left arm, score 0.90" in page
 
 
+def test_an_object_is_named_with_its_look(tmp_path):
+    chosen = {
+        "event": "done", "state": "select", "object": 1, "centroid": [0.9, 0.0, 0.1],
+        "why_it": "it is free", "way": "pinch", "why_so": "9 cm thin",
+    }  # fmt: skip
+    attempts = []
+    for number in (1, 2):
+        attempts.append({**chosen, "look": number})
+        attempts.append({"event": "attempt", "number": number, "removed": True})
+    page = page_of(tmp_path, *states("capture", "close"), *attempts)
+    assert "object 1 of look 1 at" in page
+    assert "object 1 of look 2 at" in page
+
+
 def test_the_forces_of_an_attempt_have_a_time_axis(tmp_path):
     trace = {"event": "trace", "rows": [[3.0, 10.0, 1.0], [23.0, 60.0, 5.0]]}
     page = page_of(
@@ -99,6 +115,42 @@ def test_drop_offs_and_what_was_put_down_are_shown_from_above(tmp_path):
     for number, y in ((1, 285), (2, 270)):
         assert f'<circle cx="135" cy="{y}" r="9"' in above
         assert f">{number}</text>" in above
+
+
+def size_and_circles(page):
+    above = page.split("From above")[1].split("</svg>")[0]
+    width, height = re.search(r'viewBox="0 0 (\d+) (\d+)"', above).groups()
+    circles = re.findall(r'<circle cx="(-?\d+)" cy="(-?\d+)" r="(\d+)"', above)
+    return (int(width), int(height)), [tuple(map(int, found)) for found in circles]
+
+
+def test_all_of_a_far_drop_off_is_shown_from_above(tmp_path):
+    places = {"left": [0.4, 2.6], "right": [-1.1, -9.0]}
+    tested = {"event": "done", "state": "self_test"}
+    tested |= {arm: {"drop_off": place} for arm, place in places.items()}
+    page = page_of(tmp_path, *states("self_test"), tested)
+    (width, height), circles = size_and_circles(page)
+    assert width <= 980
+    assert len(circles) == 2
+    for x, y, radius in circles:
+        assert radius < x < width - radius
+        assert radius < y < height - radius
+
+
+def test_the_picture_from_above_has_a_scale_and_a_key(tmp_path):
+    for distance in (1.0, 3.0):
+        tested = {"event": "done", "state": "self_test"}
+        places = {"left": [0.4, distance], "right": [0.4, -distance]}
+        tested |= {arm: {"drop_off": place} for arm, place in places.items()}
+        page = page_of(tmp_path, *states("self_test"), tested)
+        _, ((one, _, _), (other, _, _)) = size_and_circles(page)
+        (length,) = re.findall(r"v6h([\d.]+)v-6", page)
+        # As the two drop-offs are apart, so long is half a metre.
+        assert float(length) == pytest.approx(abs(one - other) / 4 / distance, rel=0.01)
+        assert "0.5 m</text>" in page
+    key = page.split("From above")[1].split("</svg>")[1]
+    for name in ("ground", "0.5 m high", "drop-off", "let go, by attempt"):
+        assert name in key.split("</p>")[0]
 
 
 def test_what_stood_there_is_shown_from_above():
