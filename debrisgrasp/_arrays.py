@@ -16,6 +16,7 @@ __all__ = [
     "FloatArray",
     "IntArray",
     "Rng",
+    "bounded",
     "frozen",
     "require_finite",
     "require_metres",
@@ -31,6 +32,12 @@ Rng = np.random.Generator
 _MILLIMETRES = "If these are millimetres, divide by 1000."
 _FARTHEST = 20.0
 """Coordinates of places near a robot beyond this [m] can only be millimetres."""
+
+
+def bounded(values: NDArray[Any], low: ArrayLike, high: ArrayLike) -> NDArray[Any]:
+    """Bring values within bounds: `numpy.clip`, at a tenth of its cost for a few."""
+    found: NDArray[Any] = np.minimum(np.maximum(values, low), high)
+    return found
 
 
 def require_trailing(

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import Float32Array, FloatArray, IntArray
+from debrisgrasp._arrays import Float32Array, FloatArray, IntArray, bounded
 from debrisgrasp.errors import InputError
 
 from .cloud import Bounds, PointCloud
@@ -154,7 +154,7 @@ class DistanceField:
         for axis, coordinate in enumerate((x, y, z)):
             scaled = coordinate * np.float32(1.0 / self.spacing)
             scaled += np.float32(0.5 - self.origin[axis] / self.spacing)
-            np.clip(scaled, 0, self.shape[axis] - 1, out=scaled)
+            scaled = bounded(scaled, 0, self.shape[axis] - 1)
             index *= np.int32(self.shape[axis])
             index += scaled.astype(np.int32)
         return index
@@ -171,8 +171,10 @@ class DistanceField:
         Never less than the true distance, and at most about one cell diagonal more.
         """
         points = np.asarray(points, np.float32)
-        delta = points - self.table[self.nearest_index(points), :3]
-        distance = np.sqrt((delta * delta).sum(axis=-1))
+        delta = points - self.table.take(self.nearest_index(points), axis=0)[..., :3]
+        delta *= delta
+        # Sums along rows of three are slow.
+        distance = np.sqrt(delta[..., 0] + delta[..., 1] + delta[..., 2])
         capped: Float32Array = np.minimum(distance, np.float32(self.truncation))
         return capped
 

@@ -13,7 +13,13 @@ import math
 
 import numpy as np
 
-from debrisgrasp._arrays import Float32Array, FloatArray, IntArray, require_trailing
+from debrisgrasp._arrays import (
+    Float32Array,
+    FloatArray,
+    IntArray,
+    bounded,
+    require_trailing,
+)
 
 from .camera import Intrinsics
 
@@ -306,19 +312,23 @@ def _spread_to_pixels(
     normals: FloatArray = np.repeat(np.repeat(cell_normals, cell, 0), cell, 1)
     normals[~fits] = np.nan
     v, u = np.nonzero(~fits & np.isfinite(pixels))
-    best = tolerance[v // cell, u // cell]
+    measured = pixels[v, u]
+    best, chosen = tolerance[v // cell, u // cell], np.full(len(v), -1)
     height, width = planes.shape[1:]
+    flat_planes = planes.reshape(3, -1)
     for down in (-1, 0, 1):
+        row = bounded(v // cell + down, 0, height - 1)
+        step_down = (v - (cell - 1) / 2) / cell - row
         for right in (-1, 0, 1):
-            row = np.clip(v // cell + down, 0, height - 1)
-            column = np.clip(u // cell + right, 0, width - 1)
-            value, rise_right, rise_down = planes[:, row, column]
+            column = bounded(u // cell + right, 0, width - 1)
             step_right = (u - (cell - 1) / 2) / cell - column
-            step_down = (v - (cell - 1) / 2) / cell - row
+            around = row * width + column
+            value, rise_right, rise_down = flat_planes.take(around, axis=1)
             expected = value + rise_right * step_right + rise_down * step_down
-            miss = np.abs(pixels[v, u] - expected)
+            miss = np.abs(measured - expected)
             is_better = miss <= best
             best = np.where(is_better, miss, best)
-            chosen = cell_normals[row[is_better], column[is_better]]
-            normals[v[is_better], u[is_better]] = chosen
+            chosen = np.where(is_better, around, chosen)
+    found = np.flatnonzero(chosen >= 0)
+    normals[v[found], u[found]] = cell_normals.reshape(-1, 3)[chosen[found]]
     return normals

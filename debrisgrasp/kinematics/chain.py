@@ -15,6 +15,7 @@ from debrisgrasp._arrays import (
     BoolArray,
     FloatArray,
     Rng,
+    bounded,
     frozen,
     require_finite,
     require_trailing,
@@ -24,7 +25,7 @@ from debrisgrasp.geometry import SE3, so3
 
 from .formulas import ChainFormulas
 from .ik_types import Freedom
-from .serial import LaneFrames, SerialForm
+from .serial import LaneFrames, SerialForm, cross
 from .urdf import MOVABLE_KINDS, UrdfJoint, UrdfTree
 
 __all__ = ["KinematicChain"]
@@ -238,13 +239,14 @@ class KinematicChain:
         """
         lanes, batch = self._lanes(q)
         frames = self.form.frames(lanes)
-        J = np.moveaxis(self.form.jacobian(frames), -1, 0)
+        J = self.form.jacobian(frames)
         T_first_tip = frames.matrices() @ self.form.T_last_tip
         R = np.swapaxes(T_first_tip[:, :3, :3], -1, -2)
         # Move the reference point from the last joint's origin to the tip.
-        lever = T_first_tip[:, :3, 3] - frames.p.T
-        linear = J[:, :3] - np.cross(lever[:, :, None], J[:, 3:], axis=1)
-        body = np.concatenate([R @ linear, R @ J[:, 3:]], axis=1)
+        lever = T_first_tip[:, :3, 3].T - frames.p
+        J[:3] -= cross(lever[:, None], J[3:])
+        linear, angular = (np.moveaxis(part, -1, 0) for part in (J[:3], J[3:]))
+        body = np.concatenate([R @ linear, R @ angular], axis=1)
         return body.reshape(*batch, 6, self.n_joints)
 
     def joint_frames(self, q: ArrayLike) -> SE3:
@@ -312,7 +314,7 @@ class KinematicChain:
         """Return the nearest postures (..., d) within limits; cyclic joints wrap."""
         q = np.asarray(q, dtype=np.float64)
         nearest = np.where(self.is_cyclic, self.wrapped(q), q)
-        return np.clip(nearest, self.lower, self.upper)
+        return bounded(nearest, self.lower, self.upper)
 
     def difference(self, q_a: ArrayLike, q_b: ArrayLike) -> FloatArray:
         """``q_a - q_b`` the short way round for cyclic joints, shape (..., d)."""

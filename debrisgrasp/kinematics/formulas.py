@@ -67,7 +67,7 @@ class AxisGoals:
         # makes of the radial frame: continuous but where the axis points inwards.
         share = x_out + (side * x_side + up * x_up) / np.maximum(1.0 + out, 1e-6)
         turn = np.arctan2(x_up - up * share, x_side - side * share)
-        rows = np.stack([c * p[0] + s * p[1], p[2], out, side, up])
+        rows = np.array([c * p[0] + s * p[1], p[2], out, side, up])
         return cls(rows, azimuth, turn)
 
     def picked(self, index: IntArray) -> AxisGoals:

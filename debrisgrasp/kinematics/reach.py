@@ -18,26 +18,17 @@ from .following import follow
 from .ik import solve, solve_distinct
 from .ik_types import IkStatus
 from .leeway import leeway
+from .limits import LimitFamily
 from .posture import PostureCost, self_motions
 from .reach_files import cached_reach_map
 from .reach_map import ReachMap
-from .reach_types import ReachConfig, ReachResult
+from .reach_types import HITS_ITSELF, HITS_SCENE, WORDS, ReachConfig, ReachResult
 from .robot import RobotModel
 
 __all__ = ["ArmReach"]
 
-_OK = ""
-_WORDS = {
-    IkStatus.SOLVED: _OK,
-    IkStatus.UNREACHABLE: "out of reach",
-    IkStatus.LIMIT: "joint limit",
-    IkStatus.STALLED: "no posture found",
-    IkStatus.BUDGET: "no posture found",
-}
 _OUTWARDS = 2.5
 """So many deflections from the edge of the map, an arm mostly gives way."""
-_HITS_SCENE = "arm hits the scene"
-_HITS_ITSELF = "arm hits itself"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +87,13 @@ class ArmReach:
         return self.chain.clipped(self.chain.vector(values))
 
     @cached_property
+    def _limits(self) -> LimitFamily:
+        return self.robot.limits(self.name, self.chain)
+
+    @property
     def wrench_limits(self) -> tuple[float, float]:
         """Largest force [N] and torque [N m] at the hand."""
-        limits = self.robot.limits(self.name, self.chain).planner
+        limits = self._limits.planner
         return limits.force, limits.torque
 
     def effort(self, joints: FloatArray, wrench_hand: FloatArray) -> FloatArray:
@@ -138,15 +133,11 @@ class ArmReach:
         pushed = T_base_hand.matrix.copy()
         x, y = pushed[:, 0, 3], pushed[:, 1, 3]
         foot = self.chain.form.T_base_first[:2, 3]
-        step = self._outwards / np.maximum(np.hypot(x - foot[0], y - foot[1]), 1e-9)
+        outwards = _OUTWARDS * self._limits.controller.deflection.translation
+        step = outwards / np.maximum(np.hypot(x - foot[0], y - foot[1]), 1e-9)
         x += step * (x - foot[0])
         y += step * (y - foot[1])
         return self.reach_map.may_reach(Goals.from_matrices(self.chain.form, pushed))
-
-    @cached_property
-    def _outwards(self) -> float:
-        limits = self.robot.limits(self.name, self.chain).controller
-        return _OUTWARDS * limits.deflection.translation
 
     def solves(self, T_base_hand: SE3, *, rng: Rng) -> BoolArray:
         """Tell which palm poses (k,) have a posture at all, collision aside, (k,)."""
@@ -190,10 +181,34 @@ class ArmReach:
             joints,
             T_base_hand,
             Ts_base_away,
-            self.robot.limits(self.name, self.chain).controller.deflection,
+            self._limits.controller.deflection,
             rng=rng,
             config=self.config.ik,
         )
+
+    def yielding(
+        self,
+        T_base_hand: SE3,
+        Ts_base_away: SE3,
+        distance: Distance,
+        least: float,
+        *,
+        rng: Rng,
+    ) -> FloatArray:
+        """Cheapest of the postures (k, d) that are clear of all and give way enough.
+
+        ``least`` is their `leeway`; NaN where there is none.
+        """
+        q, status = self._others(T_base_hand, 1, rng)
+        is_open, clearance = status == IkStatus.SOLVED, np.full(status.shape, -np.inf)
+        clearance[is_open] = self.collision.scene_clearance(q[is_open], distance)
+        is_open &= clearance >= self.config.margin
+        row = np.nonzero(is_open)[0]
+        way = T_base_hand[row], Ts_base_away[row]
+        is_open[is_open] = self.leeway(q[is_open], *way, rng=rng) >= least
+        choice = self._cheapest(q, clearance, is_open, np.full(len(q), np.inf))
+        found = q[np.arange(len(q)), choice]
+        return np.where(choice[:, None] >= 0, found, np.nan)
 
     def reach(
         self,
@@ -231,7 +246,7 @@ class ArmReach:
             open_poses = [
                 i
                 for i, reason in enumerate(found.reasons)
-                if reason in (_HITS_SCENE, _HITS_ITSELF)
+                if reason in (HITS_SCENE, HITS_ITSELF)
             ]
             if not open_poses:
                 break
@@ -290,10 +305,10 @@ class ArmReach:
         is_clear = clearance >= self.config.margin
         choice = self._cheapest(q, clearance, is_clear, np.full(len(q), np.inf))
         is_reached = choice >= 0
-        reasons = np.array([_WORDS[IkStatus(code)] for code in status[:, 0]], object)
-        reasons[is_solved.any(axis=1)] = _HITS_SCENE
-        reasons[is_clear.any(axis=1)] = _HITS_ITSELF
-        reasons[is_reached] = _OK
+        reasons = np.array([WORDS[IkStatus(code)] for code in status[:, 0]], object)
+        reasons[is_solved.any(axis=1)] = HITS_SCENE
+        reasons[is_clear.any(axis=1)] = HITS_ITSELF
+        reasons[is_reached] = WORDS[IkStatus.SOLVED]
         shown = np.where(is_reached, choice, clearance.argmax(axis=1))
         rows = np.arange(len(q))
         best = clearance[rows, shown]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, bounded
 from debrisgrasp.errors import ConfigError
 
 from .chain import KinematicChain
@@ -344,7 +344,7 @@ class ReachMap:
             numbers, lower, upper, self._shape, strict=True
         ):
             place = ((number - low) * (size / (high - low))).astype(np.intp)
-            cell = cell * size + place.clip(0, size - 1)
+            cell = cell * size + bounded(place, 0, size - 1)
         return cell
 
 

@@ -9,9 +9,20 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp.errors import ConfigError
 
-from .ik_types import IkConfig
+from .ik_types import IkConfig, IkStatus
 
-__all__ = ["ReachConfig", "ReachResult"]
+__all__ = ["HITS_ITSELF", "HITS_SCENE", "WORDS", "ReachConfig", "ReachResult"]
+
+WORDS = {
+    IkStatus.SOLVED: "",
+    IkStatus.UNREACHABLE: "out of reach",
+    IkStatus.LIMIT: "joint limit",
+    IkStatus.STALLED: "no posture found",
+    IkStatus.BUDGET: "no posture found",
+}
+"""Why a pose is not reached, empty where it is."""
+HITS_SCENE = "arm hits the scene"
+HITS_ITSELF = "arm hits itself"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng, bounded
 
 from .chain import KinematicChain
 from .descent import SINGLE_FLOOR, Descent, Goals
@@ -254,7 +254,7 @@ class PoseSearch:
     def _keep(self, target: IntArray, q: Lanes) -> None:
         """Bring postures (d, n) within the limits, and take over what is better."""
         chain, config = self._chain, self._config
-        within = np.clip(chain.wrapped(q.T), chain.lower, chain.upper).T
+        within = bounded(chain.wrapped(q.T), chain.lower, chain.upper).T
         errors = self._goals.picked(target).errors(self._formulas, within)
         is_solved = self._is_within_tolerance(errors)
         weights = np.array([1.0, config.rotation_weight])

@@ -34,7 +34,8 @@ class SegmentLanes:
         if segment not in self._known:
             frames, i = self._frames, segment - 1
             turn = frames.turns[i]
-            R = np.stack([turn.real, turn.imag, frames.axes[:, i]], axis=1)
+            R = np.empty((3, *turn.shape), dtype=np.float32)
+            R[:, 0], R[:, 1], R[:, 2] = turn.real, turn.imag, frames.axes[:, i]
             self._known[segment] = R, frames.origins[:, i]
         return self._known[segment]
 

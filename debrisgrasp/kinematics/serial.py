@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 
-__all__ = ["ComplexLanes", "LaneFrames", "Lanes", "SerialForm"]
+__all__ = ["ComplexLanes", "LaneFrames", "Lanes", "SerialForm", "cross"]
 
 Lanes = NDArray[np.floating[Any]]
 """Floats of single or double precision, last axis: lanes."""
@@ -200,7 +200,7 @@ class SerialForm:
         """
         axes = frames.axes
         J = np.empty((6, *axes.shape[1:]), dtype=axes.dtype)
-        J[:3] = np.cross(axes, frames.p[:, None] - frames.origins, axis=0)
+        J[:3] = cross(axes, frames.p[:, None] - frames.origins)
         J[3:] = axes
         for i in np.flatnonzero(~self.is_revolute):
             J[:3, i], J[3:, i] = axes[:, i], 0.0
@@ -210,6 +210,13 @@ class SerialForm:
         """Distance from first to last origin that no posture exceeds [m]."""
         travel = np.maximum(np.abs(lower), np.abs(upper))[~self.is_revolute]
         return float(np.linalg.norm(self.shifts, axis=-1).sum() + travel.sum())
+
+
+def cross(a: Lanes, b: Lanes) -> Lanes:
+    """Cross product of vectors (3, ...): `numpy.cross`, at a fraction of its cost."""
+    product: Lanes = a[[1, 2, 0]] * b[[2, 0, 1]]
+    product -= a[[2, 0, 1]] * b[[1, 2, 0]]
+    return product
 
 
 def _combined(

@@ -42,7 +42,7 @@ from .notes import deadline_notes, mass_notes
 from .perception import Perception
 from .reasons import unfit
 from .result import PlanningResult
-from .retreat import with_retreats
+from .retreat import Retreats
 from .second_look import BestSoFar
 from .targets import Target, choose_targets
 
@@ -144,6 +144,7 @@ class Pipeline:
         self.library = library
         self.policy: SelectionPolicy = policy or SupportAware(openings=self._openings())
         self._generic = GraspPlanner(generic, self.config.planner)
+        self._retreats = Retreats()
 
     @classmethod
     @checked
@@ -308,8 +309,8 @@ class Pipeline:
         """Planner for a marked object or a region: with object-specific prototypes."""
         return GraspPlanner(self.library, self.config.planner)
 
-    @staticmethod
     def _grasps(
+        self,
         planner: GraspPlanner,
         seen: Perception,
         result: SearchResult,
@@ -318,7 +319,7 @@ class Pipeline:
     ) -> tuple[Grasp, ...]:
         """Grasps of a search, with their retreats and the object's label."""
         with watch.stage("retreat"):
-            found = with_retreats(result.grasps, planner, seen.scene(target))
+            found = self._retreats.added(result.grasps, planner, seen.scene(target))
         return tuple(replace(grasp, object_label=target.label) for grasp in found)
 
     def _first_success(

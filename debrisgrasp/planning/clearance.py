@@ -17,6 +17,7 @@ from debrisgrasp._arrays import (
     Float32Array,
     FloatArray,
     IntArray,
+    bounded,
     require_range,
 )
 from debrisgrasp.geometry import Space
@@ -126,7 +127,7 @@ class HandClearance:
     ) -> IntArray:
         """Lower the clearance (n,) of some poses (k,); tell which still matter."""
         config = self._config
-        clear = np.clip(1.0 - (depth - config.allowance) / config.softness, 0, 1)
+        clear = bounded(1.0 - (depth - config.allowance) / config.softness, 0, 1)
         clear = np.minimum(clearance[alive], clear)
         is_lost = (clear <= needed[alive]) | (clear <= 0)
         clearance[alive] = np.where(is_lost, 0.0, clear)

@@ -18,6 +18,7 @@ from debrisgrasp._arrays import (
     Float32Array,
     FloatArray,
     IntArray,
+    bounded,
     require_range,
 )
 from debrisgrasp.prototypes import PrototypeLibrary
@@ -200,7 +201,7 @@ class PadContacts:
             is_seen = near.count(faces) >= self._config.min_points
             # On a curved face the pad comes to lie where it is turned to it most.
             steepest = near.greatest(cosine[faces], near.pose[faces], 0.0)
-            angle = np.arccos(np.clip(steepest, 0.0, 1.0))
+            angle = np.arccos(bounded(steepest, 0.0, 1.0))
             angles.append(np.where(is_seen, angle, np.nan))
             room = upper[:, 0] - (side * middle + radius)
             room[np.isnan(room)] = np.inf
@@ -272,7 +273,8 @@ class PadContacts:
             is_near &= place < (upper + begin)[:, axis, None]
             places.append(place.ravel())
         found = np.flatnonzero(is_near)
-        pose = np.repeat(np.arange(len(Ts)), np.count_nonzero(is_near, axis=1))
+        ends = np.searchsorted(found, n * np.arange(len(Ts) + 1))
+        pose = np.repeat(np.arange(len(Ts)), np.diff(ends))
         point = found - n * pose
         normals = self._normals.take(point, axis=1)
         closing = to_hand[:, 0].T.take(pose, axis=1)

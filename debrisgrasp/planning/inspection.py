@@ -152,9 +152,9 @@ class Inspector:
         middle = (R @ spaces.middle[which][..., None])[..., 0] + t
         half = (np.abs(R) @ spaces.half[which][..., None])[..., 0]
         # Poses near each other share the points around them.
-        _, group = np.unique(np.floor(middle / _GROUP), axis=0, return_inverse=True)
-        order = np.argsort(group.ravel(), kind="stable")
-        ends = np.flatnonzero(np.diff(group.ravel()[order])) + 1
+        cube = np.floor(middle / _GROUP)
+        order = np.lexsort(cube.T)
+        ends = np.flatnonzero(np.diff(cube[order], axis=0).any(axis=1)) + 1
         for poses in np.split(order, ends) if len(order) else []:
             lower = (middle[poses] - half[poses]).min(axis=0)
             upper = (middle[poses] + half[poses]).max(axis=0)

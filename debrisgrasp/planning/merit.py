@@ -95,6 +95,8 @@ class Merit:
         self._coarse = ShapeSimilarity(scene, tools.coarse, config.similarity)
         self._inspector, self._ways = looks.inspector, looks.ways
         self._missing = np.full(1, looks.missing)
+        self._few_offsets = config.uncertainty.few_offsets().matrix
+        self._offsets = config.uncertainty.offsets().matrix
         self.preference = Preference.of(burden, tools)
         wide, soft = blurred(config)
         self.quick = GraspQuality(
@@ -154,9 +156,8 @@ class Merit:
 
     def expected(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
         """Mean of S C over the errors of the pose, shape (k,)."""
-        offsets = self._config.uncertainty.offsets().matrix
-        S = self._around(Ts_base_hand, prototype, offsets)
-        return self._cleared(S, Ts_base_hand, prototype, offsets)
+        S = self._around(Ts_base_hand, prototype, self._offsets)
+        return self._cleared(S, Ts_base_hand, prototype, self._offsets)
 
     def __call__(
         self, Ts_base_hand: FloatArray, prototype: IntArray, needed: FloatArray
@@ -171,7 +172,7 @@ class Merit:
             Least value that matters (k,): what is provably below it may come out as
             minus infinity.
         """
-        few = self._config.uncertainty.few_offsets().matrix
+        few = self._few_offsets
         reach = self._reach(Ts_base_hand, prototype)
         rows = np.flatnonzero(reach)
         burden = self._burden(Ts_base_hand[rows], prototype[rows])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray, bounded
 
 __all__ = ["ROOM_ERROR", "SAME", "NearPads"]
 
@@ -93,9 +93,8 @@ class NearPads:
             Of the zone of the pads [m], shape (k,).
         """
         step = width / np.float32(_STRIPS)
-        strip = np.clip(
-            (self.y / step.take(self.pose)).astype(np.int64), 0, _STRIPS - 1
-        )
+        strip = (self.y / step.take(self.pose)).astype(np.int64)
+        strip = bounded(strip, 0, _STRIPS - 1)
         cell = self.pose * _STRIPS + strip
         farthest = np.full(self.n_poses * _STRIPS, -np.inf, dtype=np.float32)
         np.maximum.at(farthest, cell, out)
@@ -134,7 +133,7 @@ class NearPads:
         radius = np.maximum(covariance / (variance + _EVEN), _LEAST_RADIUS)
         short = (mean_z + radius * mean_facing - reach) / radius
         is_round = (count >= _LEAST_CURVED) & (radius > _LEAST_RADIUS)
-        slant = np.where(is_round, np.arcsin(np.clip(short, 0.0, 1.0)), 0.0)
+        slant = np.where(is_round, np.arcsin(bounded(short, 0.0, 1.0)), 0.0)
         return slant, np.hypot(_SLANT_ERROR, ROOM_ERROR / radius)
 
     def curve(self) -> tuple[FloatArray, FloatArray]:

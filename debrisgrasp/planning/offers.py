@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
-from debrisgrasp.geometry import SE3
+from debrisgrasp._arrays import BoolArray, IntArray, Rng
 
+from .easing import LEEWAY, way_of
 from .plan import Grasp
 from .reach import Arm
 
 __all__ = ["Offers"]
-
-_LIFT = 0.15
-"""How far the hand goes up with the object [m]: there too it has to give way."""
-_LEEWAY = 0.9
-"""Share of the pushes that a posture has to give way to; other postures of the same
-grasp give way to the last few."""
 
 
 class Offers:
     """Grasps that arms take in one scene, and which of them to offer.
 
     A controller that is compliant would refuse the approach or the lift of a grasp in
-    which the arm can't give way. Such a grasp makes room for the next one, be it the
-    same hand turned by half, unless there is no other.
+    which the arm can't give way. Such a grasp takes another posture if it is better
+    than all that give way, or makes room for the next one, be it the same hand turned
+    by half, unless there is no other.
 
     Parameters
     ----------
@@ -36,6 +31,8 @@ class Offers:
         Rows of the grasps to offer, best first.
     approached
         The same grasps with the place that the hand comes from.
+    eased
+        Which of some grasps can give way in another posture, and how; see `Easing`.
     rng
         Source of the solver's seeds.
     """
@@ -45,11 +42,12 @@ class Offers:
         arms: Sequence[Arm],
         chosen: Callable[[Sequence[Grasp]], IntArray],
         approached: Callable[[Sequence[Grasp]], Sequence[Grasp]],
+        eased: Callable[[Sequence[Grasp]], Mapping[int, Grasp]],
         *,
         rng: Rng,
     ) -> None:
         self._arms, self._rng = arms, rng
-        self._chosen, self._approached = chosen, approached
+        self._chosen, self._approached, self._eased = chosen, approached, eased
         self._sure: list[Grasp] = []
         self._rest: list[Grasp] = []
         self._stiff: list[Grasp] = []
@@ -64,8 +62,9 @@ class Offers:
             every = [*self._sure, *self._rest]
             rows = self._chosen(every)
             asked = rows[rows >= len(self._sure)].tolist()
-            found = self._approached([every[row] for row in asked])
+            found = list(self._approached([every[row] for row in asked]))
             yields = self._yields(found)
+            self._ease(found, yields)
             told = dict(zip(asked, found, strict=True))
             self.yielding = tuple(told.get(row, every[row]) for row in rows.tolist())
             others = range(len(self._sure), len(every))
@@ -86,24 +85,25 @@ class Offers:
         """Those that were asked, and don't give way although others do."""
         return tuple(self._stiff) if self._sure else ()
 
+    def _ease(self, grasps: list[Grasp], yields: BoolArray) -> None:
+        """Put stiff grasps that are better than all others into another posture."""
+        giving = [grasp for grasp, gives in zip(grasps, yields, strict=True) if gives]
+        best = max((grasp.score for grasp in [*self._sure, *giving]), default=0.0)
+        rows = [
+            row
+            for row, grasp in enumerate(grasps)
+            if not yields[row] and grasp.score > best
+        ]
+        eased = self._eased([grasps[row] for row in rows]) if rows else {}
+        for i, grasp in eased.items():
+            grasps[rows[i]], yields[rows[i]] = grasp, True
+
     def _yields(self, grasps: Sequence[Grasp]) -> BoolArray:
         """Which grasps leave their arm room to give way, shape (k,)."""
         yields = np.ones(len(grasps), dtype=bool)
         for arm in self._arms:
             rows = [i for i, grasp in enumerate(grasps) if grasp.arm == arm.name]
             if rows:
-                way = _way_of([grasps[i] for i in rows], arm.joint_names)
-                yields[rows] = arm.leeway(*way, rng=self._rng) >= _LEEWAY
+                way = way_of([grasps[i] for i in rows], arm.joint_names)
+                yields[rows] = arm.leeway(*way, rng=self._rng) >= LEEWAY
         return yields
-
-
-def _way_of(
-    grasps: Sequence[Grasp], joint_names: Sequence[str]
-) -> tuple[FloatArray, SE3, SE3]:
-    """Joints (k, d) and poses (k,) of grasps, and pre-grasp and lift (k, 2)."""
-    joints = [[(grasp.joints or {})[name] for name in joint_names] for grasp in grasps]
-    hand = np.array([grasp.T_base_hand.matrix for grasp in grasps])
-    away = np.array([grasp.T_base_pregrasp.matrix for grasp in grasps])
-    lifted = hand.copy()
-    lifted[:, 2, 3] += _LIFT
-    return np.array(joints), SE3(hand), SE3(np.stack([away, lifted], axis=1))

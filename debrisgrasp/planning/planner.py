@@ -15,6 +15,7 @@ from debrisgrasp.prototypes import PrototypeLibrary
 from .advice import Advice, Advisor, Situation
 from .choice import choose, is_half_turn_symmetric, turns
 from .config import PlannerConfig
+from .easing import Easing
 from .ledger import Ledger, Rejections
 from .load import LoadModel, Loads
 from .mass import ObjectMass, likely_objects
@@ -110,7 +111,7 @@ class GraspPlanner:
         """
         if not len(scene.target):
             return SearchResult((), {"the object's surface has no normals": 1})
-        search_rng, arm_rng, leeway_rng = rng.spawn(3)
+        search_rng, arm_rng, leeway_rng, easing_rng = rng.spawn(4)
         ledger = Ledger()
         model = LoadModel(self._weighed(scene, mass), self._config.load)
         found = self._search.run(
@@ -124,6 +125,12 @@ class GraspPlanner:
                 arms,
                 self._chosen,
                 lambda grasps: self._approached(scene, grasps),
+                Easing(
+                    arms,
+                    distance,
+                    lambda grasps: self._weigh(model, grasps),
+                    rng=easing_rng,
+                ),
                 rng=leeway_rng,
             )
             self._rank(found, loads, arms, distance, offers, arm_rng, ledger)
@@ -181,6 +188,10 @@ class GraspPlanner:
         """
         Ts, which = self._placed(grasps)
         return self._search.ways(scene).retreats(Ts, which, directions, distance)
+
+    def _weigh(self, model: LoadModel, grasps: Sequence[Grasp]) -> Loads:
+        """Forecast the loads of grasps, the torque of joints aside."""
+        return model(*self._placed(grasps), self._search.tools.levers)
 
     def _placed(self, grasps: Sequence[Grasp]) -> tuple[FloatArray, IntArray]:
         """Poses (k, 4, 4) of grasps, and their prototypes (k,)."""

@@ -115,8 +115,10 @@ class GlobalMove:
             rng.uniform(0.0, 2 * np.pi, index.shape),
         )
         cos, sin = np.cos(spin)[:, None], np.sin(spin)[:, None]
-        axis, y, z = np.moveaxis(self._object_frames[index], -1, 0)
-        return np.stack([axis, cos * y + sin * z, cos * z - sin * y], axis=-1)
+        frames = self._object_frames[index]
+        y, z = frames[..., 1], frames[..., 2]
+        frames[..., 1], frames[..., 2] = cos * y + sin * z, cos * z - sin * y
+        return frames
 
 
 @dataclass(frozen=True, slots=True, eq=False)

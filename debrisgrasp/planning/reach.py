@@ -86,6 +86,18 @@ class Arm(Protocol):
         """
         ...
 
+    def yielding(
+        self,
+        T_base_hand: SE3,
+        Ts_base_away: SE3,
+        distance: Distance,
+        least: float,
+        *,
+        rng: Rng,
+    ) -> FloatArray:
+        """Postures (k, d) clear of all, with at least so much leeway; NaN if none."""
+        ...
+
     def reach(
         self,
         T_base_hand: SE3,

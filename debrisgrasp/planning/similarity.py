@@ -117,10 +117,10 @@ class ShapeSimilarity:
         is_buried = (look.along < 0) & (look.is_target > 0)
         is_buried &= look.beside < np.float32(self._config.tangential_gate)
         is_seen = look.is_known | is_buried | (match > np.float32(0.05))
-        is_seen &= self._surfaces.is_used[row]
+        is_seen &= self._surfaces.is_used.take(row, axis=0)
         match *= is_seen
         seen, similarity = _mean(match, is_seen)
-        is_touched = is_seen & self._surfaces.is_touched[row]
+        is_touched = is_seen & self._surfaces.is_touched.take(row, axis=0)
         seen_touched, touched = _mean(match * is_touched, is_touched)
         least = self._config.minimum_seen
         has_both = seen_touched >= least
@@ -180,7 +180,7 @@ class ShapeSimilarity:
         Ts = Ts_base_hand.astype(np.float32)
         look, row = self._look(Ts, prototype)
         weight = self._kernel(look, _PULL * self._config.sigma)
-        weight *= self._surfaces.is_used[row]
+        weight *= self._surfaces.is_used.take(row, axis=0)
         x, y, z = (c - Ts[:, i, 3, None] for i, c in enumerate(look.point))
         nx, ny, nz = look.normal
         J = np.stack(
@@ -215,7 +215,9 @@ _BATCH = 512
 """Poses scored together."""
 
 
-def _mean(match: Float32Array, is_counted: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _mean(match: Float32Array, is_counted: BoolArray) -> tuple[IntArray, FloatArray]:
     """Count of the points that count, and mean of their match, zero elsewhere; (k,)."""
-    count = np.count_nonzero(is_counted, axis=-1)
+    # Exact as a product of floats, which is several times as fast as a sum of bools.
+    ones = np.ones(is_counted.shape[-1], dtype=np.float32)
+    count = (is_counted.astype(np.float32) @ ones).astype(np.int64)
     return count, match.sum(axis=-1) / np.maximum(count, 1)

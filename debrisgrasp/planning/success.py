@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, bounded
 from debrisgrasp._files import data_path, read_schema
 from debrisgrasp.errors import ConfigError
 
@@ -101,23 +101,17 @@ def success_terms(
         np.log(np.maximum(expected, _LEAST)),
         np.log(np.maximum(contact, _LEAST)),
         -np.log(np.maximum(demand, _LITTLE_LOAD)),
-        _SHORT_LEVER - _within(lever, _SHORT_LEVER, _LONG_LEVER),
-        _within(margin, 0.0, _ENOUGH_MARGIN),
-        _within(slack, 0.0, _ENOUGH_SLACK),
-        _within(sight, 0.0, 1.0) - 1.0,
-        _LITTLE_UNSEEN - _within(unseen, _LITTLE_UNSEEN, 1.0),
-        -_within(missing, 0.0, _LARGEST_PART),
+        _SHORT_LEVER - bounded(lever, _SHORT_LEVER, _LONG_LEVER),
+        bounded(margin, 0.0, _ENOUGH_MARGIN),
+        bounded(slack, 0.0, _ENOUGH_SLACK),
+        bounded(sight, 0.0, 1.0) - 1.0,
+        _LITTLE_UNSEEN - bounded(unseen, _LITTLE_UNSEEN, 1.0),
+        -bounded(missing, 0.0, _LARGEST_PART),
     )
-    terms = np.empty((*np.broadcast_shapes(*map(np.shape, columns)), len(columns)))
+    terms = np.empty((*np.broadcast(*columns).shape, len(columns)))
     for index, column in enumerate(columns):
         terms[..., index] = column
     return terms
-
-
-def _within(values: FloatArray, low: float, high: float) -> FloatArray:
-    """Bring values within bounds; a search asks too often for `numpy.clip`."""
-    found: FloatArray = np.minimum(np.maximum(values, low), high)
-    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

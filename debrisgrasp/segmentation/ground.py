@@ -235,28 +235,29 @@ def _near_ground(
     cell = ground.raster_cells(cloud.points)
     local = cloud.points @ plane[:3]
     local += plane[3]
-    local -= surface[cell]
-    own_limit = limit[cell]
-    is_ground = local > np.minimum(-DEEP, -2.0 * limit)[cell]
+    local -= surface.take(cell)
+    own_limit = limit.take(cell)
+    is_ground = local > np.minimum(-DEEP, -2.0 * limit).take(cell)
     n_inliers = np.count_nonzero(np.abs(local) < own_limit)
     low = np.flatnonzero(np.abs(local) < _LOW)
     shape = ground.raster_shape
-    count = np.bincount(cell[low], minlength=len(x)).astype(np.float64)
-    total = np.bincount(cell[low], local[low], len(x)).astype(np.float64)
+    cell_low = cell.take(low)
+    count = np.bincount(cell_low, minlength=len(x)).astype(np.float64)
+    total = np.bincount(cell_low, local.take(low), len(x)).astype(np.float64)
     raised = raised_limits(
         count.reshape(shape),
         total.reshape(shape),
         deviation.reshape(shape),
         config.clearance,
     ).ravel()
-    is_ground &= local < np.minimum(limit, raised)[cell]
+    is_ground &= local < np.minimum(limit, raised).take(cell)
     n_standing = np.bincount(
-        cell[np.flatnonzero(~is_ground)], minlength=len(x)
+        cell.take(np.flatnonzero(~is_ground)), minlength=len(x)
     ).reshape(shape)
     # Cells of the raster in blocks of two by two.
     blocks = n_standing.reshape(shape[0] // 2, 2, -1, 2).sum(axis=(1, 3))
     is_occupied = np.repeat(np.repeat(blocks >= _MIN_STANDING, 2, axis=0), 2, axis=1)
-    return is_ground, n_inliers / len(cloud), is_occupied.ravel()[cell]
+    return is_ground, n_inliers / len(cloud), is_occupied.ravel().take(cell)
 
 
 def spread_sample(cloud: PointCloud, n_wanted: int) -> IntArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter, grey_dilation, grey_erosion, uniform_filter
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import FloatArray, IntArray, bounded
 
 __all__ = ["DEEP", "HeightMap", "fitted_height_map", "raised_limits"]
 
@@ -77,7 +77,7 @@ class HeightMap:
             place = points[:, i] * scale
             place -= lower[i]
             cells *= size
-            cells += np.clip(place, 0, size - 1, out=place).astype(np.intp)
+            cells += bounded(place, 0, size - 1).astype(np.intp)
         return cells
 
     def raster_middles(self) -> FloatArray:

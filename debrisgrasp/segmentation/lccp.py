@@ -84,7 +84,7 @@ def lccp(
     # either side, of which each is counted once.
     length = patches.contacts * (size[first] + size[second]) / 6.0
     return PatchGraph(
-        point_patch=patches.owner[patches.grid.point_voxel],
+        point_patch=patches.owner.take(patches.grid.point_voxel),
         patch_object=joined,
         edges=patches.edges,
         is_convex=convex,

@@ -211,16 +211,16 @@ def _distance(
     def gap(rows: slice) -> Float32Array:
         squares = np.zeros(len(voxel), dtype=np.float32)
         for ours, theirs in zip(features[rows], means[rows], strict=True):
-            step = ours[voxel]
-            step -= theirs[patch]
+            step = ours.take(voxel)
+            step -= theirs.take(patch)
             step *= step
             squares += step
         return np.sqrt(squares, out=squares)
 
     cosine = np.zeros(len(voxel), dtype=np.float32)
     for ours, theirs in zip(features[3:6], means[3:6], strict=True):
-        product = ours[voxel]
-        product *= theirs[patch]
+        product = ours.take(voxel)
+        product *= theirs.take(patch)
         cosine += product
     total = np.float32(config.spatial_importance) * gap(slice(0, 3))
     total += np.float32(config.normal_importance) * (1 - np.abs(cosine))
@@ -281,20 +281,20 @@ def _sweep(
     ``is_next`` says which pairs of neighbours, from the second on, belong to another
     voxel than the one before. Returns how many voxels took an offer.
     """
-    offering = owner[grid.sources]
+    offering = owner.take(grid.sources)
     if only_free:
-        is_offer = (offering >= 0) & (owner < 0)[grid.targets]
+        is_offer = (offering >= 0) & (owner < 0).take(grid.targets)
     else:
-        is_offer = (offering >= 0) & (offering != owner[grid.targets])
+        is_offer = (offering >= 0) & (offering != owner.take(grid.targets))
     # Neighbours in a row mostly offer the same patch.
     is_new = offering[1:] != offering[:-1]
     is_new |= is_next
     is_offer[1:] &= is_new
     chosen = np.flatnonzero(is_offer)
-    patch, voxel = offering[chosen].astype(np.intp), grid.targets[chosen]
+    patch, voxel = offering.take(chosen).astype(np.intp), grid.targets.take(chosen)
     offer = _distance(features, means, patch, voxel, config)
     # Few offers are better than what a voxel has; only these are compared.
-    better = np.flatnonzero(offer < cost[voxel])
+    better = np.flatnonzero(offer < cost.take(voxel))
     if not len(better):
         return 0
     patch, voxel, offer = patch[better], voxel[better], offer[better]
@@ -377,10 +377,10 @@ def _components(grid: VoxelGrid, chosen: BoolArray) -> IntArray:
 
 def _touching_patches(grid: VoxelGrid, owner: IntArray) -> tuple[IntArray, IntArray]:
     """Edges between patches with touching voxels, and the number of such pairs."""
-    a, b = owner[grid.sources], owner[grid.targets]
-    crossing = a < b
+    a, b = owner.take(grid.sources), owner.take(grid.targets)
+    crossing = np.flatnonzero(a < b)
     n_patches = int(owner.max()) + 1
-    a, b = a[crossing], b[crossing]
+    a, b = a.take(crossing), b.take(crossing)
     if n_patches >= _MAX_SHORT:
         a = a.astype(np.int64)
     keys, counts = np.unique(a * n_patches + b, return_counts=True)

@@ -24,6 +24,9 @@ __all__ = [
 _DENSE_CELLS = 1 << 25
 """Largest table of all cells, occupied or not (128 MB); beyond it cells are sorted."""
 
+_CELLS_PER_POINT = 32
+"""So many times as large as the cloud, a table costs more than to sort the points."""
+
 _NORMAL_REACH = 5
 """Cells over which normals spread to cells without any."""
 
@@ -249,13 +252,14 @@ def cell_ids(keys: IntArray) -> tuple[IntArray, IntArray]:
     lower = keys.min(axis=1)
     shape = tuple(int(size) for size in keys.max(axis=1) - lower + 1)
     flat = _flattened(keys, lower, shape)
-    if np.prod(shape, dtype=np.float64) <= _DENSE_CELLS:
+    most = min(_CELLS_PER_POINT * len(flat), _DENSE_CELLS)
+    if np.prod(shape, dtype=np.float64) <= most:
         is_occupied = np.zeros(int(np.prod(shape)), dtype=bool)
         is_occupied[flat] = True
         occupied = np.flatnonzero(is_occupied)
         number = np.empty(len(is_occupied), dtype=np.int32)
         number[occupied] = np.arange(len(occupied), dtype=np.int32)
-        ids: IntArray = number[flat]
+        ids: IntArray = number.take(flat)
     else:
         occupied, ids = np.unique(flat, return_inverse=True)
     return ids, np.stack(np.unravel_index(occupied, shape)) + lower[:, None]
@@ -289,11 +293,10 @@ def _neighbour_pairs(cells: IntArray) -> tuple[IntArray, IntArray]:
             shifted = flat + step
             place = np.minimum(np.searchsorted(flat, shifted), len(flat) - 1)
             row[:] = np.where(flat[place] == shifted, place, -1)
-    width = (table >= 0).sum(axis=0)
-    by_cell = np.ascontiguousarray(table.T)
+    by_cell = np.ascontiguousarray(table.T).ravel()
+    found = np.flatnonzero(by_cell >= 0)
     # Indices of the machine's own width spare conversions later.
-    sources = by_cell[by_cell >= 0].astype(np.intp)
-    return sources, np.repeat(np.arange(len(flat)), width)
+    return by_cell.take(found).astype(np.intp), found // len(steps)
 
 
 def _completed_normals(

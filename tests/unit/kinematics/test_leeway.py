@@ -56,3 +56,27 @@ def test_postures_are_judged_one_by_one(arm, rng):
     q = arm.chain.clipped(q)
     together = share(arm, q)
     assert together == pytest.approx([share(arm, row[None])[0] for row in q], abs=0.1)
+
+
+def test_a_stiff_posture_is_exchanged_for_one_that_gives_way(arm, rng):
+    chain = arm.chain
+    low, high = np.maximum(chain.lower, -3.0), np.minimum(chain.upper, 3.0)
+    q = low + (high - low) * rng.random((60, chain.n_joints))
+    Ts = chain.fk(q)
+    away = SE3(np.stack([Ts.matrix, (SE3.from_parts(p=UP) @ Ts).matrix], axis=1))
+    before = arm.leeway(q, Ts, away, rng=rng)
+
+    def free(points) -> np.ndarray:
+        return np.ones(points.shape[:-1])
+
+    found = arm.yielding(Ts, away, free, 0.9, rng=rng)
+    rows = np.flatnonzero(np.isfinite(found).all(axis=1))
+    assert (before[rows] < 0.9).any()
+    assert (arm.leeway(found[rows], Ts[rows], away[rows], rng=rng) >= 0.9).all()
+    np.testing.assert_allclose(chain.fk(found[rows]).p, Ts[rows].p, atol=2e-3)
+    assert not arm.collision.hits_itself(found[rows]).any()
+
+    def blocked(points) -> np.ndarray:
+        return np.zeros(points.shape[:-1])
+
+    assert np.isnan(arm.yielding(Ts, away, blocked, 0.9, rng=rng)).all()

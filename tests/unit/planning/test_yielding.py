@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from debrisgrasp.geometry import SE3
 from debrisgrasp.planning import Grasp, GraspPlanner, LoadForecast, PlannerConfig
 from debrisgrasp.planning.choice import is_half_turn_symmetric
+from debrisgrasp.planning.easing import Easing
 from debrisgrasp.planning.ledger import Ledger
 from debrisgrasp.planning.offers import Offers
 from debrisgrasp.prototypes import PrototypeLibrary
@@ -57,7 +59,7 @@ def approached(grasps) -> list[Grasp]:
     return [replace(one, T_base_pregrasp=up @ one.T_base_hand) for one in grasps]
 
 
-def offers(most: int) -> tuple[Offers, list[Arm]]:
+def offers(most: int, eased=lambda _: {}) -> tuple[Offers, list[Arm]]:
     """Offers of two arms: at most so many."""
     arms = [Arm("left"), Arm("right")]
 
@@ -65,7 +67,7 @@ def offers(most: int) -> tuple[Offers, list[Arm]]:
         scores = np.array([one.score for one in grasps])
         return np.argsort(-scores, kind="stable")[:most]
 
-    return Offers(arms, best, approached, rng=np.random.default_rng(0)), arms
+    return Offers(arms, best, approached, eased, rng=np.random.default_rng(0)), arms
 
 
 def given(shares) -> list[Grasp]:
@@ -118,6 +120,64 @@ def test_where_no_grasp_gives_way_the_best_stay():
     assert nothing.offered == ()
 
 
+def test_a_stiff_grasp_better_than_all_others_takes_another_posture():
+    asked = []
+
+    def eased(grasps) -> dict[int, Grasp]:
+        asked.extend(shares(grasps))
+        return {len(grasps) - 1: replace(grasps[-1], joints={"j": 0.99})}
+
+    found, _ = offers(20, eased)
+    found.take(given([0.5, 0.4, 0.95, 0.2]))
+    # What is no better than another one that gives way isn't worth the search.
+    assert asked == [0.5, 0.4]
+    assert shares(found.offered) == [0.99, 0.95]
+    assert shares(found.left_out) == [0.5, 0.2]
+
+
+class Yielding(Arm):
+    """Finds the posture 0.99 wherever the hand is not too far out."""
+
+    def yielding(self, T_base_hand, *_, **__) -> np.ndarray:
+        far = T_base_hand.p[:, 0] > 0.6
+        return np.where(far, np.nan, 0.99)[:, None]
+
+    def effort(self, joints, wrench) -> np.ndarray:
+        return np.where(np.isnan(joints[:, 0]), np.nan, wrench[:, 0])
+
+
+@pytest.mark.parametrize(("share", "is_eased"), [(0.4, True), (0.6, False)])
+def test_another_posture_must_bear_the_load_as_forecast(share, is_eased):
+    load = LoadForecast(
+        build="solid",
+        mass=(1.0, 4.0),
+        force=(10.0, 40.0),
+        torque=(0.0, 0.0),
+        grip=(0.0, 0.0),
+        lever=0.0,
+        lever_error=0.0,
+        tilt=0.0,
+        margin=2.0,
+        margins=(1.0, 4.0),
+        limit="grip",
+    )
+    loads = SimpleNamespace(
+        mass=np.array([1.0, 2.0, 4.0]), wrench=np.full((2, 6), share)
+    )
+    easing = Easing(
+        [Yielding("left")],
+        lambda _: np.inf,
+        lambda _: loads,
+        rng=np.random.default_rng(0),
+    )
+    far, near = (replace(grasp("left", j, 0.9), load=load) for j in (0.7, 0.5))
+    found = easing([far, near])
+    assert list(found) == ([1] if is_eased else [])
+    assert shares(found.values()) == ([0.99] if is_eased else [])
+    # Where nothing was forecast, nothing is known to be borne.
+    assert not easing([replace(far, load=None), replace(near, load=None)])
+
+
 @pytest.fixture(scope="module")
 def planner() -> GraspPlanner:
     library = PrototypeLibrary.load().select(names=["claw_bar_4x4", "cylinder_060_tip"])
@@ -139,7 +199,7 @@ def test_the_hand_turned_by_half_is_offered_where_the_better_one_is_stiff(planne
         stiff, T_base_hand=stiff.T_base_hand @ turn, score=0.8, joints={"j": 1.0}
     )
     rng = np.random.default_rng(0)
-    both = Offers([Arm("left")], planner._chosen, approached, rng=rng)
+    both = Offers([Arm("left")], planner._chosen, approached, lambda _: {}, rng=rng)
     both.take([stiff, turned])
     assert [one.score for one in both.offered] == [0.8]
     assert [one.score for one in both.left_out] == [0.9]
