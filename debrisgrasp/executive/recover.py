@@ -9,6 +9,7 @@ import numpy as np
 from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3, Bounds
 
+from .caught import felt_out
 from .context import Context, Held
 from .drag import drive_back
 from .drive import Drive
@@ -93,7 +94,11 @@ def clear_up(context: Context) -> FaultFound | None:
     # A trunk that both arms share must be back before the idle arm is at rest again.
     for name, limb in sorted(context.limbs.items(), key=lambda item: item[0] != busy):
         if name == busy:
-            fault = back_out(context, name) or _hanging(context, name)
+            fault = back_out(context, name)
+            if fault is not None and fault.fault == "too_heavy":
+                reset_stops(context)  # caught: pulled on, it would only press harder
+                fault = felt_out(context, name)
+            fault = fault or _hanging(context, name)
         else:
             fault = relieve(context, name)  # on its way it may have met something
         if fault is not None:

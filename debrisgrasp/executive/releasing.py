@@ -7,8 +7,9 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import LegOutcome, TarePolicy
+from debrisgrasp.control import LegOutcome
 
+from .caught import CAUGHT, nudged, pushed_to
 from .context import Context
 from .drag import drive_back
 from .drive import Drive, LegEnd
@@ -24,8 +25,6 @@ __all__ = ["release", "retreat", "verify_release"]
 _LOWERED = 0.12
 """How far an object is lowered at most [m]."""
 _STANDING = 0.24
-_CAUGHT = 40.0
-"""On a hand that should be empty, this force means that it isn't [N]."""
 _GROWN = 50.0
 """More than while a hand brakes [N]: something else pushes, or the sensor lies."""
 _OUT = 0.04
@@ -34,9 +33,7 @@ _ASIDE, _ASIDES = 0.006, 5
 """Where the side of a finger is caught it goes aside by so much [m], so many times."""
 _UP = np.array([0.0, 0.0, 1.0])
 _SHAKE = 0.03
-"""How far a hand that does not come free is shaken up and down [m] ..."""
-_HARDER = 15.0
-"""... until it is pulled by so much more than before [N]."""
+"""How far a hand that does not come free is shaken up and down [m]."""
 
 
 def release(context: Context) -> StepResult:
@@ -80,25 +77,15 @@ def _shaken_open(context: Context) -> FaultFound | None:
 
 def _nudged(drive: Drive, way: FloatArray) -> FaultFound | None:
     """Move a hand that is caught by an offset (3,) [m], until it is pushed harder."""
-    end = _moved(drive, way, max(_CAUGHT, hypot(*drive.weighed()[:3]) + _HARDER))
+    end = nudged(drive, way)
     return end if isinstance(end, FaultFound) else None
-
-
-def _moved(drive: Drive, way: FloatArray, most: float) -> LegEnd | FaultFound:
-    """Move an open hand slowly by an offset (3,) [m], until a force exceeds so much."""
-    return drive.leg(
-        way,
-        speed=0.5 * drive.context.settings.lift_speed,
-        tare=TarePolicy.SESSION,
-        until=lambda load: hypot(*load[:3]) > most,
-    )
 
 
 def _drawn_out(drive: Drive, axis: FloatArray) -> LegEnd | FaultFound:
     """Draw the open hand back along its axis (3,); aside where its side is caught."""
     left = _OUT
     for n_before in range(_ASIDES + 1):
-        end = _moved(drive, -left * axis, _CAUGHT)
+        end = pushed_to(drive, -left * axis, CAUGHT)
         if isinstance(end, FaultFound) or end.outcome is not LegOutcome.CONTACT:
             return end
         left, aside = end.left, aside_of(drive.push(), axis)
@@ -123,8 +110,8 @@ def verify_release(context: Context) -> StepResult:
         if isinstance(stood, FaultFound):
             return stood
         load = hypot(*drive.weighed()[:3])
-        if load > _CAUGHT + _GROWN:
-            words = f"{load:.0f} N on an open hand that was stopped at {_CAUGHT:.0f} N"
+        if load > CAUGHT + _GROWN:
+            words = f"{load:.0f} N on an open hand that was stopped at {CAUGHT:.0f} N"
             return FaultFound("ratchet", words + ": not its own motion", held.arm)
         words = f"{load:.0f} N as the open hand rises: it is caught"
         context.held = held
@@ -153,7 +140,9 @@ def retreat(context: Context) -> StepResult:
     if arm is None:
         return Done()
     limb = context.limbs[arm]
-    fault, n_seen = back_out(context, arm), 0
+    # After a fault it may have been cleared up, and is at rest already.
+    fault = back_out(context, arm) if context.is_in_pile == arm else None
+    n_seen = 0
     if fault is None and context.cycle.is_removed:
         n_seen = looked_after(context, arm, max(limb.limb.gripper.read().openings))
     fault = fault or to_rest(context, arm) or drive_back(context)

@@ -57,6 +57,8 @@ def _default_resume(state: State, action: Action) -> State:
     """Where to go on if nothing else is said."""
     if action is Action.SKIP:
         return FOLLOWING[state]
+    if action is Action.NEXT and state is State.RETREAT:
+        return state  # the object is gone: only the arm was not back
     if action is Action.NEXT:
         is_planning = state in (State.SELECT, State.PLAN_GRASP, State.PLAN_MOTION)
         return State.SELECT if is_planning else State.CAPTURE
@@ -93,7 +95,7 @@ ANSWERS: Mapping[tuple[State, str], Answer] = {
     (State.SELF_TEST, "plan_collision"): Answer(Action.ABORT),
     (State.CALIB_CHECK, "plan_collision"): Answer(Action.ABORT),
     (State.SELF_TEST, "unreachable"): Answer(Action.ABORT),
-    (State.RETREAT, "plan_collision"): Answer(Action.RETRY, 2),
+    (State.RETREAT, "plan_collision"): Answer(Action.RETRY, 2, Action.NEXT),
     # A jammed finger that holds something is not opened by trying harder.
     (State.RELEASE, "finger_jammed"): Answer(Action.RETRY, 1),
     # Who can't trust the sensor puts nothing down.
@@ -124,7 +126,8 @@ def answer_to(state: State, fault: str, used: int = 0) -> Answer:
         answer = Answer(spec.action, spec.budget, spec.then)
     if answer.budget and used >= answer.budget:
         answer = Answer(answer.then)
-    if answer.action is Action.NEXT and (state in _IN_THE_PILE or state in HOLDING):
+    has_moved = state in (*_IN_THE_PILE, *HOLDING, State.RETREAT)
+    if answer.action is Action.NEXT and has_moved:
         answer = replace(answer, is_cleared_up=True)
     if answer.resume is None and state in STAGES:
         answer = replace(answer, resume=_default_resume(state, answer.action))

@@ -7,16 +7,17 @@ deep a point lies in a part is then one matrix product.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp.geometry import Box, Cylinder, Solid
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.worlds import Body, Hull
 from debrisgrasp.worlds.rest import edge_points, largest_in_rows
 
-__all__ = ["BodyShape", "HandShape", "planes_of"]
+__all__ = ["BodyShape", "HandShape", "planes_of", "ways_out"]
 
 _SIDES = 24
 """Flat sides of a cylinder."""
@@ -28,6 +29,13 @@ _HARDLY = 0.1
 """A link that moves by less per change of the opening hardly moves."""
 _MANY = 600
 """More points than this on the edges of a body are thinned out."""
+_FLAT = 1e-6
+"""Corners so near to a plane lie in it [m]."""
+_OPPOSITE = -0.9999
+"""Cosine between sides that lie against each other."""
+_INSET, _AHEAD = 0.85, 5e-4
+"""A part covers a side if the corners of that, drawn in to this share, are inside it so
+far ahead [m]."""
 _GRID = 0.0015
 """Openings between which the places of points on fingers are interpolated [m]."""
 
@@ -58,6 +66,7 @@ class BodyShape:
 
     def __init__(self, body: Body) -> None:
         planes = [planes_of(part) for part in body.parts]
+        self._own_parts = body.parts
         self._own_normals = np.concatenate([normals for normals, _ in planes])
         self._own_offsets = np.concatenate([offsets for _, offsets in planes])
         counts = [len(offsets) for _, offsets in planes]
@@ -88,6 +97,35 @@ class BodyShape:
         """Centre of mass, shape (3,)."""
         self._now: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self._box: tuple[FloatArray, FloatArray] | None = None
+
+    @cached_property
+    def is_covered(self) -> BoolArray:
+        """Sides with which two parts lie against each other all over, shape (s,).
+
+        They lead out of a part, but not out of the body. Where a side is larger than
+        what lies against it, both count: a push must not jump from part to part.
+        """
+        normals, offsets = self._own_normals, self._own_offsets
+        by = np.zeros((len(offsets), len(self.parts)), dtype=bool)
+        for part, rows in zip(self._own_parts, self.parts, strict=True):
+            corners = part.mesh()[0]
+            for i in range(rows.start, rows.stop):
+                own = corners[np.abs(corners @ normals[i] - offsets[i]) < _FLAT]
+                if len(own) < 3:
+                    continue
+                middle = own.mean(axis=0)
+                ahead = middle + _INSET * (own - middle) + _AHEAD * normals[i]
+                beyond = ahead @ normals.T - offsets
+                gaps = np.maximum.reduceat(beyond, self.starts, axis=1)
+                by[i] = (gaps < 0.0).all(axis=0)
+        part_of = np.repeat(
+            np.arange(len(self.parts)), np.diff([*self.starts, len(by)])
+        )
+        one, other = np.nonzero(by[:, part_of] & by[:, part_of].T)
+        is_opposite = (normals[one] * normals[other]).sum(axis=1) < _OPPOSITE
+        found = np.zeros(len(offsets), dtype=bool)
+        found[one[is_opposite]] = True
+        return found
 
     @property
     def box(self) -> tuple[FloatArray, FloatArray]:
@@ -149,6 +187,22 @@ class BodyShape:
         """Give lower bounds of distances of points (n, 3) from parts, (n, parts)."""
         beyond = points @ self.normals.T - self.offsets
         return np.maximum.reduceat(beyond, self.starts, axis=1)
+
+
+def ways_out(beyond: FloatArray, is_covered: BoolArray) -> FloatArray:
+    """Leave out for points inside a part the sides that lead into another one.
+
+    Parameters
+    ----------
+    beyond
+        Of points, from each side of the part [m], shape (n, s); negative inside.
+    is_covered
+        See `BodyShape`, shape (s,).
+    """
+    if not is_covered.any():
+        return beyond
+    is_inside = beyond.max(axis=1, keepdims=True) < 0.0
+    return np.asarray(np.where(is_inside & is_covered, -np.inf, beyond))
 
 
 class HandShape:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
 __all__ = [
     "GROUND",
@@ -16,8 +17,10 @@ __all__ = [
     "PALM",
     "Guard",
     "Spring",
+    "Stand",
     "Watch",
     "blended",
+    "shifting",
     "yielded",
 ]
 
@@ -29,6 +32,38 @@ HELD = -1
 """Owner of the points of what the hand holds."""
 _EDGE = 3e-4
 """So near to an edge both of its sides push: nothing jumps on the way around it [m]."""
+_SHIFTS = 0.004
+"""So far does the middle of a contact go from one look to the next at most [m]: from
+one part of a body to another the load goes over bit by bit."""
+
+
+class Stand(NamedTuple):
+    """How a hand stands."""
+
+    R: FloatArray
+    """In odom, shape (3, 3) ..."""
+    p: FloatArray
+    """... and (3,) [m]."""
+    openings: tuple[float, ...]
+    """Of its fingers [m]."""
+
+    def way_to(self, other: Stand, reach: float, gain: float) -> float:
+        """How far any of its points is from where it is in another stand, at most [m].
+
+        Parameters
+        ----------
+        reach
+            Of its points from its origin [m].
+        gain
+            How far a point moves per change of its finger's opening, at most.
+        """
+        gap, turn = other.p - self.p, (other.R - self.R).ravel()
+        moved = sqrt(float(gap @ gap)) + reach * sqrt(float(turn @ turn))
+        if other.openings != self.openings:
+            moved += gain * max(
+                abs(a - b) for a, b in zip(other.openings, self.openings, strict=True)
+            )
+        return moved
 
 
 class Spring(NamedTuple):
@@ -58,6 +93,10 @@ class Watch:
     """Whose each of them is, shape (m,)."""
     points: FloatArray
     """Frame of the hand [m], shape (m, 3)."""
+    free_until: float = -inf
+    """None of them touches before the hand has gone so far [m] ..."""
+    place: FloatArray | None = None
+    """... while the body is here, frame odom [m], shape (3,)."""
 
 
 @dataclass(slots=True, eq=False)
@@ -69,6 +108,16 @@ class Guard:
     rows: IntArray
     normals: FloatArray
     offsets: FloatArray
+    is_covered: BoolArray
+
+
+def shifting(spring: Spring, before: FloatArray) -> Spring:
+    """Contact whose middle was (3,) at the last look."""
+    way = spring.point - before
+    far = float(np.linalg.norm(way))
+    if far <= _SHIFTS:
+        return spring
+    return spring._replace(point=before + _SHIFTS / far * way)
 
 
 def blended(normals: FloatArray, beyond: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ watch reaches, so that a tick in free space costs next to nothing.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from math import dist, sqrt
+from math import dist
 
 import numpy as np
 
@@ -16,8 +16,19 @@ from debrisgrasp.worlds import Ground
 
 from .config import FakeConfig
 from .fake_hand import FakeGripper
-from .shapes import BodyShape, HandShape
-from .springs import GROUND, HELD, PALM, Guard, Spring, Watch, blended, yielded
+from .shapes import BodyShape, HandShape, ways_out
+from .springs import (
+    GROUND,
+    HELD,
+    PALM,
+    Guard,
+    Spring,
+    Stand,
+    Watch,
+    blended,
+    shifting,
+    yielded,
+)
 
 __all__ = ["Touch"]
 
@@ -32,9 +43,8 @@ _NO_WAY = 0.01
 """Squares of shorter means say nothing of a direction."""
 _BEHIND = -0.3
 """Cosine to the last push beyond which a side lies behind what is pushed."""
-_SHIFTS = 0.004
-"""So far does the middle of a contact go from one look to the next at most [m]: from
-one part of a body to another the load goes over bit by bit."""
+_ROUNDING = 1e-9
+"""[m]."""
 
 Rotation = tuple[float, ...]
 """Nine numbers: a matrix row by row."""
@@ -71,9 +81,11 @@ class Touch:
         self._held_planes: tuple[FloatArray, FloatArray] = (np.zeros((0, 3)),) * 2
         self._watches: list[Watch] = []
         self._guards: list[Guard] = []
-        self._since: tuple[FloatArray, FloatArray, list[float]] | None = None
+        self._since: Stand | None = None
         self._clear: tuple[Rotation, Vector, float, float] | None = None
-        self._room = self._reach = 0.0
+        self._room = self._reach = self._gone = 0.0
+        """How far a point of the hand has gone so far, at most [m]."""
+        self._last: Stand | None = None
         self._key: tuple[str, tuple[float, ...]] | None = None
         self._points = self.shape.palm
 
@@ -132,28 +144,43 @@ class Touch:
     ) -> list[Spring]:
         """All contacts of the hand at pose (R, p) in odom, but for bodies left out."""
         self._refresh()
-        if self._has_left(R, p):
-            self._look(R, p, bodies, left_out)
+        now = Stand(R.copy(), p.copy(), tuple(self.gripper.openings))
+        if self._since is None or (
+            self._since.way_to(now, self._reach, self.shape.gain) > self._room
+        ):
+            self._look(now, bodies, left_out)
+        if self._last is not None:
+            # Fingers may have opened since the reach was measured.
+            reach = self._reach + _MARGIN
+            self._gone += self._last.way_to(now, reach, self.shape.gain)
+        self._last = now
         found: dict[tuple[int, int], Spring] = {}
         for watch in self._watches:
-            where = watch.points @ R.T + p
             if watch.part is None:
+                where = watch.points @ R.T + p
                 heights = self.ground.height(where[:, :2])
-                beyond, normals = where[:, 2:] - heights[:, None], _UP
-            else:
-                shape = bodies[watch.body]
-                normals = shape.normals[watch.part]
-                beyond = where @ normals.T - shape.offsets[watch.part]
-            self._add_all(found, watch, where, beyond, normals)
+                beyond = where[:, 2:] - heights[:, None]
+                self._add_all(found, watch, where, beyond, _UP)
+                continue
+            shape = bodies[watch.body]
+            if self._gone < watch.free_until and shape.p is watch.place:
+                continue
+            where = watch.points @ R.T + p
+            normals = shape.normals[watch.part]
+            beyond = where @ normals.T - shape.offsets[watch.part]
+            beyond = ways_out(beyond, shape.is_covered[watch.part])
+            nearest = self._add_all(found, watch, where, beyond, normals)
+            watch.free_until, watch.place = self._gone + nearest - _ROUNDING, shape.p
         for guard in self._guards:
             where = bodies[guard.body].points[guard.rows]
             beyond = (where - p) @ R @ guard.normals.T - guard.offsets
             if beyond.max(axis=1).min() < 0.0:
+                beyond = ways_out(beyond, guard.is_covered)
                 normals = guard.normals @ R.T
                 key = guard.owner, guard.body
                 self._add(found, key, where, beyond, normals, -1.0)
         for key in found.keys() & self._pushed.keys():
-            found[key] = _shifting(found[key], self._pushed[key][2])
+            found[key] = shifting(found[key], self._pushed[key][2])
         self._pushed = {
             key: (s.force / float(np.linalg.norm(s.force)), s.depth, s.point)
             for key, s in found.items()
@@ -201,15 +228,17 @@ class Touch:
         where: FloatArray,
         beyond: FloatArray,
         normals: FloatArray,
-    ) -> None:
-        """Add the contacts of each owner of watched points."""
+    ) -> float:
+        """Add the contacts of each owner of watched points; return the least gap."""
         gaps = beyond.max(axis=1)
-        if gaps.min() >= 0.0:
-            return
+        nearest = float(gaps.min())
+        if nearest >= 0.0:
+            return nearest
         for owner in np.unique(watch.owners[gaps < 0.0]).tolist():
             mine = watch.owners == owner
             key = owner, watch.body
             self._add(found, key, where[mine], beyond[mine], normals, 1.0)
+        return nearest
 
     def _add(
         self,
@@ -287,31 +316,18 @@ class Touch:
                 if len(rows):
                     where, owners = self._points[rows], self._owner_of[rows]
                     watch = Watch(self._held_index, part, rows, owners, where)
-                    self._add_all(found, watch, where, beyond[rows], normals)
+                    inside = ways_out(beyond[rows], self.held.is_covered[part])
+                    self._add_all(found, watch, where, inside, normals)
         self.grip = list(found.values())
-
-    def _has_left(self, R: FloatArray, p: FloatArray) -> bool:
-        """Whether the hand has moved farther than what is watched reaches."""
-        if self._since is None:
-            return True
-        R0, p0, openings0 = self._since
-        gap, turn = p - p0, (R - R0).ravel()
-        openings = self.gripper.openings
-        moved = sqrt(float(gap @ gap)) + self._reach * sqrt(float(turn @ turn))
-        if openings != openings0:
-            moved += self.shape.gain * max(
-                [abs(a - b) for a, b in zip(openings, openings0, strict=True)]
-            )
-        return moved > self._room
 
     def _look(
         self,
-        R: FloatArray,
-        p: FloatArray,
+        now: Stand,
         bodies: Sequence[BodyShape],
         left_out: Collection[int],
     ) -> None:
         """Find what is near."""
+        R, p, _ = now
         groups, owners = [self._points], [self._owner_of]
         if self.held is not None:
             groups.append(self._held_points)
@@ -332,7 +348,7 @@ class Touch:
                 nearest = self._watch(i, part, depths[:, k], own, owner_of)
                 clear = min(clear, nearest)
             self._guard(i, (body.points - p) @ R)
-        self._since = R.copy(), p.copy(), list(self.gripper.openings)
+        self._since = now
         self._room = max(clear, _MARGIN) - 1e-3
         self._clear = None
         if not self._watches and not self._guards:
@@ -359,21 +375,18 @@ class Touch:
 
         A thin edge fits between the points of a palm; the other way round it is seen.
         """
-        solids = [(PALM, *planes) for planes in self.shape.palm_planes]
+        solids = [
+            (PALM, normals, offsets, np.zeros(len(offsets), dtype=bool))
+            for normals, offsets in self.shape.palm_planes
+        ]
         if self.held is not None:
             normals, offsets = self._held_planes
-            solids += [(HELD, normals[s], offsets[s]) for s in self.held.parts]
-        for owner, normals, offsets in solids:
+            covered = self.held.is_covered
+            solids += [
+                (HELD, normals[s], offsets[s], covered[s]) for s in self.held.parts
+            ]
+        for owner, normals, offsets, is_covered in solids:
             gaps = (points @ normals.T - offsets).max(axis=1)
             near = np.flatnonzero(gaps < _MARGIN)
             if len(near):
-                self._guards.append(Guard(owner, i, near, normals, offsets))
-
-
-def _shifting(spring: Spring, before: FloatArray) -> Spring:
-    """Contact whose middle was (3,) at the last look."""
-    way = spring.point - before
-    far = float(np.linalg.norm(way))
-    if far <= _SHIFTS:
-        return spring
-    return spring._replace(point=before + _SHIFTS / far * way)
+                self._guards.append(Guard(owner, i, near, normals, offsets, is_covered))

@@ -173,6 +173,18 @@ def test_retries_are_bounded_and_then_the_answer_changes(run):
     assert result.n_removed == 0
 
 
+def test_an_arm_that_is_cleared_up_on_its_way_back_has_removed_the_object(
+    run,
+):
+    for times in (2, 3):
+        result, _ = run({State.RETREAT: failing("plan_collision", times)})
+        assert result.end is RunEnd.FINISHED
+        assert result.n_removed == 2
+        assert [attempt.is_removed for attempt in result.attempts] == [True, True]
+        last = Action.RETRY if times == 2 else Action.NEXT
+        assert result.faults[-1].action is last
+
+
 def test_a_skipped_step_is_reported_and_the_run_goes_on(run):
     result, _ = run({State.SEGMENT: failing("plane_eats_pile", times=1)})
     assert result.end is RunEnd.FINISHED

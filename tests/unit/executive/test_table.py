@@ -47,6 +47,14 @@ def test_a_hand_in_the_pile_is_cleared_up_before_the_next_object():
     assert not answer_to(State.PLAN_GRASP, "no_grasp").is_cleared_up
 
 
+def test_an_arm_that_finds_no_way_back_is_cleared_up_and_not_given_up():
+    answer = answer_to(State.RETREAT, "plan_collision")
+    after = answer_to(State.RETREAT, "plan_collision", used=answer.budget)
+    assert after.action is Action.NEXT
+    assert after.is_cleared_up
+    assert after.resume is State.RETREAT
+
+
 def test_a_plan_that_fails_leads_to_the_next_object_without_another_look():
     assert answer_to(State.PLAN_GRASP, "no_grasp").resume is State.SELECT
     assert answer_to(State.LIFT, "too_heavy").resume is State.CAPTURE

@@ -72,6 +72,18 @@ def test_a_hand_that_was_stopped_on_its_way_back_gives_way_first(pipeline, monke
     assert eased == ["right"]
 
 
+def test_a_hand_that_was_cleared_up_is_not_drawn_back_once_more(pipeline, monkeypatch):
+    _, task = executive(pipeline)
+    context, drawn = task.context, []
+    context.cycle.motion = SimpleNamespace(arm="right")
+    monkeypatch.setattr(releasing, "back_out", lambda _, arm: drawn.append(arm))
+    monkeypatch.setattr(releasing, "to_rest", lambda *_: None)
+    for is_in_pile, expected in (("right", ["right"]), (None, ["right"])):
+        context.is_in_pile = is_in_pile
+        assert isinstance(releasing.retreat(context), Done)
+        assert drawn == expected
+
+
 def test_an_arm_remembers_its_way_until_it_is_back_at_rest(pipeline):
     _, task = executive(pipeline)
     context = task.context

@@ -13,7 +13,7 @@ from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, so3
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
-from debrisgrasp.robot.shapes import BodyShape, HandShape, planes_of
+from debrisgrasp.robot.shapes import BodyShape, HandShape, planes_of, ways_out
 from debrisgrasp.robot.springs import GROUND, PALM, Spring, yielded
 from debrisgrasp.robot.touch import Touch
 from debrisgrasp.worlds import Body, Ground, make_body
@@ -326,3 +326,61 @@ def test_no_push_turns_or_grows_at_once_as_a_hand_slides_over_a_body(seed):
         if last is not None:
             assert np.linalg.norm(force - last) < 30.0
         last = force
+
+
+@pytest.mark.parametrize("off_seam", [5e-4, 0.05, 0.1])
+def test_a_wall_of_several_parts_pushes_out_at_its_seams_as_elsewhere(off_seam):
+    sizes = {"length": 0.4, "radius": 0.1, "wall": 0.012}
+    shape = BodyShape(make_body("pipe_wide", sizes, 2.0))
+    is_outer = (shape.offsets > 0.09) & (np.abs(shape.normals[:, 0]) < 0.1)
+    normals, offsets = shape.normals[is_outer], shape.offsets[is_outer]
+    seams = shape.normals[shape.is_covered]
+    assert len(seams) == 2 * len(shape.parts)
+    for turn in np.arctan2(seams[:, 2], seams[:, 1]) + np.pi / 2.0 + off_seam:
+        point = 0.096 * np.array([0.0, np.cos(turn), np.sin(turn)])
+        depths = []
+        for part in shape.parts:
+            beyond = (shape.normals[part] @ point - shape.offsets[part])[None]
+            if beyond.max() < 0.0:
+                depths.append(-ways_out(beyond, shape.is_covered[part]).max())
+        assert max(depths) == pytest.approx((offsets - normals @ point).min())
+
+
+def test_where_a_part_lies_against_a_larger_one_no_push_jumps_from_one_to_the_other():
+    post = Box(np.array([0.02, 0.02, 0.1]), SE3.from_parts(p=[0.0, 0.0, -0.1]))
+    slat = Box(np.array([0.2, 0.05, 0.01]), SE3.from_parts(p=[0.0, 0.0, 0.01]))
+    assert not BodyShape(Body("rack", "rack", (post, slat), 1.0)).is_covered.any()
+    half = Box(np.array([0.02, 0.02, 0.1]), SE3.from_parts(p=[0.0, 0.0, 0.1]))
+    both = BodyShape(Body("post", "post", (post, half), 1.0))
+    assert both.is_covered.sum() == 2
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=10)
+def test_what_can_not_be_touched_yet_is_only_not_looked_at(seed):
+    rng = np.random.default_rng(seed)
+    sizes = {"length": 0.4, "width": 0.3, "height": 0.2, "wall": 0.01}
+    crate = make_body("crate", sizes, 2.0).at(SE3.from_parts(p=[0.8, 0.1, 0.1]))
+    quick, slow = _touch(FakeConfig()), _touch(FakeConfig())
+    shapes = _shapes(crate)
+    T = downwards(0.8, 0.1, 0.3, rng.uniform(-3.0, 3.0))
+    p, way = T.p + np.append(rng.uniform(-0.2, 0.2, 2), 0.0), np.zeros(3)
+    turn = np.zeros(3)
+    for k in range(150):
+        way = 0.9 * way + rng.normal(scale=3e-4, size=3) - [0.0, 0.0, 1e-4]
+        turn = turn + rng.normal(scale=2e-3, size=3)
+        p = p + way
+        R = so3.exp(turn) @ T.R
+        for touch in (quick, slow):
+            touch.gripper.openings = [0.1 + 2e-4 * k] * 3
+        if k % 40 == 39:
+            shapes[0].shift(rng.normal(scale=1e-3, size=3))
+            quick.shifted(2e-3)
+            slow.shifted(2e-3)
+        for watch in slow._watches:
+            watch.free_until = -np.inf
+        found, expected = (t.springs(R, p, shapes, ()) for t in (quick, slow))
+        assert [s.owner for s in found] == [s.owner for s in expected]
+        for one, other in zip(found, expected, strict=True):
+            assert one.depth == other.depth
+            assert one.force.tolist() == other.force.tolist()

@@ -1,0 +1,97 @@
+"""Out of what an open hand is caught in, as a person feels the way out of a crate."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import LegOutcome, TarePolicy
+
+from .context import Context
+from .drive import Drive, LegEnd
+from .moves import free_share
+from .relief import relieve
+from .result import FaultFound
+
+__all__ = ["CAUGHT", "felt_out", "nudged", "pushed_to"]
+
+CAUGHT = 40.0
+"""On a hand that should be empty, this force means that it isn't [N]."""
+_HARDER = 15.0
+"""A hand that does not come free is pulled by no more than so much than before [N]."""
+_EASED = 0.3
+"""Share of a limit above which it gives way before it is moved on."""
+_OUT = 0.12
+"""So far back it is out [m]."""
+_ASIDE = 0.03
+"""Where something is in the way it goes so far aside, and tries again [m]."""
+_ON = 0.01
+"""It came on if it got so much farther [m]; then all sides are worth another try."""
+_LEGS = 16
+_LEAST = 2e-3
+"""A shorter leg is none [m]."""
+
+
+def pushed_to(drive: Drive, way: FloatArray, most: float) -> LegEnd | FaultFound:
+    """Move an open hand slowly by an offset (3,) [m], until a force exceeds so much."""
+    return drive.leg(
+        way,
+        speed=0.5 * drive.context.settings.lift_speed,
+        tare=TarePolicy.SESSION,
+        until=lambda load: hypot(*load[:3]) > most,
+    )
+
+
+def nudged(drive: Drive, way: FloatArray) -> LegEnd | FaultFound:
+    """Move a hand that is caught by an offset (3,) [m], until it is pushed harder."""
+    return pushed_to(drive, way, max(CAUGHT, hypot(*drive.weighed()[:3]) + _HARDER))
+
+
+def felt_out(context: Context, arm: str) -> FaultFound | None:
+    """Draw an open hand back; where something is in the way, around that.
+
+    A touch ends each way. Then the hand gives way, goes to one side after the other,
+    and tries again from there.
+    """
+    limb, drive = context.limbs[arm], Drive(context, arm)
+    R = limb.pose(context.posture(limb)).R
+    back, sides = -R[:, 2], _sides(R)
+    left, shift = _OUT, np.zeros(3)
+    for _ in range(_LEGS):
+        end = _eased_by(context, drive, left * back)
+        if isinstance(end, FaultFound):
+            return end
+        if end.outcome is not LegOutcome.CONTACT:
+            return None  # out, or as far as the arm can
+        done = end.share * end.length
+        left -= done
+        if done > _ON:
+            sides, shift = _sides(R), np.zeros(3)
+        if not sides:
+            break
+        goal = sides.pop(0) - shift
+        end = _eased_by(context, drive, goal)
+        if isinstance(end, FaultFound):
+            return end
+        shift = shift + end.share * end.length / float(np.linalg.norm(goal)) * goal
+    words = f"{hypot(*drive.weighed()[:3]):.0f} N on a hand that comes out no way"
+    return FaultFound("not_released", words, arm)
+
+
+def _sides(R: FloatArray) -> list[FloatArray]:
+    """Offsets in base [m] to the sides of a hand (3, 3), each (3,)."""
+    return [_ASIDE * way for way in (R[:, 1], -R[:, 1], R[:, 0], -R[:, 0])]
+
+
+def _eased_by(context: Context, drive: Drive, way: FloatArray) -> LegEnd | FaultFound:
+    """Give way to what presses, then move by an offset (3,) [m] as far as that goes."""
+    limb = drive.limb
+    fault = relieve(context, limb.name, _EASED)
+    if fault is not None:
+        return fault
+    way = free_share(limb, context.posture(limb), way) * way
+    if float(np.linalg.norm(way)) < _LEAST:
+        return LegEnd(LegOutcome.BLOCKED, 0.0, 0.0)
+    return nudged(drive, way)

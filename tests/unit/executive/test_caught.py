@@ -1,0 +1,90 @@
+"""A hand that does not come out straight."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.control import LegOutcome
+from debrisgrasp.executive import caught
+from debrisgrasp.executive import recover as recovery
+from debrisgrasp.executive.drive import Drive, LegEnd
+from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.pipeline import Pipeline
+from tests.unit.executive.test_steps import executive
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+class Bars:
+    """Something that stops a hand on its way back, unless it went far enough aside."""
+
+    def __init__(self, R, needed):
+        self.back, self.R, self.needed = -R[:, 2], R, np.asarray(needed, float)
+        self.place, self.loads, self.pulled = np.zeros(3), [0.0], []
+
+    def leg(self, _drive, way, *, until, **_):
+        way = np.asarray(way, float)
+        length, aside = float(np.linalg.norm(way)), self.place @ self.R
+        far = float(np.linalg.norm(self.needed))
+        is_free = far == 0.0 or aside @ self.needed > 0.9 * far * far
+        is_stopped = way @ self.back > 0.9 * length and not is_free
+        share = 1e-3 / length if is_stopped else 1.0
+        self.place = self.place + share * way
+        if is_stopped:
+            force = next(f for f in range(200) if until((float(f), 0.0, 0.0)))
+            self.pulled.append(force)
+            return LegEnd(LegOutcome.CONTACT, share, length)
+        return LegEnd(LegOutcome.DONE, share, length)
+
+
+@pytest.fixture
+def caught_by(pipeline, monkeypatch):
+    def go(needed):
+        _, task = executive(pipeline)
+        context = task.context
+        limb = context.limbs["right"]
+        bars = Bars(limb.pose(context.posture(limb)).R, needed)
+        monkeypatch.setattr(Drive, "leg", lambda *a, **k: bars.leg(*a, **k))
+        monkeypatch.setattr(caught, "free_share", lambda *_: 1.0)
+        monkeypatch.setattr(caught, "relieve", lambda *_: None)
+        return context, bars
+
+    return go
+
+
+@pytest.mark.parametrize(
+    "needed", [(0, 0, 0), (0, 0.03, 0), (0, -0.03, 0), (0.03, 0, 0), (-0.03, 0, 0)]
+)
+def test_a_hand_goes_aside_until_nothing_is_in_its_way_out(caught_by, needed):
+    context, bars = caught_by(needed)
+    assert caught.felt_out(context, "right") is None
+    assert bars.place @ bars.back == pytest.approx(0.12, abs=0.02)
+    assert all(force <= 41 for force in bars.pulled)
+
+
+def test_a_hand_that_no_side_frees_is_told_and_not_pulled_harder(caught_by):
+    context, bars = caught_by((1.0, 1.0, 0.0))
+    found = caught.felt_out(context, "right")
+    assert isinstance(found, FaultFound)
+    assert found.fault == "not_released"
+    assert len(bars.pulled) == 5
+    assert all(force <= 41 for force in bars.pulled)
+
+
+@pytest.mark.parametrize("fault", ["too_heavy", "ratchet"])
+def test_only_a_hand_that_is_stopped_by_a_load_on_its_way_out_feels_for_another(
+    pipeline, monkeypatch, fault
+):
+    _, task = executive(pipeline)
+    context, felt = task.context, []
+    context.is_in_pile = "right"
+    stopped = FaultFound(fault, "as asked", "right")
+    monkeypatch.setattr(recovery, "back_out", lambda *_: stopped)
+    monkeypatch.setattr(recovery, "felt_out", lambda _, arm: felt.append(arm))
+    found = recovery.clear_up(context)
+    assert felt == (["right"] if fault == "too_heavy" else [])
+    assert found is (None if felt else stopped)
