@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import BoolArray, FloatArray, Rng
 from debrisgrasp.calibration import DriftMonitor
@@ -26,6 +27,8 @@ from debrisgrasp.robot import Arm, Head, Limb, Robot
 
 from .known import KnownSpace
 from .marks import Marks
+from .plausible import Felt
+from .result import FaultFound
 from .settings import TaskSettings
 from .states import State
 
@@ -72,8 +75,10 @@ class LimbState:
     baseline_time: float = 0.0
     """When that was, by the robot's clock [s]."""
     commissioned_bias: FloatArray = field(default_factory=lambda: np.zeros(6))
-    q_last: Sequence[float] | FloatArray | None = None
-    """Joints when they were read last in a motion."""
+    felt: Felt | None = None
+    """Its last reading; None: what it read before says nothing of the next one."""
+    doubt: FaultFound | None = None
+    """Why its readings can't be trusted any more: then nothing moves."""
     sent: tuple[float, FloatArray] | None = None
     """When joints were commanded last, by the robot's clock [s], and to where (d,)."""
     trail: list[FloatArray] = field(default_factory=list)
@@ -82,6 +87,17 @@ class LimbState:
     """Corners (k, d) of ways that it found to grasps, the latest."""
     is_own_joint: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Which of its joints no other arm moves, shape (d,)."""
+
+    def feel(self, q: ArrayLike, wrench_ft: ArrayLike) -> None:
+        """Take a reading, and note whether it can follow the last one."""
+        joints = np.asarray(q, dtype=np.float64).tolist()
+        raw = np.asarray(wrench_ft, dtype=np.float64).tolist()
+        if self.felt is None:
+            self.felt = Felt(joints, raw)
+            return
+        self.felt = self.felt.followed_by(joints, raw, self.is_own_joint.tolist())
+        if self.felt.fault and self.doubt is None:
+            self.doubt = FaultFound(self.felt.fault, self.felt.message, self.name)
 
     def pose(self, q: FloatArray) -> SE3:
         """Pose of the palm in base."""

@@ -50,8 +50,6 @@ _UNSURE_COM = 0.15
 leans, the torque changes by so much times the weight."""
 _BRAKES_WITHIN = 0.03
 """Slower is a leg on which the joints need longer to stop [s]."""
-_JUMPED = 0.15
-"""Farther than this no joint gets while the arm brakes and stands [rad]."""
 _AT_START = 0.03
 """A trajectory begins where the arm stands, within this [rad or m]."""
 OUTSIDE = 1e-3
@@ -101,22 +99,16 @@ class Drive(Senses):
             arm.disengage()
             words = f"not engaged after {_ENGAGES_WITHIN:g} s; rolled back"
             return FaultFound("controller_refuses", words, name)
-        q = np.asarray(arm.read().q, dtype=np.float64)
+        q = np.asarray(self.read().q, dtype=np.float64)
+        if self.limb.doubt is not None:
+            return self._doubted(self.limb.doubt)
         broken = self.limb.limits.controller.violation(q, tolerance=OUTSIDE)
-        if broken:
-            return FaultFound("start_outside_limits", broken, name)
-        return self._jumped(q)
+        return FaultFound("start_outside_limits", broken, name) if broken else None
 
-    def _jumped(self, q: FloatArray) -> FaultFound | None:
-        """Notice that joints read otherwise than when the last motion was over."""
-        last, own = self.limb.q_last, self.limb.is_own_joint
-        if last is None or len(last) != len(q):
-            return None
-        away = np.abs(q - np.asarray(last, dtype=np.float64))[own]
-        if not away.max(initial=0.0) > _JUMPED:
-            return None
-        words = f"a joint reads {away.max():.2f} rad from where it stood"
-        return FaultFound("encoder_jump", words, self.limb.name)
+    def _doubted(self, why: FaultFound) -> FaultFound:
+        """Stop, for nobody knows where the arm is, or what presses on it."""
+        self._halt()
+        return why
 
     def stand(self, seconds: float) -> list[Reading] | FaultFound:
         """Stand, and return all readings."""
@@ -248,6 +240,8 @@ class Drive(Senses):
         while True:
             clock.wait_until(clock.now() + self.period)
             reading = self.read()
+            if self.limb.doubt is not None:
+                return self._doubted(self.limb.doubt)
             state, command = controller.step(state, reading)
             self._note(reading.time, command.load)
             if command.stop is not None:
@@ -269,6 +263,8 @@ class Drive(Senses):
                 break
             clock.wait_until(clock.now() + self.period)
             state, command = controller.step(state, self.read())
+            if self.limb.doubt is not None:
+                return self._doubted(self.limb.doubt)
             if command.stop is not None:
                 return self._stopped(command.stop, reading)
             self._send(command.q)
@@ -368,6 +364,8 @@ class Drive(Senses):
             safety,
             limb.baseline_time,
         )
+        if limb.doubt is not None:
+            return supervisor, self._doubted(limb.doubt)
         try:
             return supervisor, supervisor.start(reading)
         except InputError as error:
@@ -386,6 +384,8 @@ class Drive(Senses):
         clock = self.clock
         clock.wait_until(clock.now() + self.period)
         reading = self.read()
+        if self.limb.doubt is not None:
+            return self._doubted(self.limb.doubt), state, reading
         state, verdict = supervisor.step(
             state, reading, commanded, self._expected(state), is_moving=is_moving
         )

@@ -56,7 +56,7 @@ _A = Action
 _TABLE = (
     FaultSpec(1, "wrench_nan", "the wrench is not a number", _C.DRIVER, _A.STOP),
     FaultSpec(2, "wrench_frozen", "the wrench does not change", _C.DRIVER, _A.STOP),
-    FaultSpec(3, "wrench_sign", "the wrench has the wrong sign", _C.DRIVER, _A.ABORT),
+    FaultSpec(3, "wrench_sign", "the wrench has the wrong sign", _C.DRIVER, _A.STOP),
     FaultSpec(
         4, "bias_drift", "the bias drifted too far", _C.SAFETY, _A.RETRY, 1, _A.ABORT
     ),

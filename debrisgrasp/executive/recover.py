@@ -224,6 +224,10 @@ def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
     harder.
     """
     drives = {name: Drive(context, name) for name in context.limbs}
+    for drive in drives.values():
+        drive.read()
+        if drive.limb.doubt is not None:
+            return drive.limb.doubt  # it may stand elsewhere
     for name, limb in context.limbs.items():
         limits = limb.limits.planner
         q = context.posture(limb)
@@ -254,7 +258,6 @@ def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
                     words = f"{force:.0f} N on the {other} hand on the way back inside"
                     return FaultFound("ratchet", words, other)
         context.wait(0.1)
-        limb.q_last = None
     return None
 
 

@@ -56,20 +56,17 @@ class Senses:
         """Latest load at the hand, absolute, in its axes [N, N m]."""
 
     def read(self) -> Reading:
-        """Measure joints and wrench."""
+        """Measure joints and wrench; `LimbState.doubt` says if they can't be true."""
         joints = self.devices.arm.read()
         wrench = self.devices.sensor.read()
-        self.limb.q_last = joints.q
+        self.limb.feel(joints.q, wrench.wrench_ft)
         return Reading(self.clock.now(), joints.q, wrench.wrench_ft, wrench.time)
 
     def weighed(self) -> Wrench:
-        """Measure the load on the hand, absolute, in its axes [N, N m].
-
-        The next motion still compares joints with where they were in the last one.
-        """
-        wrench_ft = self.devices.sensor.read().wrench_ft
-        raw = np.asarray(wrench_ft, dtype=np.float64).tolist()
-        R, _ = self.limb.kinematics.pose(self._q)
+        """Measure the load on the hand, absolute, in its axes [N, N m]."""
+        reading = self.read()
+        raw = np.asarray(reading.wrench_ft, dtype=np.float64).tolist()
+        R, _ = self.limb.kinematics.pose(np.asarray(reading.q, dtype=float).tolist())
         self.load = self.limb.loads.load_ee(raw, R)
         return self.load
 

@@ -98,8 +98,8 @@ ANSWERS: Mapping[tuple[State, str], Answer] = {
     (State.RETREAT, "plan_collision"): Answer(Action.RETRY, 2, Action.NEXT),
     # A jammed finger that holds something is not opened by trying harder.
     (State.RELEASE, "finger_jammed"): Answer(Action.RETRY, 1),
-    # Who can't trust the sensor puts nothing down.
-    (State.VERIFY_HOLD, "wrench_sign"): Answer(Action.STOP),
+    # In free space; later, who can't trust the sensor puts nothing down.
+    (State.SELF_TEST, "wrench_sign"): Answer(Action.ABORT),
     # Whoever touches something at rest, or carries it, can't do without a stop.
     (State.SELF_TEST, "too_heavy"): Answer(Action.STOP),
     (State.RETREAT, "too_heavy"): Answer(Action.STOP),

@@ -388,12 +388,13 @@ def test_a_jump_of_one_arm_is_noticed_though_the_other_was_moved_back_inside(pip
     fake, task = executive(pipeline)
     context, left = task.context, fake.arms["left"]
     limb, limits = context.limbs["left"], context.limbs["right"].limits.planner
-    limb.q_last = tuple(left.q)
+    limb.feel(tuple(left.q), (0.0,) * 6)
     own = int(np.flatnonzero(limb.is_own_joint)[3])
     fake._drives.put(left.joints[own], left.q[own] + 0.3)
     fake._drives.put(fake.arms["right"].joints[7], limits.upper[7] + 0.05)
     event = task._event(
         State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
     )
-    assert _moved_inside(context, event) is None
+    found = _moved_inside(context, event)
+    assert (found.fault, found.arm) == ("encoder_jump", "left")
     assert Drive(context, "left").engage().fault == "encoder_jump"

@@ -1,0 +1,57 @@
+"""What can't be true of two readings in a row: laws, and the motions that it ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from debrisgrasp.executive.plausible import Felt
+
+OWN = (False, True, True)
+REST = (0.1, 0.2, 0.3)
+HAND = (3.0, -4.0, 30.0, 1.0, 2.0, 0.5)
+small = st.floats(-1.0, 1.0)
+
+
+@given(st.tuples(*[small] * 6), st.tuples(small, small))
+def test_all_values_negated_are_the_sensor_whatever_the_noise(noise, away):
+    turned = -np.array(HAND) + [0.7, 0.7, 0.7, 0.2, 0.2, 0.2] * np.array(noise)
+    q = (REST[0], *np.array(REST[1:]) + 0.02 * np.array(away))
+    assert Felt(REST, HAND).followed_by(q, turned.tolist(), OWN).fault == "wrench_sign"
+
+
+@given(st.lists(st.floats(-200.0, 200.0), min_size=6, max_size=6), st.floats(0.2, 1.0))
+def test_a_load_that_grows_ends_or_comes_from_elsewhere_is_believed(load, least):
+    """Of what is carried any share may be let go, and more may come on top."""
+    more = np.array(HAND) * least
+    assert not Felt(REST, HAND).followed_by(REST, more.tolist(), OWN).fault
+    turned = np.array(load)
+    if np.linalg.norm(turned[:3] + HAND[:3]) > 0.2 * 31.0 + 2.0:
+        assert not Felt(REST, HAND).followed_by(REST, load, OWN).fault
+
+
+@pytest.mark.parametrize(
+    ("joint", "gone", "is_moving", "fault"),
+    [
+        (1, 0.05, False, "encoder_jump"),
+        (1, 0.05, True, ""),
+        (2, -0.3, True, "encoder_jump"),
+        (2, 0.01, False, ""),
+        (0, 0.5, False, ""),  # the other arm moved it
+    ],
+)
+def test_joints_get_no_farther_than_they_brake(joint, gone, is_moving, fault):
+    q = np.array(REST)
+    q[joint] += gone
+    found = Felt(REST, HAND, is_moving).followed_by(q.tolist(), HAND, OWN)
+    assert found.fault == fault
+    assert found.is_moving is (joint != 0)
+
+
+def test_numbers_that_are_none_raise_no_doubt_here():
+    nothing = (np.nan,) * 6
+    assert not Felt(REST, HAND).followed_by(REST, nothing, OWN).fault
+    assert not Felt(REST, nothing).followed_by(REST, HAND, OWN).fault
+    assert not Felt(REST, HAND).followed_by((), HAND, OWN).fault
