@@ -161,7 +161,8 @@ class Inspector:
             near = self._within(lower, upper)
             for some in np.split(poses, range(_TOGETHER, len(poses), _TOGETHER)):
                 met[some] = self._met(near, Ts[some], which[some])
-        palm, finger, approach, swept, held, own, foreign = _counts(met)
+        comes_down = self._comes_down(Ts_base_hand)
+        palm, finger, approach, swept, held, own, foreign = _counts(met, comes_down)
         return Inspection(
             palm_hits=palm,
             finger_hits=finger,
@@ -171,7 +172,7 @@ class Inspector:
             own=own,
             foreign=foreign,
             is_in_ground=self._is_in_ground(Ts_base_hand, prototype),
-            margin=spaces.spacing * _margin(met, self._comes_down(Ts_base_hand)),
+            margin=spaces.spacing * _margin(met, comes_down),
         )
 
     def _within(self, lower: Float32Array, upper: Float32Array) -> IntArray:
@@ -241,10 +242,15 @@ def _is_ground(scene: GraspScene) -> BoolArray:
     return np.asarray(np.abs(height) < _EVEN)
 
 
-def _counts(met: IntArray) -> IntArray:
-    """Rows of an `Inspection` for poses that met points (k, 4, 256), shape (7, k)."""
+def _counts(met: IntArray, comes_down: BoolArray) -> IntArray:
+    """Rows of an `Inspection` for poses that met points (k, 4, 256), shape (7, k).
+
+    The ground under a hand that comes down is nothing that its fingers close on: they
+    slide over it.
+    """
     # Counts of points are exact in float64, whose products are much faster.
     met = (met.astype(np.float64) @ _HAS).astype(np.int64)
+    met[comes_down, _GROUND, _CLOSES:] = 0
     others, parts, sought, ground = met[:, :, -1].T
     solid = met.sum(axis=1)[:, :-1].T
     return np.concatenate([solid, [sought, parts + sought, others + ground]])
@@ -275,3 +281,5 @@ _HAS = (
     > 0
 ).astype(np.float64)
 """1 for each combination of flags that has one of these, else 0, shape (256, 5)."""
+_CLOSES = 3
+"""From this column on, flags are about fingers that close."""

@@ -12,51 +12,17 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
-from debrisgrasp.prototypes import GripperModel
 
+from .levers import GripLevers
 from .load_forecast import LoadForecast
 from .mass import Build, Interval, LoadConfig, ObjectMass
 
-__all__ = ["GripLevers", "LoadModel", "Loads"]
+__all__ = ["LoadModel", "Loads"]
 
 _FLOOR = 1e-9
 """Keeps quotients finite; far below every load and limit."""
 _MOST = 1e3
 """Margins are cut here: the load is nothing to speak of."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GripLevers:
-    """Where the pads of p closed hands are, and how they hold torque."""
-
-    middle: FloatArray
-    """Middle between the pads [m], palm frame, shape (p, 3)."""
-    lever: FloatArray
-    """Lever of the contacts about x, y and z of the palm frame [m], shape (p, 3)."""
-    max_force: FloatArray
-    """Largest force at the fingers [N], shape (p,)."""
-
-    @classmethod
-    def of(
-        cls, hands: list[tuple[GripperModel, str, float]], config: LoadConfig
-    ) -> GripLevers:
-        """Collect hands, each at a preshape, closed to a width [m].
-
-        Torque about the closing axis twists the contacts; that about y and z is held
-        by the pads of one side, and by the palm, pressing unevenly.
-        """
-        middle, lever, force = [], [], []
-        for gripper, preshape, width in hands:
-            pads = gripper.pad_positions(preshape, width)
-            sides = np.array([finger.side for finger in gripper.fingers])
-            grip = np.mean([pads[sides == side].mean(axis=0) for side in (-1, 1)], 0)
-            span = float(np.ptp(pads[:, 1])) / 2
-            depth = max(float(grip[2]), 0.0)
-            middle.append([0.0, grip[1], grip[2]])
-            patch = config.patch
-            lever.append([0.67 * patch + span / 2, patch + depth / 2, patch + span])
-            force.append(gripper.max_force)
-        return cls(np.array(middle), np.array(lever), np.array(force))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -274,7 +240,7 @@ class LoadModel:
         grip = (R @ levers.middle[which][..., None])[..., 0] + p
         turn = np.sqrt(self._moments(R, grip) ** 2 + self._variances(R))
         turn /= levers.lever[which]
-        squeeze = weight @ _squeeze(-R[:, 2], turn, _middle(*config.friction))
+        squeeze = weight @ _squeeze(-R[:, 2], turn, config.expected_friction)
         found: FloatArray = np.maximum(
             np.maximum(
                 squeeze / levers.max_force[which],
@@ -301,10 +267,6 @@ class LoadModel:
         error = 0.5 * self._level_error[:, None]
         found: FloatArray = self._share @ np.hypot(self._apart(grip), error)
         return found
-
-
-def _middle(low: float, high: float) -> float:
-    return float(np.sqrt(low * high))
 
 
 def _squeeze(down: FloatArray, turn: FloatArray, friction: float) -> FloatArray:
@@ -353,7 +315,7 @@ def _grip_needed(
     columns = [
         _squeeze(down, turn / lever, friction)
         for turn, friction in (
-            (np.sqrt(moment**2 + variance), _middle(low, high)),
+            (np.sqrt(moment**2 + variance), config.expected_friction),
             (np.abs(moment) + error, low),
         )
     ]

@@ -89,6 +89,12 @@ class LoadConfig:
         for name in ("shell", "thin", "inward", "patch", "gravity"):
             require_range(f"LoadConfig.{name}", getattr(self, name), 1e-6, 1e6)
 
+    @property
+    def expected_friction(self) -> float:
+        """Geometric mean of the bounds of friction."""
+        low, high = self.friction
+        return float(np.sqrt(low * high))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenSurface:

@@ -16,6 +16,7 @@ from .advice import Advice, Advisor, Situation
 from .choice import choose, is_half_turn_symmetric, turns
 from .config import PlannerConfig
 from .easing import Easing
+from .flat import lies_flat
 from .ledger import Ledger, Rejections
 from .load import LoadModel, Loads
 from .mass import ObjectMass, likely_objects
@@ -49,6 +50,8 @@ class SearchResult:
     """Lower bound on the mass of the object [kg]."""
     effective_samples: float = 0.0
     """See `GraspPlan.effective_samples`."""
+    obstacle: str | None = None
+    """What of the object itself rules out every grasp, if that is known."""
 
     def why_empty(self) -> str | None:
         """One sentence that says why there is no grasp, or None if there is one."""
@@ -58,7 +61,8 @@ class SearchResult:
             return "no pose of any prototype resembles what the camera saw"
         ordered = sorted(self.rejections.items(), key=lambda item: -item[1])
         causes = "; ".join(f"{count} because {reason}" for reason, count in ordered)
-        return f"of {sum(self.rejections.values())} candidate poses: {causes}"
+        told = f"of {sum(self.rejections.values())} candidate poses: {causes}"
+        return f"{self.obstacle}; {told}" if self.obstacle else told
 
 
 class GraspPlanner:
@@ -73,6 +77,11 @@ class GraspPlanner:
                 is_half_turn_symmetric(library.grippers[p.gripper], p.preshape)
                 for p in library
             ]
+        )
+        self._widest = max(
+            float(shape.openings[0])
+            for p in library
+            for shape in library.grippers[p.gripper].preshapes.values()
         )
         self._config = config
         self._likely: WeakKeyDictionary[GraspScene, tuple[ObjectMass, ...]] = (
@@ -143,6 +152,7 @@ class GraspPlanner:
             ruled_out,
             float(loads.mass[0]),
             found.effective_samples,
+            None if grasps else lies_flat(scene, self._widest),
         )
 
     def advise(self, situation: Situation, *, rng: Rng) -> tuple[Advice, ...]:

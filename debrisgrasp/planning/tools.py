@@ -14,7 +14,8 @@ from .clearance import ClearanceConfig
 from .config import PlannerConfig
 from .contacts import PadZones
 from .hands import SPHERE_RADIUS, PackedHands
-from .load import GripLevers, LoadModel
+from .levers import GripLevers
+from .load import LoadModel
 from .reach import Arm
 from .similarity import SimilarityConfig
 from .success import SuccessModel, success_terms
@@ -50,10 +51,7 @@ class Tools:
             coarse=VisibleSurfaces.pack(packed, config.search_points),
             fine=VisibleSurfaces.pack(packed, config.final_points),
             zones=PadZones.of(library, config.contact),
-            levers=GripLevers.of(
-                [(library.grippers[p.gripper], p.preshape, p.width) for p in library],
-                config.load,
-            ),
+            levers=GripLevers.on(library, config.load),
             success=SuccessModel.load(),
             gripper_of=np.array([p.gripper for p in library]),
             config=config,

@@ -49,7 +49,7 @@ class GroundConfig:
     min_inlier_share: float = 0.25
     """Smallest share of all points that must lie on the ground; 0.4 times that where
     it is within a quarter of both limits above of where it is expected."""
-    max_removed_share: float = 0.6
+    max_removed_share: float = 0.75
     """Largest share of the points in the region of interest that removal may take.
 
     Unless the caller names a region, it is the ground plan of what stands: the cells of

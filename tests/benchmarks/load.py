@@ -17,7 +17,8 @@ from debrisgrasp.cli.tables import columns
 from debrisgrasp.geometry import SE3, Intrinsics, so3, voxel_downsample
 from debrisgrasp.io import Capture
 from debrisgrasp.planning import LoadConfig, ObjectMass, PlannerConfig
-from debrisgrasp.planning.load import GripLevers, LoadModel
+from debrisgrasp.planning.levers import GripLevers
+from debrisgrasp.planning.load import LoadModel
 from debrisgrasp.planning.mass import Build
 from debrisgrasp.worlds import KINDS, Body, World, draw_body, look_at, render
 

@@ -171,6 +171,21 @@ def test_ground_that_a_hand_comes_down_on_leaves_its_margin(hands):
     assert beside == margin(floor, T=along, height=-1.0) < margin(T=along)
 
 
+def test_a_hand_that_comes_down_does_not_close_on_the_ground_between_its_fingers(hands):
+    def look(height: float):
+        # Right below the pipe, above the fingertips.
+        low = 0.182
+        scene = scene_with(patch([0.0, 0.0, low], (0.5, 0.5)))
+        scene = replace(scene, ground_plane=np.array([0.0, 0.0, 1.0, -low - height]))
+        return Inspector(scene, hands)(GRIP.matrix[None], np.zeros(1, dtype=int))
+
+    ground, floor = look(0.0), look(-0.1)
+    assert ground.foreign[0] == 0 < floor.foreign[0]
+    assert ground.swept_hits[0] <= floor.swept_hits[0]
+    # What the open fingers stand in counts all the same.
+    assert ground.finger_hits[0] == floor.finger_hits[0] > 0
+
+
 def test_a_neighbour_beside_the_hand_ends_its_retreat_there(hands):
     wall = patch([0.0, 0.0, 0.0], (0.3, 0.4))[:, [2, 1, 0]] + [0.25, 0.0, 0.25]
     ways = Ways(scene_with(wall), hands, CONFIG, InspectionConfig())

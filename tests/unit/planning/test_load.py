@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Intrinsics, so3, voxel_downsample
 from debrisgrasp.io import Capture
-from debrisgrasp.planning.load import GripLevers, LoadModel
+from debrisgrasp.planning.levers import GripLevers
+from debrisgrasp.planning.load import LoadModel
 from debrisgrasp.planning.mass import (
     Build,
     LoadConfig,
@@ -20,7 +21,7 @@ from debrisgrasp.planning.mass import (
     SeenSurface,
     likely_objects,
 )
-from debrisgrasp.prototypes import GripperModel
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
 from debrisgrasp.worlds import World, draw_body, look_at, render
 from tests.strategies import poses
 
@@ -210,6 +211,33 @@ def test_the_margin_falls_with_the_lever(levers, T, one, other, hand):
         for share in (near, far)
     ]
     assert (loads[0].demand <= loads[1].demand * (1 + 1e-9) + 1e-12).all()
+
+
+def test_what_is_round_rolls_between_pads_unless_friction_holds_it():
+    library = PrototypeLibrary.load()
+    round_, flat = library["cylinder_020_tip"], library["bar_1x4_flat_tip"]
+    on, hands = GripLevers.on(library, CONFIG), [p.name for p in library]
+    of = GripLevers.of(
+        [(library.grippers[p.gripper], p.preshape, p.width) for p in library], CONFIG
+    )
+    k, flat_k = hands.index(round_.name), hands.index(flat.name)
+    # Two pads rub at the radius, each with the squeeze times the friction.
+    rub = 2 * np.sqrt(0.4 * 0.8) * round_.width / 2
+    assert on.lever[k] == pytest.approx([of.lever[k, 0], rub, of.lever[k, 2]])
+    assert on.lever[flat_k] == pytest.approx(of.lever[flat_k])
+    # So a rod beside the middle of mass loads more than it did, along it no more.
+    across, along = (
+        LoadModel((ball(com=com),), CONFIG) for com in ((0.1, 0, 0), (0, 0.1, 0))
+    )
+    T = SE3.from_parts(TOP_DOWN, [0.0, 0.0, 0.2]).matrix[None]
+    which, hand = np.array([k]), SE3.from_matrix(T[0])
+    assert abs(hand.R[1, 1]) == pytest.approx(1.0)
+    demand = [
+        [model(T, which, levers).demand[0, 1] for model in (across, along)]
+        for levers in (of, on)
+    ]
+    assert demand[1][0] > 2 * demand[0][0]
+    assert demand[1][1] < 1.3 * demand[0][1]
 
 
 @given(poses, st.floats(-3.1, 3.1), st.floats(-1, 1), st.floats(-1, 1))

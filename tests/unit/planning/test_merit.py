@@ -11,7 +11,8 @@ from debrisgrasp.planning.annealing import Walkers
 from debrisgrasp.planning.clearance import SPHERE_RADIUS, ClearanceConfig
 from debrisgrasp.planning.exploration import exchanged
 from debrisgrasp.planning.ledger import Ledger
-from debrisgrasp.planning.load import GripLevers, LoadModel
+from debrisgrasp.planning.levers import GripLevers
+from debrisgrasp.planning.load import LoadModel
 from debrisgrasp.planning.mass import LoadConfig, ObjectMass
 from debrisgrasp.planning.merit import Looks, Merit
 from debrisgrasp.planning.postures import Postures
@@ -133,10 +134,7 @@ def test_the_stand_in_prefers_what_ranks_higher(merit, Ts):
 
 def test_load_of_the_search_is_that_of_the_forecast(rng):
     library = PrototypeLibrary.load().select(kind="generic")
-    levers = GripLevers.of(
-        [(library.grippers[p.gripper], p.preshape, p.width) for p in library],
-        LoadConfig(),
-    )
+    levers = GripLevers.on(library, LoadConfig())
     what = ObjectMass.from_surface(
         rng.uniform(0.0, 0.4, (300, 3)),
         np.full((300, 3), np.nan),

@@ -154,6 +154,21 @@ def test_thin_boards_that_lie_flat_stay(thickness, noise, size, rng):
     assert is_ground[: len(floor)][~under].mean() > 0.98
 
 
+def test_a_lattice_of_thin_rods_does_not_keep_the_ground_under_it():
+    # Rods of 2 cm seen from above, 15 cm apart: most of what lies in the blocks of
+    # 4 cm that they run through is ground.
+    floor = plate((0.4, 1.6), (-0.6, 0.6), z=0.0, spacing=0.004)
+    from_rod = np.abs(floor[:, :2] % 0.15 - 0.075).min(axis=1)
+    is_inside = (np.abs(floor[:, :2] - [1.0, 0.0]) < [0.3, 0.2]).all(axis=1)
+    is_rod = is_inside & (from_rod < 0.008)
+    floor[is_rod, 2] = 0.02
+    is_ground, report = find_ground(cloud_of(floor, UP), GroundConfig())
+    assert 0.6 < report.removed_share < 0.75
+    assert report.status == "removed"
+    assert is_ground[~is_rod].all()
+    assert not is_ground[is_rod].any()
+
+
 def box_points():
     """Top of something that stands beside."""
     return plate((0.4, 0.6), (-0.7, -0.5), z=0.2, spacing=0.005)
