@@ -36,9 +36,9 @@ _STIRRED = 0.2
 """So far around a hand things may have slid or rolled [m]."""
 _LOW = 5e-3
 """What hangs no higher than it lay falls no way [m]."""
-_MET = 30.0
-"""A force on a hand that changes by so much is a contact [N]; what is carried weighs
-some other way by half of that, as the hand turns."""
+_MET = (30.0, 10.0)
+"""A load on a hand that changes by so much is a contact [N, N m]; what is carried
+weighs some other way by half of that, as the hand turns."""
 _LOWERED = 0.3
 """What is put back is lowered so far, or to the ground, until it lies [m]."""
 
@@ -246,16 +246,19 @@ def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
         away = float(np.abs(inside - q).max())
         time = np.sqrt(12.0 * away / float(limits.acceleration.min()))
         n = int(np.ceil(time / context.settings.period)) + 1
-        begun = {other: drives[other].weighed()[:3] for other in drives}
+        begun = {other: drives[other].weighed() for other in drives}
         for k in range(n + 1):
             share = (k / n) ** 2 * (3.0 - 2.0 * k / n)
             arm.command((q + (inside - q) * share).tolist())
             context.wait(context.settings.period)
             for other, drive in drives.items():
-                force = dist(drive.weighed()[:3], begun[other])
-                if not force <= _MET:
+                load, before = drive.weighed(), begun[other]
+                force = dist(load[:3], before[:3])
+                torque = dist(load[3:], before[3:])
+                if not (force <= _MET[0] and torque <= _MET[1]):
                     stop_all(context)
-                    words = f"{force:.0f} N on the {other} hand on the way back inside"
+                    words = f"{force:.0f} N and {torque:.1f} N m more on the {other} "
+                    words += "hand on the way back inside"
                     return FaultFound("ratchet", words, other)
         context.wait(0.1)
     return None
