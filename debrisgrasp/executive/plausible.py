@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, isfinite
 
 __all__ = ["Felt"]
 
@@ -21,10 +21,7 @@ much [N, N m]."""
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """One reading of a limb, and whether it can follow the one before.
-
-    Parameters of `after` are plain sequences: this is done at every tick.
-    """
+    """One reading of a limb, and whether it can follow the one before."""
 
     q: Sequence[float]
     """Joints [rad or m], length d."""
@@ -32,6 +29,8 @@ class Felt:
     """Raw values of the sensor [N, N m], length 6."""
     is_moving: bool = False
     """Whether a joint moved since the reading before."""
+    unturned: Sequence[float] | None = None
+    """What the sensor measured before all of it changed its sign; None: it did not."""
     fault: str = ""
     """What a reading that can't be true is called; nothing: it may be."""
     message: str = ""
@@ -42,30 +41,42 @@ class Felt:
         """Take the next reading.
 
         Joints don't jump, whoever stood between two motions; and a load that is felt
-        as before, but for its sign, is the sensor's. A number that is none raises no
-        doubt here: that is for whoever works with it.
+        as before, but for its sign, is the sensor's if a second reading says so, too: a
+        stiff touch goes through there. A number that is none raises no doubt
+        here: that is for whoever works with it, and what comes after it is compared
+        with what was before.
 
         Parameters
         ----------
         is_own
             Which joints no other arm moves, length d.
         """
-        if not len(q) == len(self.q) == len(is_own) or len(wrench_ft) != 6:
-            return Felt(q, wrench_ft)
-        gone = (abs(a - b) for a, b, own in zip(q, self.q, is_own, strict=True) if own)
+        q = _heard(q, self.q)
+        wrench_ft = _heard(wrench_ft, self.wrench_ft)
+        gone = (abs(a - b) for a, b, own in zip(q, self.q, is_own, strict=False) if own)
         away = max(gone, default=0.0)
+        before = self.wrench_ft if self.unturned is None else self.unturned
+        is_turned = _is_turned(before, wrench_ft)
         fault = message = ""
         if away > (_BRAKES if self.is_moving else _STOOD):
             fault = "encoder_jump"
             message = f"a joint reads {away:.2f} rad from where it stood"
-        elif _is_turned(self.wrench_ft, wrench_ft):
+        elif is_turned and self.unturned is not None and wrench_ft != self.wrench_ft:
             fault = "wrench_sign"
             message = "all that the sensor measures changed its sign at once"
-        return Felt(q, wrench_ft, away > _STANDS, fault, message)
+        unturned = before if is_turned else None
+        return Felt(q, wrench_ft, away > _STANDS, unturned, fault, message)
+
+
+def _heard(values: Sequence[float], before: Sequence[float]) -> Sequence[float]:
+    """Return values, or those before if one is missing or no finite number."""
+    return values if len(values) and all(map(isfinite, values)) else before
 
 
 def _is_turned(before: Sequence[float], after: Sequence[float]) -> bool:
     """Whether a raw wrench is about the negative of another."""
+    if not len(before) == len(after) == 6:
+        return False
     a, b, c, d, e, f = before
     p, q, r, s, t, u = after
     force, torque = hypot(a, b, c), hypot(d, e, f)

@@ -253,6 +253,9 @@ def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
             context.wait(context.settings.period)
             for other, drive in drives.items():
                 load, before = drive.weighed(), begun[other]
+                if drive.limb.doubt is not None:
+                    stop_all(context)
+                    return drive.limb.doubt
                 force = dist(load[:3], before[:3])
                 torque = dist(load[3:], before[3:])
                 if not (force <= _MET[0] and torque <= _MET[1]):

@@ -115,8 +115,9 @@ def _tilt(arm: Arm, chain: KinematicChain, q: FloatArray) -> FloatArray:
     """Small motion that turns the hand most against gravity, shape (d,)."""
     down, size = chain.fk(q).R[2], np.abs(_swing(arm, q))
     steps = np.concatenate([np.diag(size), -np.diag(size)])
-    allowed = ((q + steps >= arm.limits.lower) & (q + steps <= arm.limits.upper)).all(1)
-    steps = steps[allowed]
+    # Each joint for itself: others may read a little outside their limits.
+    allowed = (q + size <= arm.limits.upper, q - size >= arm.limits.lower)
+    steps = steps[np.concatenate(allowed)]
     turns = chain.fk(q + steps).R[:, 2] - down
     most = turns[np.argmax(np.linalg.norm(turns, axis=1))]
     along = turns @ most

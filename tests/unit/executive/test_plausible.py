@@ -19,7 +19,22 @@ small = st.floats(-1.0, 1.0)
 def test_all_values_negated_are_the_sensor_whatever_the_noise(noise, away):
     turned = -np.array(HAND) + [0.7, 0.7, 0.7, 0.2, 0.2, 0.2] * np.array(noise)
     q = (REST[0], *np.array(REST[1:]) + 0.02 * np.array(away))
-    assert Felt(REST, HAND).followed_by(q, turned.tolist(), OWN).fault == "wrench_sign"
+    once = Felt(REST, HAND).followed_by(q, turned.tolist(), OWN)
+    assert not once.fault
+    assert not once.followed_by(q, turned.tolist(), OWN).fault  # no second measurement
+    again = (turned + 0.01).tolist()
+    assert once.followed_by(q, again, OWN).fault == "wrench_sign"
+
+
+@given(st.floats(5e3, 2e5), st.floats(0.0, 1.0))
+def test_a_light_hand_may_touch_something_stiff(stiffness, phase):
+    """It presses as hard as it weighed, for one reading, and then harder."""
+    felt, way = Felt(REST, (0.0, 0.0, -12.0, 0.0, 0.0, 0.0)), 0.05 * 0.004
+    for tick in range(10):
+        load = -12.0 + min(stiffness * way * (tick + phase), 200.0)
+        noise = 0.1 * (-1) ** tick
+        felt = felt.followed_by(REST, (noise, 0.0, load, 0.0, 0.0, 0.0), OWN)
+        assert not felt.fault
 
 
 @given(st.lists(st.floats(-200.0, 200.0), min_size=6, max_size=6), st.floats(0.2, 1.0))
@@ -55,3 +70,12 @@ def test_numbers_that_are_none_raise_no_doubt_here():
     assert not Felt(REST, HAND).followed_by(REST, nothing, OWN).fault
     assert not Felt(REST, nothing).followed_by(REST, HAND, OWN).fault
     assert not Felt(REST, HAND).followed_by((), HAND, OWN).fault
+
+
+@pytest.mark.parametrize("q", [(), (np.nan, 0.2, 0.3), (0.1, np.nan, np.nan)])
+def test_a_reading_that_is_none_hides_no_jump(q):
+    felt = Felt(REST, HAND).followed_by(q, (np.nan,) * 6, OWN)
+    assert felt.followed_by((0.1, 0.2, 1.3), HAND, OWN).fault == "encoder_jump"
+    turned = [-value for value in HAND]
+    felt = felt.followed_by(REST, turned, OWN)
+    assert felt.followed_by(REST, [*turned[:5], 0.0], OWN).fault == "wrench_sign"

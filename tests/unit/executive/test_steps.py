@@ -388,6 +388,30 @@ def test_what_a_hand_meets_on_the_way_back_inside_is_not_pressed_on_again(
     assert all(arm.is_stopped for arm in fake.arms.values())
 
 
+def test_a_jump_on_the_way_back_inside_ends_it(pipeline, monkeypatch):
+    fake, task = executive(pipeline)
+    arm, left = fake.arms["right"], fake.arms["left"]
+    limb = task.context.limbs["right"]
+    limit, own = limb.limits.planner.upper[7], int(np.flatnonzero(limb.is_own_joint)[3])
+    fake._drives.put(arm.joints[7], limit + 0.15)
+    send, sent = arm.command, []
+
+    def command(q):
+        send(q)
+        sent.append(q)
+        if len(sent) == 20:
+            fake._drives.put(left.joints[own], left.q[own] + 0.3)
+
+    monkeypatch.setattr(arm, "command", command)
+    event = task._event(
+        State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
+    )
+    found = _moved_inside(task.context, event)
+    assert (found.fault, found.arm) == ("encoder_jump", "left")
+    assert len(sent) == 20
+    assert all(arm.is_stopped for arm in fake.arms.values())
+
+
 def test_a_jump_of_one_arm_is_noticed_though_the_other_was_moved_back_inside(pipeline):
     fake, task = executive(pipeline)
     context, left = task.context, fake.arms["left"]

@@ -21,14 +21,18 @@ from debrisgrasp.worlds import World
 from tests.unit.robot.rigs import FAR, GRIPPERS, ROMAN, beam
 
 
-def made():
+def made_fake():
     return fake_robot(
         ROMAN,
         World((FAR, beam("near", 2.0, (1.2, 0.0, 0.0445)))),
         rng=np.random.default_rng(0),
         config=FakeConfig(),
         grippers=GRIPPERS,
-    ).robot
+    )
+
+
+def made():
+    return made_fake().robot
 
 
 class Changed:
@@ -372,6 +376,15 @@ def test_a_promise_broken_in_motion_fails_its_check(broken, check, words):
 
 def test_at_rest_no_check_sees_what_a_turn_of_the_wrist_shows():
     assert check_robot(inverted_weight(made())).is_conformant
+
+
+def test_a_wrist_is_turned_though_joints_read_a_little_outside_their_limits():
+    [check] = [c for c in MOVING_CHECKS if c.name == "wrist_feels_weight"]
+    fake = made_fake()
+    arm = fake.arms["right"]
+    for joint in (2, 4):
+        fake._drives.put(arm.joints[joint], arm.limits.upper[joint] + 1e-4)
+    assert check(fake.robot) == ()
 
 
 def test_a_weight_too_small_for_the_noise_says_nothing():
