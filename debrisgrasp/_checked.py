@@ -37,10 +37,13 @@ _MENDS = {
     "Generator": "numpy.random.default_rng(seed) makes one.",
     "Intrinsics": "Intrinsics.from_matrix(K, depth.shape) makes one.",
     "PlanningResult": "debrisgrasp.plan(capture) makes one.",
+    "Robot": "fake_robot(model, world, rng=rng).robot, for instance.",
+    "RobotModel": "RobotModel.load(name or path) reads one.",
     "SE3": "SE3.from_matrix(matrix) makes one.",
     "Segmentation": "debrisgrasp.segment(capture) makes one.",
     "SelectionPolicy": "PriorityPoint(), for instance, of debrisgrasp.segmentation.",
     "Settings": "Settings.load(path) reads one.",
+    "World": "let_down(named_scene(name)).world, for instance.",
 }
 _LONGEST = 40
 _AN = (*"AEIOU", "SE3")

@@ -32,8 +32,8 @@ def limbs_of(
     Raises
     ------
     UnknownNameError, InputError
-        If an arm is not the robot's, or has no drop-off beside the robot and within its
-        reach.
+        If an arm is not the robot's, has no drop-off beside the robot and within its
+        reach, or no posture of the name at which it is to rest.
     """
     names = settings.arms or tuple(robot.limbs)
     for name in names:
@@ -50,6 +50,7 @@ def limbs_of(
     limbs = {}
     for name in names:
         limb = robot.limbs[name]
+        robot.model.posture(name, settings.rest or robot.model.arm(name).idle)
         reach = ArmReach(robot.model, name)
         require_drop_off(reach, settings.drop_off[name])
         limits = robot.model.limits(name, reach.chain)

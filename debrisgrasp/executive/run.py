@@ -89,7 +89,7 @@ class Executive:
     Raises
     ------
     UnknownNameError
-        If an arm is not the robot's.
+        If an arm, its posture of rest, or a joint of the look is not the robot's.
     InputError
         If the robot has no arm in use, a drop-off is out of reach, or something is not
         what its annotation says.
@@ -108,6 +108,7 @@ class Executive:
         settings = settings or TaskSettings()
         pipeline = pipeline or Pipeline(robot=robot.model)
         limbs = limbs_of(robot, settings, pipeline)
+        robot.model.joint_values(settings.look)
         self.context = Context(
             robot=robot,
             model=robot.model,
@@ -127,6 +128,7 @@ class Executive:
         """Run to an end; raises nothing, whatever the robot does.
 
         A `KeyboardInterrupt` in any state stops the arms and ends the run in order.
+        What an observer or the record raises is passed on, once the arms are stopped.
         """
         try:
             end = self._run()
@@ -134,6 +136,9 @@ class Executive:
             silent = stop_all(self.context)
             self._write("stop", {"why": "interrupted", "silent": silent})
             end = RunEnd.INTERRUPTED
+        except BaseException:
+            stop_all(self.context)  # nobody watches the arms any more
+            raise
         return self._result(end)
 
     def _run(self) -> RunEnd:

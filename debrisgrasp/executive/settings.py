@@ -111,7 +111,11 @@ class TaskSettings:
         require_range("TaskSettings.period [s]", self.period, 5e-4, 0.02)
         require_range("TaskSettings.max_mass [kg]", self.max_mass, 0.1, 1e3)
         low, high = np.array(self.workspace)
-        if not (np.isfinite([low, high]).all() and (low < high).all()):
+        require_metres("TaskSettings.workspace", (low, high))
+        if self.region is not None:
+            box = (self.region.lower, self.region.upper)
+            require_metres("TaskSettings.region", box)
+        if not (low < high).all():
             raise ConfigError(
                 "TaskSettings.workspace",
                 got=self.workspace,

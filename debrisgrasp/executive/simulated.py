@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._arrays import Rng, require_range
+from debrisgrasp._arrays import Rng, require_metres, require_range
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import Bounds
@@ -123,6 +123,7 @@ class SimulatedTask:
                 got=self.region,
                 expected="six numbers [m], a lower corner below an upper one",
             )
+        require_metres("region", box)
         return Bounds(low, high)
 
     def to_json(self) -> dict[str, Any]:

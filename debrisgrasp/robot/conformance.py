@@ -10,7 +10,10 @@ Those in `CHECKS` can be run one by one from pytest::
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+
+from debrisgrasp._checked import checked
 
 from .interface import Robot
 from .promises import (
@@ -58,6 +61,9 @@ class Check:
             problems.extend(self.function(robot))
         except Exception as error:  # noqa: BLE001 - a driver may raise anything
             problems.append(f"raised {type(error).__name__}: {error}")
+        finally:
+            if self.moves:
+                _disengage(robot)
         return tuple(problems)
 
     def __str__(self) -> str:
@@ -89,6 +95,13 @@ class Report:
         lines = [f"{len(self.passed)} checks passed, {len(self.findings)} problems"]
         lines += [f"  {found.check}: {found.problem}" for found in self.findings]
         return "\n".join(lines)
+
+
+def _disengage(robot: Robot) -> None:
+    """Let every arm hold by itself, also after an error or Ctrl-C in mid motion."""
+    for limb in robot.limbs.values():
+        with suppress(Exception):  # the check has told
+            limb.arm.disengage()
 
 
 def _check(
@@ -126,6 +139,7 @@ MOVING_CHECKS = (
 The arms must stand free, and a person at the stop."""
 
 
+@checked
 def check_robot(robot: Robot, *, motion: bool = False) -> Report:
     """Run all checks on a robot.
 
@@ -140,6 +154,11 @@ def check_robot(robot: Robot, *, motion: bool = False) -> Report:
     -------
     Report
         A check that fails does not keep the others from being run.
+
+    Raises
+    ------
+    InputError
+        If something else than a `Robot` is given.
     """
     passed, findings = [], []
     for check in (*CHECKS, *(MOVING_CHECKS if motion else ())):

@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from debrisgrasp._arrays import Rng
+from debrisgrasp._checked import checked
 from debrisgrasp.control import Body as Tool
 from debrisgrasp.control import LoadModel
 from debrisgrasp.errors import InputError, UnknownNameError
@@ -332,6 +333,7 @@ class FakeRobot:
         return self.world, pose, [s for s in solids if s.signed_distance(pose.p) > 0.03]
 
 
+@checked
 def fake_robot(
     model: RobotModel,
     world: World,

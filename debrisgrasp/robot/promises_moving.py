@@ -33,6 +33,9 @@ _READINGS = 100
 """Of the wrist at each end of a turn."""
 _CERTAIN, _LEAST = 8.0, 0.2
 """A change of the weight counts beyond so many standard errors, and beyond [N]."""
+_STRAYS, _UNUSUAL = 3.0, 12.0
+"""Readings of a wrist that stands lie within so much [N], or within so many times the
+median difference of two that follow each other: noise reaches half of that."""
 
 
 def disengaged_arm_stands(robot: Robot) -> Iterator[str]:
@@ -66,7 +69,7 @@ def arm_follows(robot: Robot) -> Iterator[str]:
             continue
         start = _q(arm)
         goal = start + _swing(arm, start)
-        _send(robot, arm, start, goal)
+        _send(robot, name, start, goal)
         missed = np.abs(_q(arm) - goal)
         for joint, gap, way in zip(arm.joint_names, missed, goal - start, strict=True):
             if gap > 0.25 * abs(way):
@@ -74,7 +77,7 @@ def arm_follows(robot: Robot) -> Iterator[str]:
                     f"arm {name}: {joint} was sent {way:+.4f} and misses it by "
                     f"{gap:.4f} rad or m"
                 )
-        _send(robot, arm, goal, start)
+        _send(robot, name, goal, start)
         arm.disengage()
         _wait(robot, 0.2)
         if np.abs(_q(arm) - start).max() > 0.25 * _SWING:
@@ -95,11 +98,19 @@ def wrist_feels_weight(robot: Robot) -> Iterator[str]:
         goal = start + _tilt(arm, chain, start)
         ends = []
         for q_from, q_to in ((start, start), (start, goal)):
-            _send(robot, arm, q_from, q_to)
+            _send(robot, name, q_from, q_to)
             ends.append((chain.fk(_q(arm)).R @ loads.T_ee_ft.R, _forces(robot, name)))
-        _send(robot, arm, goal, start)
+        _send(robot, name, goal, start)
         arm.disengage()
         Rs, forces = (np.array(each) for each in zip(*ends, strict=True))
+        if not np.isfinite(forces).all():
+            yield f"sensor {name}: reads NaN or infinite values when the arm moves"
+            continue
+        strays = np.ptp(forces, axis=1)
+        usual = np.median(np.abs(np.diff(forces, axis=1)), axis=1)
+        if (strays > np.maximum(_STRAYS, _UNUSUAL * usual)).any():
+            yield f"sensor {name}: jumps by {strays.max():.1f} N while the arm stands"
+            continue
         error = np.sqrt((forces.var(axis=1) / _READINGS).sum())
         felt, due = felt_weight(loads, Rs, forces.mean(axis=1))
         if due < max(_CERTAIN * error, _LEAST):
@@ -109,6 +120,8 @@ def wrist_feels_weight(robot: Robot) -> Iterator[str]:
             yield f"{said} changes the force by {felt:.2f} N; its sign is inverted"
         elif felt < 0.5 * due:
             yield f"{said} changes the force by {felt:.2f} N; does it measure at all?"
+        elif felt > 2.0 * due:
+            yield f"{said} changes the force by {felt:.2f} N; does it jump?"
 
 
 def _tilt(arm: Arm, chain: KinematicChain, q: FloatArray) -> FloatArray:
@@ -223,7 +236,7 @@ def head_moves(robot: Robot) -> Iterator[str]:
 def _stands(robot: Robot, name: str, arm: Arm, state: str) -> Iterator[str]:
     """Send an arm away that must not go."""
     before = _q(arm)
-    _send(robot, arm, before, before + _swing(arm, before))
+    _send(robot, name, before, before + _swing(arm, before))
     moved = float(np.abs(_q(arm) - before).max())
     if moved > _STOOD:
         yield f"arm {name}: followed by {moved:.4f} rad or m though it was {state}"
@@ -237,13 +250,19 @@ def _swing(arm: Arm, q: FloatArray) -> FloatArray:
     return np.where(room, sizes, -sizes)
 
 
-def _send(robot: Robot, arm: Arm, q_from: FloatArray, q_to: FloatArray) -> None:
-    """Stream a smooth motion well within speeds and accelerations, then wait."""
-    limits, way = arm.limits, np.abs(q_to - q_from)
+def _send(robot: Robot, name: str, q_from: FloatArray, q_to: FloatArray) -> None:
+    """Stream a smooth motion well within speeds and accelerations, then wait.
+
+    Limits that the arm tells may be wrong: what the model allows counts, too.
+    """
+    arm, model = robot.limbs[name].arm, robot.model.limits(name).hardware
+    way = np.abs(q_to - q_from)
+    velocity = np.minimum(arm.limits.velocity, model.velocity)
+    acceleration = np.minimum(arm.limits.acceleration, model.acceleration)
     # Speed and acceleration of 3 u^2 - 2 u^3 are at most 1.5 and 6.
     duration = max(
-        float((1.5 * way / (0.2 * limits.velocity)).max()),
-        float(np.sqrt(6.0 * way / (0.2 * limits.acceleration)).max()),
+        float((1.5 * way / (0.2 * velocity)).max()),
+        float(np.sqrt(6.0 * way / (0.2 * acceleration)).max()),
     )
     n = max(int(np.ceil(duration / _PERIOD)), 1)
     for k in range(1, n + 26):

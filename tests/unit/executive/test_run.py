@@ -141,6 +141,39 @@ def test_ctrl_c_in_any_state_stops_the_arms_and_keeps_the_record(run, fake, stat
 
 
 @pytest.mark.parametrize("state", STAGES[::4])
+def test_what_an_observer_raises_comes_out_once_the_arms_are_stopped(
+    fake, pipeline, run, state
+):
+    class Bad:
+        def on_state(self, now):
+            if now is state:
+                raise RuntimeError("bug of an observer")
+
+    run({})  # replaces the steps
+    rng = np.random.default_rng(0)
+    executive = Executive(fake.robot, pipeline=pipeline, observers=[Bad()], rng=rng)
+    with pytest.raises(RuntimeError, match="observer"):
+        executive.run()
+    assert all(arm.is_stopped for arm in fake.arms.values())
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (TaskSettings(rest="nowhere"), "unknown posture.*nowhere"),
+        (TaskSettings(look={"neck": 0.1}), "unknown joint.*neck"),
+        (TaskSettings(look={"ptu_pan_joint": float("nan")}), "ptu_pan_joint.*number"),
+    ],
+    ids=("rest", "joint", "nan"),
+)
+def test_a_rest_or_a_look_that_the_robot_lacks_is_refused(
+    fake, pipeline, settings, words
+):
+    with pytest.raises((InputError, UnknownNameError), match=words):
+        Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("state", STAGES[::4])
 def test_a_device_that_never_answers_again_ends_in_a_stop(run, state):
     result, _ = run({state: raising(DriverError("arm", "no answer"))})
     assert result.end is RunEnd.STOPPED

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import ConfigError, InputError
-from debrisgrasp.executive import TaskSettings
+from debrisgrasp.executive import SimulatedTask, TaskSettings
 from debrisgrasp.executive.choose import _ordered
 from debrisgrasp.executive.marks import Mark, Marks
 from debrisgrasp.executive.outcome import RunEnd, RunResult
@@ -128,6 +128,16 @@ def test_a_drop_off_in_the_way_is_refused_with_the_place_to_mend():
 def test_a_drop_off_in_millimetres_is_refused():
     with pytest.raises(ConfigError, match="metres"):
         TaskSettings(drop_off={"right": (250.0, -750.0)})
+
+
+def test_a_workspace_or_a_region_in_millimetres_is_refused():
+    low, high = (450.0, -620.0, -100.0), (1900.0, 620.0, 1300.0)
+    with pytest.raises(ConfigError, match=r"workspace.*divide by 1000"):
+        TaskSettings(workspace=(low, high))
+    with pytest.raises(ConfigError, match=r"region.*divide by 1000"):
+        TaskSettings(region=Bounds(np.array(low), np.array(high)))
+    with pytest.raises(ConfigError, match=r"region.*divide by 1000"):
+        SimulatedTask(region=(*low, *high))
 
 
 def test_a_height_in_millimetres_is_refused_with_its_unit():
