@@ -92,16 +92,19 @@ class _Pull:
         self._phases, self._until = list(phases), context.now()
 
     def __call__(self, load: Wrench) -> bool:
-        """Whether to end, by the load on the hand."""
+        """Whether to end, by the load on the hand; then the base has been stopped.
+
+        Until the arm has come to rest it would pull on.
+        """
         force = hypot(*load[:3])
         self.peak = max(self.peak, force)
-        if force > self._most:
-            self.is_too_much = True
+        self.is_too_much = force > self._most
+        is_over = self._context.now() >= self._until
+        if self.is_too_much or (is_over and not self._phases):
+            self._base.stop()
             return True
-        if self._context.now() < self._until:
+        if not is_over:
             return False
-        if not self._phases:
-            return True
         forward, turn, seconds = self._phases.pop(0)
         self._base.drive(forward, turn)
         self._until = self._context.now() + seconds

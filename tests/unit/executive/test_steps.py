@@ -17,7 +17,7 @@ from debrisgrasp.control import (
 from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.calibrated import calib_check
 from debrisgrasp.executive.context import Held
-from debrisgrasp.executive.drag import drag, drive_back
+from debrisgrasp.executive.drag import _Pull, drag, drive_back
 from debrisgrasp.executive.drive import Drive, LegEnd
 from debrisgrasp.executive.faults import Action
 from debrisgrasp.executive.fingers import open_hand
@@ -114,6 +114,22 @@ def test_a_base_that_drags_comes_back_to_where_it_was(pipeline, monkeypatch):
     assert drive_back(context) is None
     assert np.linalg.norm(fake.base.T_odom_base.p) < 0.1
     assert fake.truth().violations == ()
+
+
+@pytest.mark.parametrize("force", [20.0, 60.0])
+def test_a_base_that_pulls_too_hard_stops_before_the_arm_has_come_to_rest(
+    pipeline, force
+):
+    fake, task = executive(pipeline)
+    context, base = task.context, fake.robot.base
+    pull = _Pull(context, base, [(-0.03, 0.0, 10.0)], 50.0)
+    assert not pull((0.0,) * 6)
+    context.wait(0.5)
+    assert pull((0.0, 0.0, force, 0.0, 0.0, 0.0)) is pull.is_too_much is (force > 50.0)
+    before = base.read().p
+    context.wait(0.1)
+    gone = np.linalg.norm(base.read().p - before)
+    assert gone < 1e-3 if force > 50.0 else gone > 2e-3
 
 
 @pytest.mark.parametrize(
