@@ -21,6 +21,8 @@ _CELL = 0.05
 """Where a part of a hand has been, so much around is free [m]."""
 _BESIDE = 0.15
 """With so much room a robot drives past things [m]."""
+_NEW_SHARE, _NEW_LEAST = 0.1, 50
+"""Fewer measurements in free space are errors of a camera."""
 _HALF = 1 << 20
 """Cells on each side of the origin, more than any arm reaches."""
 _MOST = 20
@@ -76,6 +78,14 @@ class KnownSpace:
         self._cells = self._cells[~box.contains(_middles(self._cells))]
         if self._sights:
             self._stirred = [*self._stirred[1 - _MOST :], (box, self._sights[-1])]
+
+    def is_contradicted(self, points: FloatArray) -> bool:
+        """Whether so many points (n, 3) [m] of surfaces lie in what was free.
+
+        Then the world has changed, and what else was known of it may be wrong, too.
+        """
+        n = int(np.count_nonzero(self.is_free(points)))
+        return n > max(_NEW_SHARE * len(points), _NEW_LEAST)
 
     def is_free(self, points: FloatArray) -> BoolArray:
         """Which points (..., 3) [m] are known to be free, shape (...)."""

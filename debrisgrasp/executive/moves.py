@@ -25,7 +25,7 @@ from .drive import OUTSIDE, Drive
 from .fingers import loosen
 from .obstacles import BARE, space_of
 from .pacing import widest_corners
-from .relief import relieve
+from .relief import relieve, standing_load, with_room
 from .result import FaultFound
 
 __all__ = [
@@ -298,8 +298,22 @@ def lower(drive: Drive, depth: float) -> FaultFound | None:
         weight = sum(least[:_FIRST]) / _FIRST
         return sum(least[-5:]) < 5.0 * (weight - max(4.0, 0.3 * weight))
 
-    way, speed = [0.0, 0.0, -depth], drive.context.settings.lift_speed
-    end = drive.leg(way, speed=speed, tare=TarePolicy.SESSION, until=lies)
+    load = standing_load(drive.context, drive)
+    if isinstance(load, FaultFound):
+        return load
+    # What is too heavy hangs near the limit already, and can only be put down.
+    limits, most = with_room(drive.limits, load), drive.limb.limits.controller
+    end = drive.leg(
+        [0.0, 0.0, -depth],
+        speed=drive.context.settings.lift_speed,
+        tare=TarePolicy.SESSION,
+        until=lies,
+        limits=replace(
+            limits,
+            force=min(limits.force, most.force),
+            torque=min(limits.torque, most.torque),
+        ),
+    )
     # Loaded to its limit already, the hand can't go down: it lets go here.
     if isinstance(end, FaultFound) and end.fault != "ratchet":
         return end

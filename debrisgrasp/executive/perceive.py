@@ -16,6 +16,7 @@ from debrisgrasp.pipeline import mask_notes
 from debrisgrasp.robot import DepthFrame
 
 from .context import Context
+from .known import KnownSpace
 from .result import Done, FaultFound, StepResult
 
 __all__ = [
@@ -52,6 +53,8 @@ _LOW = 0.3
 """Height of what is looked at beside the robot [m]."""
 _LEAST_SEEN = 0.02
 """Share of the image of the workspace with depth below which nothing was seen."""
+_COARSE = 4
+"""Of so many rows and columns one is compared with earlier looks."""
 _DROP_ROOM = 0.2
 """Around a drop-off nothing of the pile may lie [m]."""
 
@@ -63,11 +66,32 @@ def capture(context: Context) -> StepResult:
     taken = image(context, f"capture_{look:03d}")
     if isinstance(taken, FaultFound):
         return taken
+    if context.known.is_contradicted(_measured(context, taken)):
+        logger.info("look %d shows other things than those before it", look)
+        context.known = KnownSpace()
+        context.known.saw(_sight(taken))
+        look_around(context)
     taken = _marked(context, taken)
     context.cycle.capture, context.n_looks = taken, look
     context.record.keep(taken, taken.name)
     share = float(np.mean(np.isfinite(np.asarray(taken.depth))))
     return Done({"look": look, "measured_share": round(share, 4)})
+
+
+def _sight(taken: Capture) -> DepthSight:
+    """Lines of sight of an image."""
+    assert taken.intrinsics is not None
+    assert taken.T_base_camera is not None
+    depth = np.asarray(taken.depth, dtype=np.float32)
+    return DepthSight(depth, taken.intrinsics, taken.T_base_camera)
+
+
+def _measured(context: Context, taken: Capture) -> FloatArray:
+    """Return some points measured in the workspace, base frame [m], shape (n, 3)."""
+    sight = _sight(taken)
+    points = sight.intrinsics.deproject(np.asarray(taken.depth))[::_COARSE, ::_COARSE]
+    points = sight.T_base_camera.apply(points.reshape(-1, 3))
+    return np.asarray(points[context.is_in_way(points)])
 
 
 def look_around(context: Context) -> None:
@@ -140,8 +164,7 @@ def image(
         raise
     except DebrisGraspError as error:
         return FaultFound("stale_cloud", f"the image can't be used: {error}")
-    depth = np.asarray(taken.depth, dtype=np.float32)
-    context.known.saw(DepthSight(depth, frame.intrinsics, T_base_camera))
+    context.known.saw(_sight(taken))
     return taken
 
 

@@ -9,12 +9,13 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import TarePolicy
+from debrisgrasp.kinematics import LimitSet
 
 from .context import Context
 from .drive import Drive
 from .result import FaultFound
 
-__all__ = ["relieve"]
+__all__ = ["relieve", "standing_load", "with_room"]
 
 _TIGHT = 0.85
 """Share of a limit above which a hand is drawn out before anything else."""
@@ -27,7 +28,7 @@ _SPEED = 0.03
 """Without a load [m/s]; near its limit a leg has a tenth of it."""
 _FALLS = 0.99
 """A step that leaves more than this share of the load was the wrong way."""
-_NOISE = (4.0, 0.4)
+_NOISE = (7.0, 0.7)
 """By so much a load may seem to grow [N, N m]."""
 _MOST = 4.0
 """Beyond this multiple of a limit nothing is moved any more."""
@@ -51,7 +52,7 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
     """
     limb, drive = context.limbs[arm], Drive(context, arm)
     limits = drive.limits
-    load = _load(context, drive)
+    load = standing_load(context, drive)
     if (
         isinstance(load, FaultFound)
         or _share(load, limits.force, limits.torque) < tight
@@ -69,11 +70,7 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
         force = T.R @ load[:3]
         push = force / max(float(np.linalg.norm(force)), 1e-9)
         way = (push, -T.R[:, 2], 0.5 * (push - T.R[:, 2]))[n_failed]
-        allowed = replace(
-            limits,
-            force=max(limits.force, hypot(*load[:3]) + _NOISE[0] + 3.0),
-            torque=max(limits.torque, hypot(*load[3:]) + _NOISE[1] + 0.3),
-        )
+        allowed = with_room(limits, load)
         end = drive.leg(
             _STEP * way, speed=_SPEED, tare=TarePolicy.SESSION, limits=allowed
         )
@@ -82,7 +79,7 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
         if limb.limb.arm.is_stopped:
             context.wait(_LOOK)
             limb.limb.arm.reset()
-        after = _load(context, drive)
+        after = standing_load(context, drive)
         if isinstance(after, FaultFound):
             return after
         load = after
@@ -96,7 +93,19 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
     return FaultFound("ratchet", words + "eases it", arm)
 
 
-def _load(context: Context, drive: Drive) -> FloatArray | FaultFound:
+def with_room(limits: LimitSet, load: FloatArray) -> LimitSet:
+    """Limits that a load (6,) [N, N m] may grow to from where it stands now.
+
+    No motion out of a load near a limit would go farther than its noise.
+    """
+    return replace(
+        limits,
+        force=max(limits.force, hypot(*load[:3]) + _NOISE[0]),
+        torque=max(limits.torque, hypot(*load[3:]) + _NOISE[1]),
+    )
+
+
+def standing_load(context: Context, drive: Drive) -> FloatArray | FaultFound:
     """Mean load at the hand, its axes [N, N m], shape (6,); the arm stands."""
     readings = []
     for _ in range(max(3, round(_LOOK / drive.period))):

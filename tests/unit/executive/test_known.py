@@ -71,3 +71,24 @@ def test_where_something_moved_only_a_later_look_counts():
     assert not space.is_free(hand[:1]).any()  # behind what is seen there
     space.passed(hand[:1])
     assert space.is_free(hand).all()
+
+
+def test_a_surface_in_free_space_contradicts_what_was_seen_and_some_noise_does_not():
+    space = seen(np.full((100, 100), 1.0))
+    rng = np.random.default_rng(3)
+    wall = np.column_stack([rng.uniform(-0.3, 0.3, (4000, 2)), np.full(4000, 1.0)])
+    assert not space.is_contradicted(wall)
+    assert not space.is_contradicted(wall[:0])
+    noisy = wall.copy()
+    noisy[::200, 2] = 0.7  # edges in the air
+    assert not space.is_contradicted(noisy)
+    bars = wall.copy()
+    bars[::8, 2] = 0.7
+    assert space.is_contradicted(bars)
+    space.stirred(Bounds.around(bars[::8], 0.1))
+    assert not space.is_contradicted(bars)  # what we moved lies elsewhere now
+
+
+def test_few_measurements_contradict_nothing():
+    space = seen(np.full((100, 100), 1.0))
+    assert not space.is_contradicted(np.full((30, 3), [0.0, 0.0, 0.5]))

@@ -261,6 +261,43 @@ def test_the_box_around_a_few_points_holds_them(n, rng):
     assert (np.abs(inside) <= 0.5 * np.array(box.size) + 1e-9).all()
 
 
+def hang(context, limb, weight, monkeypatch):
+    """Let the sensor of a limb feel a weight on its hand that nothing lifts, [N]."""
+    sensor, loads = limb.limb.sensor, limb.loads
+    read = type(sensor).read
+
+    def loaded(self):
+        felt = read(self)
+        if self is not sensor:
+            return felt
+        R, _ = limb.kinematics.pose(context.posture(limb).tolist())
+        none = np.array(loads.load_ee([0.0] * 6, R))
+        of_raw = np.column_stack([loads.load_ee(e, R) for e in np.eye(6).tolist()])
+        down = -weight * np.reshape(R, (3, 3))[2]
+        added = np.linalg.solve(of_raw - none[:, None], [*down, 0.0, 0.0, 0.0])
+        return felt._replace(wrench_ft=np.asarray(felt.wrench_ft) + added)
+
+    monkeypatch.setattr(type(sensor), "read", loaded)
+
+
+@pytest.mark.parametrize(("share", "goes"), [(0.5, True), (1.0, True), (1.5, False)])
+def test_what_hangs_near_the_limit_of_a_motion_is_still_put_down(
+    pipeline, monkeypatch, share, goes
+):
+    """Above what the hand bears it is let go where it hangs."""
+    _, task = executive(pipeline)
+    context, limb = task.context, task.context.limbs["right"]
+    context.state = State.RECOVER
+    drive = Drive(context, "right")
+    hang(context, limb, share * drive.limits.force, monkeypatch)
+    height = limb.pose(context.posture(limb)).p[2]
+    limb.limb.arm.engage()
+    assert moves.lower(drive, 0.05) is None
+    lowered = height - limb.pose(context.posture(limb)).p[2]
+    assert lowered == pytest.approx(0.05 if goes else 0.0, abs=2e-3)
+    assert not limb.limb.arm.is_stopped
+
+
 @pytest.mark.parametrize(
     ("backed", "expected"),
     [(0.12, ["lower", "loosen", "back_out"]), (0.0, ["loosen"])],
