@@ -10,6 +10,7 @@ import debrisgrasp
 from debrisgrasp._arrays import require_range
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
+from debrisgrasp.pipeline.inputs import LEAST_MASS, MOST_MASS
 from debrisgrasp.settings import Settings
 
 from .policy_arguments import add_policy, policy_of
@@ -25,9 +26,6 @@ __all__ = [
     "refuse_planning",
     "tell",
 ]
-
-_HEAVIEST = 1e4
-"""More than this [kg] can only be grams."""
 
 
 def add_capture(
@@ -153,7 +151,7 @@ def planned(
                 "object", got="both --object and --pick", expected="one of them"
             )
     if arguments.mass is not None:
-        require_range("--mass [kg]", arguments.mass, 1e-3, _HEAVIEST)
+        require_range("--mass [kg]", arguments.mass, LEAST_MASS, MOST_MASS)
     region = region_of(arguments)
     capture = load_capture(arguments, settings)
     for name in ("pick", "object"):

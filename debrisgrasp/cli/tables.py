@@ -51,12 +51,12 @@ def plan_summary(plan: GraspPlan, limit: int = 10) -> str:
             lines.append(plan.grasps[0].load.in_words)
         lines.append("")
         lines.append(_grasp_table(plan, limit))
+        if len(plan.grasps) > limit:
+            lines.append(f"and {len(plan.grasps) - limit} more")
         loads = [g.load for g in plan.grasps[:limit] if g.load and g.load.margin < 1.0]
         if loads:
             is_known = loads[0].is_mass_known
             lines.append(_TOO_HEAVY if is_known else _OVERLOADED)
-        if len(plan.grasps) > limit:
-            lines.append(f"and {len(plan.grasps) - limit} more")
     else:
         lines.append(f"no grasp: {plan.why_empty}")
     if plan.rejections:

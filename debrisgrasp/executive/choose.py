@@ -106,7 +106,7 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
         if context.n_removed:
             return Done({"cleared": True}, State.CLEARED)
         # It was never seen, so nothing says that it is gone.
-        return FaultFound("empty_cloud", "no object was seen where one is marked")
+        return FaultFound("empty_cloud", "no object was seen where one was sought")
     label = int(np.bincount(own[own > 0]).argmax())
     segment = seen.segmentation.segment(label)
     why = context.marks.why_left(

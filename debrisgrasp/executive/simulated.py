@@ -102,6 +102,8 @@ class SimulatedTask:
             )
         if self.objects is not None:
             require_range("objects", self.objects, 1, 50)
+        if self.max_removals is not None:
+            require_range("max_removals", self.max_removals, 1, 10_000)
         if self.seed < 0:
             raise ConfigError("seed", got=self.seed, expected="an integer of 0 or more")
         if self.mask is not None and self.region is not None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.kinematics import ArmReach, RobotModel
 
-__all__ = ["arms_of", "require_limits", "robot_of"]
+__all__ = ["LEAST_MASS", "MOST_MASS", "arms_of", "require_limits", "robot_of"]
+
+LEAST_MASS, MOST_MASS = 1e-3, 1e4
+"""Less or more [kg] can only be another unit."""
 
 
 def robot_of(robot: str | RobotModel) -> RobotModel | None:
@@ -27,11 +28,11 @@ def require_limits(seed: int, deadline: float | None, mass: float | None) -> Non
             got=f"{deadline} s",
             expected="a positive number of seconds, or none",
         )
-    if mass is not None and not 0 < mass < np.inf:
+    if mass is not None and not LEAST_MASS <= mass <= MOST_MASS:
         raise ConfigError(
             "mass of the object",
             got=f"{mass} kg",
-            expected="above zero, or none where it is not known",
+            expected=f"{LEAST_MASS:g} to {MOST_MASS:g} kg, or none if not known",
         )
 
 

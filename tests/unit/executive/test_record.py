@@ -165,6 +165,7 @@ def test_faults_are_written_as_name_and_state():
         {"scene": "hedgehog", "objects": 3},
         {"seed": -1},
         {"faults": ("slip@lft",)},
+        {"max_removals": 0},
         {"faults": ("sleep",)},
         {"faults": ("software_error",)},
         {"region": (0.0, 0.0, 0.0, 1.0, 1.0)},
