@@ -1,9 +1,10 @@
 r"""Joint commands that bring the hand to a pose, and never leave the limits.
 
 One step solves :math:`\dot q = J^T (J J^T + \lambda^2 I)^{-1} e` for the error of the
-pose, and cuts the result to what the joints may do in one period: each joint's next
-displacement lies in an interval given by its speed, its acceleration, and the distance
-in which it can still stop before its position limit.
+pose, leaves to other joints what one at its limit can't do, and cuts the result to
+what the joints may do in one period: each joint's next displacement lies in an interval
+given by its speed, its acceleration, and the distance in which it can still stop before
+its position limit.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ __all__ = [
 
 Joints = tuple[float, ...]
 """One posture, or its change in one period, as plain floats."""
+_OFF = 0.02
+"""Share of a displacement by which the hand may stray so that a joint can stand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +152,61 @@ class CartesianServo:
             )
             error = tuple([share * value for value in error])
         wanted, sigma = self.solved(J, error)
+        wanted = self._around_stops(state.q, wanted, J, error)
         return self.limited(state, wanted, sigma, gap, angle)
+
+    def _around_stops(
+        self, q: Joints, wanted: list[float], J: FloatArray, error: Wrench
+    ) -> list[float]:
+        """Let other joints do what those at their limits can't, if they can.
+
+        Saturation in the null space (Flacco, De Luca, Khatib, ICRA 2012), for limits of
+        position: a joint that would not stop in time goes as far as it may, and the
+        others are solved again. Where they can't do it, what was wanted stays, of
+        which `limited` makes so much that the hand stays on its way.
+        """
+        near = [
+            j
+            for j, (value, (lower, upper, *_, far)) in enumerate(
+                zip(q, self._bounds, strict=True)
+            )
+            if value - lower < far or upper - value < far
+        ]
+        if not near:
+            return wanted
+        # At the pace that the joints can keep; catching up, more is wanted.
+        pace = min(
+            min(bound[2] / max(abs(d), 1e-12), 1.0)
+            for d, bound in zip(wanted, self._bounds, strict=True)
+        )
+        goal, step = pace * np.array(error), [pace * d for d in wanted]
+        held: dict[int, float] = {}
+        for _ in near:
+            beyond = {
+                j: bound
+                for j in near
+                if (bound := self._stopped_at(j, q[j], step[j])) != step[j]
+            }
+            if not beyond:
+                break
+            held |= beyond
+            rows = list(held)
+            free = J.copy()
+            free[:, rows] = 0.0
+            left = goal - J[:, rows] @ list(held.values())
+            step, _ = self.solved(free, left.tolist())
+            if np.linalg.norm(left - free @ step) > _OFF * np.linalg.norm(goal):
+                return wanted
+            for j, bound in held.items():
+                step[j] = bound
+        return [d / pace for d in step] if held else wanted
+
+    def _stopped_at(self, j: int, value: float, d: float) -> float:
+        """Largest part of a joint's displacement from which it stops at its limit."""
+        lower, upper, _, gain, _ = self._bounds[j]
+        if d > 0.0:
+            return min(d, stoppable(upper - value, gain))
+        return max(d, -stoppable(value - lower, gain))
 
     def solved(
         self, J: FloatArray, error: Sequence[float]

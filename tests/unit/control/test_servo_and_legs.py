@@ -73,6 +73,41 @@ def test_a_singular_posture_is_damped():
     np.testing.assert_allclose(step, np.linalg.pinv(regular) @ error, atol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_joint_at_its_limit_stops_no_hand_that_the_others_can_move(seed):
+    """Legs that a plan says can be done, from postures with a joint near its limit."""
+    rng = np.random.default_rng(seed)
+    servo, planner = (
+        CartesianServo(CHAIN, LIMITS, PERIOD),
+        LegPlanner(CHAIN, LIMITS, speed=0.03),
+    )
+    n_done = 0
+    while n_done < 3:
+        q = CHAIN.sampled(1, rng=rng)[0]
+        joint = rng.integers(CHAIN.n_joints)
+        q[joint] = (LIMITS.lower, LIMITS.upper)[rng.integers(2)][joint]
+        start = CHAIN.fk(q)
+        way = rng.normal(size=3)
+        goal = SE3.from_parts(start.R, start.p + 0.1 * way / np.linalg.norm(way))
+        plan = planner.plan(q, goal)
+        least = min(
+            np.linalg.svd(CHAIN.jacobian(row), compute_uv=False)[-1] for row in plan.q
+        )
+        if not plan.is_done or least < 0.1:
+            continue
+        n_done += 1
+        state, leg, n = servo.start(q), CartesianLeg(start, goal), 850
+        passed = [q]
+        for i in range(n + 150):
+            state = servo.step(state, *leg.at(min((i + 1) / n, 1.0)))
+            passed.append(np.array(state.q))
+        assert state.gap < 1e-4
+        assert LIMITS.violation(np.array(passed)) == ""
+        assert np.abs(np.diff(passed, 2, axis=0) / PERIOD**2).max() < (
+            1.001 * LIMITS.acceleration.max()
+        )
+
+
 def test_what_can_be_stopped_in_time_is():
     """Braking by one gain a step from the largest displacement never overruns."""
     gain = 1.0
