@@ -8,6 +8,8 @@ was held, and the way back leads around it.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -20,7 +22,7 @@ from debrisgrasp.io import Capture
 from .context import Context, Held
 from .dropoff import with_underside
 from .obstacles import are_near
-from .perceive import image, look_towards
+from .perceive import image, is_close, look_towards
 from .result import FaultFound
 
 __all__ = ["looked_after", "looked_at"]
@@ -46,6 +48,10 @@ _PLACE, _BESIDE = 0.3, 0.8
 there is looked for [m]."""
 _HIGHEST = 0.25
 """A look at what was put down aims no higher [m]."""
+_HIGHER = ("", "_above", "_top")
+"""Names of the looks at something that stands higher than one picture shows."""
+_EDGE = 3.0
+"""Rows of the picture next to its edge [pixels]."""
 _LOW = 0.03
 """What is no higher lies on the ground [m]."""
 
@@ -119,24 +125,50 @@ def looked_after(context: Context, arm: str, opening: float) -> int:
     int
         Points seen there [count]; 0: the image is none to go by, or shows nothing.
     """
-    motion = context.cycle.motion
-    if motion is None or not context.dropped:
+    if context.cycle.motion is None or not context.dropped:
         return 0
     place = context.dropped[-1].mean(axis=0)
     place[2] = min(place[2], _HIGHEST)  # what may have fallen lies low
-    taken = image(
-        context,
-        f"released_{context.cycle.number:03d}",
-        look_towards(context, place),
-        is_wanted=lambda ground: _away(ground, place) < _PLACE,
-    )
-    if isinstance(taken, FaultFound):
-        return 0
-    context.record.keep(taken, taken.name)
+    n_seen, number = 0, context.cycle.number
+    aim: FloatArray | None = place
+    # What stands on end goes on above a picture: no way may lead through there.
+    for name in (f"released_{number:03d}{higher}" for higher in _HIGHER):
+        if aim is None:
+            break
+        is_wanted = is_close if n_seen else partial(_is_beside, place)
+        taken = image(context, name, look_towards(context, aim), is_wanted=is_wanted)
+        if isinstance(taken, FaultFound):
+            break
+        context.record.keep(taken, taken.name)
+        points = _lying(context, arm, opening, taken, place)
+        n_seen += len(points)
+        aim = _above_picture(taken, points)
+    return n_seen
+
+
+def _is_beside(place: FloatArray, ground: FloatArray) -> BoolArray:
+    """Whether points of the ground (n, 3) lie where something was put down."""
+    return np.asarray(_away(ground, place) < _PLACE)
+
+
+def _above_picture(taken: Capture, points: FloatArray) -> FloatArray | None:
+    """Where points (n, 3) go on above the picture [m], shape (3,); None: nowhere."""
+    assert taken.intrinsics is not None
+    assert taken.T_base_camera is not None
+    uv, _ = taken.intrinsics.project(taken.T_base_camera.inverse().apply(points))
+    at_edge = points[uv[:, 1] < _EDGE]
+    return at_edge.mean(axis=0) if len(at_edge) >= _FEW else None
+
+
+def _lying(
+    context: Context, arm: str, opening: float, taken: Capture, place: FloatArray
+) -> FloatArray:
+    """Take in what a look shows around a place (3,): its points [m], shape (n, 3)."""
+    assert context.cycle.motion is not None
+    preshape = context.cycle.motion.grasp.preshape
     points, sight = _cloud(taken)
     is_near = (_away(points, place) < _BESIDE) & (points[:, 2] > _LOW)
     points = points[is_near & ~context.is_in_way(points)]
-    preshape = motion.grasp.preshape
     points = points[~_is_robot(context, arm, preshape, opening, points)]
     part, cells = _parts(points)
     points = points[cells[part] >= _FEW]
@@ -152,7 +184,7 @@ def looked_after(context: Context, arm: str, opening: float) -> int:
     context.dropped[:] = [body for body in left if len(body)]
     lain = np.concatenate([*map(still, context.lain), points])
     context.lain[:] = [lain[voxel_downsample(lain, _CELL)]] if len(lain) else []
-    return len(points)
+    return points
 
 
 def _away(points: FloatArray, place: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ from .result import Done, FaultFound, StepResult
 __all__ = [
     "capture",
     "image",
+    "is_close",
     "look_around",
     "look_of",
     "look_towards",
@@ -117,10 +118,10 @@ def look_around(context: Context) -> None:
     context.known.stands([solid.bounds for _, solid in links])
     for place in places:
         look = look_towards(context, context.T_base_way.apply(place))
-        image(context, "around", look, is_wanted=_is_close)
+        image(context, "around", look, is_wanted=is_close)
 
 
-def _is_close(points: FloatArray) -> BoolArray:
+def is_close(points: FloatArray) -> BoolArray:
     """Whether points (n, 3) of the ground are where every camera measures."""
     return np.asarray(np.hypot(points[:, 0], points[:, 1]) < _CLOSE)
 

@@ -150,6 +150,22 @@ def test_what_was_put_down_is_seen_where_it_lies(lifted):
     assert sum(map(len, context.dropped)) < 0.2 * (len(hand) + len(guess))
 
 
+@pytest.mark.parametrize("height", [0.6, 1.1])
+def test_what_stands_on_end_is_seen_up_to_its_top(lifted, height):
+    """Though one picture that shows the place does not show so far up."""
+    fake, context, _ = lifted
+    sizes = {"length": 0.12, "width": 0.12, "height": height}
+    post = make_body("brick", sizes, 2.0, name="post")
+    place = [0.6, -0.75, 0.5 * height]
+    fake.change_world(
+        lambda w: World((*w.bodies, post.at(SE3.from_parts(p=place))), w.ground)
+    )
+    context.dropped[:] = [np.add(place, [[-0.05, 0.0, -0.2], [0.05, 0.0, 0.2]])]
+    assert looked_after(context, "right", 0.1) > 50
+    (lying,) = context.lain
+    assert lying[:, 2].max() == pytest.approx(height, abs=0.03)
+
+
 def test_what_the_arm_divides_in_the_picture_belongs_together_if_it_moved():
     def patch(x, y):
         grid = np.linspace(-0.05, 0.05, 11)
