@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from numbers import Real
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ __all__ = [
     "require_metres",
     "require_range",
     "require_trailing",
+    "sealed",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -110,9 +111,12 @@ def frozen(
     trailing: tuple[int | None, ...],
     dtype: Any = np.float64,
 ) -> NDArray[Any]:
-    """Copy to ``dtype``, check the trailing shape, and make it read-only."""
+    """Copy to ``dtype``, check the trailing shape, and make it read-only.
+
+    What is `sealed` already needs no copy.
+    """
     try:
-        copy = np.array(array, dtype=dtype)
+        copy = array if _is_sealed(array, dtype) else np.array(array, dtype=dtype)
     except (TypeError, ValueError) as error:
         raise ShapeError(
             name,
@@ -122,3 +126,19 @@ def frozen(
     require_trailing(copy, name, trailing)
     copy.flags.writeable = False
     return copy
+
+
+def sealed(array: NDArray[Any]) -> NDArray[Any]:
+    """Make a new array, of which nobody has a view, read-only in place."""
+    array.flags.writeable = False
+    return array
+
+
+def _is_sealed(array: ArrayLike, dtype: Any) -> TypeGuard[NDArray[Any]]:
+    """Whether an array of this type can't be written through a name of it."""
+    return (
+        type(array) is np.ndarray
+        and array.dtype == dtype
+        and array.base is None
+        and not array.flags.writeable
+    )

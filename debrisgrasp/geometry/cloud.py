@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, sealed
 from debrisgrasp.errors import FrameMismatchError, InputError, ShapeError
 
 from .se3 import SE3
@@ -68,9 +68,11 @@ class Bounds:
 
     def contains(self, points: FloatArray) -> BoolArray:
         """Which of the points (..., 3) lie inside or on the border."""
-        inside: BoolArray = np.all(
-            (points >= self.lower) & (points <= self.upper), axis=-1
-        )
+        inside = np.ones(points.shape[:-1], dtype=bool)
+        # One coordinate after the other: reductions along rows of three are slow.
+        for axis, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
+            inside &= points[..., axis] >= low
+            inside &= points[..., axis] <= high
         return inside
 
     def grown(self, margin: float) -> Bounds:
@@ -117,11 +119,11 @@ class PointCloud:
         """Keep the points that a mask (n,) or an array of indices (m,) names."""
         # Taking rows by number is several times faster than by mask.
         rows = np.arange(len(self))[index]
-        pixels = None if self.pixels is None else self.pixels[rows]
+        pixels = None if self.pixels is None else self.pixels.take(rows)
         return replace(
             self,
-            points=self.points.take(rows, axis=0),
-            normals=self.normals.take(rows, axis=0),
+            points=sealed(self.points.take(rows, axis=0)),
+            normals=sealed(self.normals.take(rows, axis=0)),
             pixels=pixels,
         )
 
@@ -157,8 +159,8 @@ class PointCloud:
         """Express the same cloud in another frame."""
         return replace(
             self,
-            points=T_frame_own.apply(self.points),
-            normals=T_frame_own.rotate(self.normals),
+            points=sealed(T_frame_own.apply(self.points)),
+            normals=sealed(T_frame_own.rotate(self.normals)),
             viewpoint=T_frame_own.apply(self.viewpoint),
             frame=frame,
         )

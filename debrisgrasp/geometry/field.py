@@ -231,29 +231,33 @@ def _write_discs(
     grid: np.ndarray, points: FloatArray, origin: FloatArray, spacing: float, reach: int
 ) -> None:
     """Write each point into the cells (y, z) within reach, nearest written last."""
-    cell = np.floor((points - origin) / spacing + 0.5).astype(np.int64)
-    inside = np.flatnonzero(((cell >= 0) & (cell < grid.shape)).all(axis=1))
-    # Of several points in a cell the first stays: the assignment runs backwards.
-    inside = inside[::-1]
     _, ny, nz = grid.shape
+    inside = np.ones(len(points), dtype=bool)
+    cells = []
+    for coordinate, first, n in zip(points.T, origin, grid.shape, strict=True):
+        cell = np.floor((coordinate - first) / spacing + 0.5).astype(np.int64)
+        inside &= (cell >= 0) & (cell < n)
+        cells.append(cell)
+    # Of several points in a cell the first stays: the assignment runs backwards.
+    index = np.flatnonzero(inside)[::-1]
+    x, y, z = (cell.take(index) for cell in cells)
+    place, index = (x * ny + y) * nz + z, index.astype(np.uint32)
     # Nearly all discs lie within the grid and need no test.
-    low, high = np.array([reach, reach]), np.array([ny, nz]) - reach
-    is_inner = ((cell[inside, 1:] >= low) & (cell[inside, 1:] < high)).all(axis=1)
-    inner, outer = inside[is_inner], inside[~is_inner]
-    first = cell @ np.array([ny * nz, nz, 1])
-    first_inner, first_outer = first[inner], first[outer]
-    _, y, z = cell[outer].T
+    is_inner = (y >= reach) & (y < ny - reach) & (z >= reach) & (z < nz - reach)
+    inner, outer = np.flatnonzero(is_inner), np.flatnonzero(~is_inner)
+    place_inner, index_inner = place.take(inner), index.take(inner)
+    place_outer, index_outer = place.take(outer), index.take(outer)
+    y, z = y.take(outer), z.take(outer)
     flat, steps = grid.reshape(-1), np.arange(-reach, reach + 1)
     squared = steps[:, None] ** 2 + steps**2
-    for i, k in np.argwhere(squared <= reach * reach)[
-        np.argsort(-squared[squared <= reach * reach], kind="stable")
-    ]:
-        step = steps[i] * nz + steps[k]
-        cost = np.uint32(int(squared[i, k]) << _INDEX_BITS)
-        yy, zz = y + steps[i], z + steps[k]
-        ok = (yy >= 0) & (yy < ny) & (zz >= 0) & (zz < nz)
-        flat[first_outer[ok] + step] = outer[ok].astype(np.uint32) | cost
-        flat[first_inner + step] = inner.astype(np.uint32) | cost
+    for distance in np.unique(squared[squared <= reach * reach])[::-1].tolist():
+        cost = np.uint32(distance << _INDEX_BITS)
+        value_inner, value_outer = index_inner | cost, index_outer | cost
+        for dy, dz in (np.argwhere(squared == distance) - reach).tolist():
+            yy, zz = y + dy, z + dz
+            ok = np.flatnonzero((yy >= 0) & (yy < ny) & (zz >= 0) & (zz < nz))
+            flat[place_outer[ok] + (dy * nz + dz)] = value_outer[ok]
+            flat[place_inner + (dy * nz + dz)] = value_inner
 
 
 def _classify(field: DistanceField) -> np.ndarray:

@@ -114,10 +114,9 @@ def _any_cells(
     # NaN fails the comparison too, and is refused there.
     if not np.prod(shape) <= _MAX_TABLE:
         return voxel_cells(points, size)
-    keys = np.zeros(len(points), dtype=np.int64)
-    for cell, first, n in zip(cells, low, shape, strict=True):
-        keys *= int(n)
-        keys += (cell - first).astype(np.int64)
+    # Whole numbers below 2^53 are exact as floats.
+    (x, y, z), (x0, y0, z0), (_, ny, nz) = cells, low, shape
+    keys = (((x - x0) * ny + (y - y0)) * nz + (z - z0)).astype(np.int64)
     # Each cell is named by one of its points; only cells that hold one are touched.
     owner = np.empty(int(np.prod(shape)), dtype=np.int32)
     everyone = np.arange(len(points), dtype=np.int32)

@@ -7,7 +7,7 @@ unknown is not the same as free.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -53,6 +53,14 @@ class DepthSight:
     """Metres along the optical axis, shape (height, width); NaN = nothing measured."""
     intrinsics: Intrinsics
     T_base_camera: SE3
+    _framed: Float32Array = field(init=False, repr=False)
+    """Depth inside a border of pixels without measurement, which takes whatever falls
+    outside the image; flat."""
+
+    def __post_init__(self) -> None:
+        depth = np.asarray(self.depth, np.float32)
+        framed = np.pad(depth, 1, constant_values=np.float32(np.nan))
+        object.__setattr__(self, "_framed", framed.ravel())
 
     def clearance(
         self, x: Float32Array, y: Float32Array, z: Float32Array
@@ -64,16 +72,12 @@ class DepthSight:
             (T[i, 0] * x + T[i, 1] * y + T[i, 3]) + T[i, 2] * z for i in range(3)
         )
         camera = self.intrinsics
-        # A border of pixels without measurement takes whatever falls outside.
-        framed = np.pad(
-            np.asarray(self.depth, np.float32), 1, constant_values=np.float32(np.nan)
-        )
         scale = np.float32(1.0) / np.maximum(ahead, np.float32(1e-3))
         column = _pixel(across, scale, camera.fx, camera.cx, camera.width)
         row = _pixel(down, scale, camera.fy, camera.cy, camera.height)
         row *= np.int32(camera.width + 2)
         row += column
-        clearance: Float32Array = framed.ravel()[row]
+        clearance: Float32Array = self._framed.take(row)
         clearance -= ahead
         clearance[ahead <= np.float32(1e-3)] = np.nan
         return clearance

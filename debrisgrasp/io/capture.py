@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, sealed
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._files import write_atomic
 from debrisgrasp.errors import CaptureError
@@ -206,8 +206,8 @@ class Capture:
             points = self.intrinsics.deproject(self.depth)
             normals = depth_normals(self.depth, self.intrinsics)
             return PointCloud(
-                points.reshape(-1, 3).take(pixels, axis=0),
-                normals.reshape(-1, 3).take(pixels, axis=0),
+                sealed(points.reshape(-1, 3).take(pixels, axis=0)),
+                sealed(normals.reshape(-1, 3).take(pixels, axis=0)),
                 np.zeros(3),
                 frame="camera",
                 pixels=pixels,

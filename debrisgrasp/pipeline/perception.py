@@ -186,7 +186,10 @@ class Perception:
         order = np.argsort(group.astype(dtype), kind="stable")
         parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
         spacing, points = self.scene_config.spacing, self.cloud.points
-        kept = [part[voxel_downsample(points[part], spacing)] for part in parts]
+        # Taking rows is several times as fast as indexing.
+        kept = [
+            part[voxel_downsample(points.take(part, axis=0), spacing)] for part in parts
+        ]
         return np.sort(np.concatenate(kept))
 
 

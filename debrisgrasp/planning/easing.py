@@ -14,7 +14,7 @@ from .load import Loads
 from .plan import Grasp
 from .reach import Arm, Distance
 
-__all__ = ["LEEWAY", "Easing", "way_of"]
+__all__ = ["LEEWAY", "Easing", "lifted", "way_of"]
 
 _LIFT = 0.15
 """How far the hand goes up with the object [m]: there too it has to give way."""
@@ -95,6 +95,12 @@ def way_of(
     joints = [[(grasp.joints or {})[name] for name in joint_names] for grasp in grasps]
     hand = np.array([grasp.T_base_hand.matrix for grasp in grasps])
     away = np.array([grasp.T_base_pregrasp.matrix for grasp in grasps])
-    lifted = hand.copy()
-    lifted[:, 2, 3] += _LIFT
-    return np.array(joints), SE3(hand), SE3(np.stack([away, lifted], axis=1))
+    ways = np.stack([away, lifted(hand)], axis=1)
+    return np.array(joints), SE3(hand), SE3(ways)
+
+
+def lifted(Ts_base_hand: FloatArray) -> FloatArray:
+    """Poses (k, 4, 4) of hands once they have lifted the object."""
+    found = Ts_base_hand.copy()
+    found[:, 2, 3] += _LIFT
+    return found

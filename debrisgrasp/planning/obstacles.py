@@ -56,7 +56,7 @@ class ObstacleMap:
         near = np.flatnonzero(workspace.contains(cloud.points))
         if not len(near):
             return cls(None, ground_plane, truncation)
-        thinned = near[voxel_downsample(cloud.points[near], spacing)]
+        thinned = near[voxel_downsample(cloud.points.take(near, axis=0), spacing)]
         field = DistanceField.build(
             cloud.selected(thinned),
             Bounds.around(cloud.points[thinned], truncation),

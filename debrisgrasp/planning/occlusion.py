@@ -39,9 +39,10 @@ def is_beside_nearer(
     rays, away = _rays(others - viewpoint)
     directions, distance = _rays(points - viewpoint)
     # Only what is nearer than the farthest point, and in its field of view, can hide.
-    low, high = directions.min(axis=0) - _BESIDE, directions.max(axis=0) + _BESIDE
-    may_hide = ((rays >= low) & (rays <= high)).all(axis=1)
-    may_hide &= away < distance.max() - _NEARER
+    may_hide = away < distance.max() - _NEARER
+    for ray, direction in zip(rays.T, directions.T, strict=True):
+        may_hide &= ray >= direction.min() - _BESIDE
+        may_hide &= ray <= direction.max() + _BESIDE
     rays, away = rays[may_hide], away[may_hide]
     _, row = cKDTree(rays).query(directions, k=_LOOKED_AT, distance_upper_bound=_BESIDE)
     # Where there are fewer neighbours, the row is one past the last.

@@ -161,7 +161,7 @@ class GraspScene:
         target, others = near[wanted], near[~wanted]
         kept = np.concatenate(
             [
-                part[voxel_downsample(cloud.points[part], config.spacing)]
+                part[voxel_downsample(cloud.points.take(part, axis=0), config.spacing)]
                 for part in (target, others)
                 if len(part)
             ]
@@ -229,8 +229,8 @@ def _filled(
         truncation=config.truncation,
     )
     clearance = _with_ground(field, ground_plane, config.ground_roughness)
-    nearest = field.nearest.copy()
-    nearest[field.space == Space.UNKNOWN] |= UNKNOWN_FLAG
+    is_unknown = field.space == Space.UNKNOWN
+    nearest = field.nearest | np.where(is_unknown, UNKNOWN_FLAG, np.int32(0))
     # Kept in `clearance` alone: a grid of them takes megabytes.
     field.__dict__.pop("gap", None)
     return field, clearance, nearest
@@ -247,7 +247,7 @@ def _seen_surface(
     kin = np.flatnonzero((belongs > 0.0) & (belongs < 1.0))
     kept = np.concatenate(
         [
-            part[voxel_downsample(cloud.points[part], spacing)]
+            part[voxel_downsample(cloud.points.take(part, axis=0), spacing)]
             for part in (own, kin)
             if len(part)
         ]

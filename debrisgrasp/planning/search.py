@@ -18,6 +18,7 @@ from debrisgrasp.prototypes import PrototypeLibrary
 from .annealing import Walkers
 from .approach import Ways
 from .config import SETTLED, PlannerConfig
+from .easing import lifted
 from .exploration import exchanged, explore, refine
 from .ledger import Ledger
 from .load import LoadModel
@@ -252,7 +253,8 @@ class GraspSearch:
         for arm in arms:
             mine = np.flatnonzero(self.tools.gripper_of[prototype] == arm.gripper)
             if len(mine):
-                room = arm.may_yield(SE3(Ts[mine])).astype(np.float64)
+                # Once the object is lifted there mostly is less room than before.
+                room = arm.may_yield(SE3(lifted(Ts[mine]))).astype(np.float64)
                 stiff = np.flatnonzero(room == 0.0)
                 if len(stiff):
                     room[stiff] = STIFF * arm.may_reach(SE3(Ts[mine[stiff]]))

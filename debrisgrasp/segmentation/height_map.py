@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter, grey_dilation, grey_erosion, uniform_filter
 
-from debrisgrasp._arrays import FloatArray, IntArray, bounded
+from debrisgrasp._arrays import FloatArray, IntArray
 
 __all__ = ["DEEP", "HeightMap", "fitted_height_map", "raised_limits"]
 
@@ -76,8 +76,10 @@ class HeightMap:
         for i, size in enumerate((rows, columns)):
             place = points[:, i] * scale
             place -= lower[i]
+            np.maximum(place, 0, out=place)
+            np.minimum(place, size - 1, out=place)
             cells *= size
-            cells += bounded(place, 0, size - 1).astype(np.intp)
+            cells += place.astype(np.intp)
         return cells
 
     def raster_middles(self) -> FloatArray:
@@ -219,13 +221,13 @@ def _lower_envelope(mean: FloatArray) -> FloatArray:
 
 def _smoothed(mean: FloatArray) -> FloatArray:
     """Gaussian smoothing that fills gaps from afar; without any data the plane."""
-    seen = np.isfinite(mean).astype(np.float64)
-    filled = np.nan_to_num(mean)
+    seen_and_mean = np.stack([np.isfinite(mean), np.nan_to_num(mean)])
     surface = np.zeros(mean.shape)
     missing = np.ones(mean.shape)
     for width in (_MAP_SMOOTHING, 3 * _MAP_SMOOTHING, 9 * _MAP_SMOOTHING):
-        weight = gaussian_filter(seen, width, mode="constant")
-        value = gaussian_filter(filled, width, mode="constant")
+        weight, value = gaussian_filter(
+            seen_and_mean, (0.0, width, width), mode="constant"
+        )
         share = np.minimum(weight / 0.1, 1.0) * missing
         surface += share * value / np.maximum(weight, 1e-9)
         missing -= share

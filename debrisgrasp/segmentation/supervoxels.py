@@ -10,6 +10,7 @@ no order, and every voxel ends up in a patch.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -40,6 +41,8 @@ _FINEST, _COARSEST = 5e-4, 10.0
 """Resolutions beyond these [m] can only be of another unit."""
 _SETTLED = 0.002
 """Sweeps end early once a smaller share of the voxels than this changes its patch."""
+_PAIRS_AT_ONCE = 1 << 16
+"""Pairs of voxels compared at once, so that the work stays in the processor's cache."""
 
 
 @checked_fields
@@ -196,7 +199,7 @@ def _features(grid: VoxelGrid, config: SupervoxelConfig) -> Float32Array:
     parts = [centered.T / config.seed_resolution, np.nan_to_num(grid.normals.T)]
     if grid.colors is not None:
         parts.append(grid.colors.T)
-    return np.concatenate(parts).astype(np.float32)
+    return np.concatenate(parts).astype(np.float32, order="C")
 
 
 def _distance(
@@ -247,17 +250,28 @@ def _grown(grid: VoxelGrid, seeds: IntArray, config: SupervoxelConfig) -> IntArr
     owner[seeds] = np.arange(len(seeds))
     cost[seeds] = 0.0
     means = features[:, seeds]
-    is_next = grid.targets[1:] != grid.targets[:-1]
+    sources, targets = grid.sources, grid.targets
+    offered = owner.copy()
     n_sweeps = int(1.8 * config.seed_resolution / config.voxel_resolution) - 1
     for _ in range(n_sweeps):
-        n_taken = _sweep(grid, features, means, owner, cost, is_next, config)
-        if n_taken <= _SETTLED * len(grid):
+        before = owner.copy()
+        taken = _sweep(sources, targets, features, means, offered, owner, cost, config)
+        if len(taken) <= _SETTLED * len(grid):
             break
         means = _patch_means(features, owner, len(seeds))
-    while (owner < 0).any() and _sweep(
-        grid, features, means, owner, cost, is_next, config, only_free=True
-    ):
-        pass
+        # A patch that neither gained nor lost a voxel offers what it did before.
+        has_changed = np.zeros(len(seeds) + 1, dtype=bool)
+        has_changed[owner[taken]] = has_changed[before[taken]] = True
+        has_changed[-1] = False
+        offered = np.where(has_changed[owner], owner, -1)
+    while True:
+        open_pairs = np.flatnonzero(owner.take(targets) < 0)
+        sources, targets = sources.take(open_pairs), targets.take(open_pairs)
+        offered = owner.copy()
+        if not len(
+            _sweep(sources, targets, features, means, offered, owner, cost, config)
+        ):
+            break
     free = owner < 0
     if free.any():
         owner[free] = len(seeds) + _components(grid, free)
@@ -266,47 +280,71 @@ def _grown(grid: VoxelGrid, seeds: IntArray, config: SupervoxelConfig) -> IntArr
 
 
 def _sweep(
-    grid: VoxelGrid,
+    sources: IntArray,
+    targets: IntArray,
     features: Float32Array,
     means: Float32Array,
+    offered: IntArray,
     owner: IntArray,
     cost: Float32Array,
-    is_next: BoolArray,
     config: SupervoxelConfig,
-    *,
-    only_free: bool = False,
-) -> int:
-    """Let every voxel take the best offer of its neighbours' patches, in place.
+) -> IntArray:
+    """Let every voxel take the best offer of its neighbours, in place.
 
-    ``is_next`` says which pairs of neighbours, from the second on, belong to another
-    voxel than the one before. Returns how many voxels took an offer.
+    Parameters
+    ----------
+    sources, targets
+        Ordered pairs of voxels of which the first offers to the second, by the second.
+    offered
+        Patch that each voxel offers, -1 for none, shape (v,).
+    owner, cost
+        Patch of each voxel, -1 for none, and its distance to it, shape (v,).
+
+    Returns
+    -------
+    IntArray
+        Voxels that took an offer.
     """
-    offering = owner.take(grid.sources)
-    if only_free:
-        is_offer = (offering >= 0) & (owner < 0).take(grid.targets)
-    else:
-        is_offer = (offering >= 0) & (offering != owner.take(grid.targets))
+    # All pairs of a voxel together.
+    cuts = np.searchsorted(targets, targets[_PAIRS_AT_ONCE::_PAIRS_AT_ONCE])
+    taken = []
+    for start, end in pairwise([0, *cuts, len(targets)]):
+        patch, voxel = _offers(
+            offered.take(sources[start:end]), owner, targets[start:end]
+        )
+        offer = _distance(features, means, patch, voxel, config)
+        # Few offers are better than what a voxel has; only these are compared.
+        better = np.flatnonzero(offer < cost.take(voxel))
+        patch, voxel, offer = patch[better], voxel[better], offer[better]
+        starts = np.flatnonzero(np.diff(voxel, prepend=-1))
+        if not len(starts):
+            continue
+        best = np.minimum.reduceat(offer, starts)
+        # Of equal offers the patch with the smallest number wins.
+        width = np.diff(starts, append=len(voxel))
+        contender = np.where(offer <= np.repeat(best, width), patch, means.shape[1])
+        taker = voxel[starts]
+        owner[taker] = np.minimum.reduceat(contender, starts)
+        cost[taker] = best
+        taken.append(taker)
+    return np.concatenate(taken) if taken else np.empty(0, dtype=np.intp)
+
+
+def _offers(
+    offered: IntArray, owner: IntArray, targets: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Offered patches and the voxels they are offered to, of pairs by their voxel.
+
+    Voxels are not offered the patch they are in, and most others only once.
+    """
+    is_offer = offered != owner.take(targets)
+    is_offer &= offered >= 0
     # Neighbours in a row mostly offer the same patch.
-    is_new = offering[1:] != offering[:-1]
-    is_new |= is_next
+    is_new = offered[1:] != offered[:-1]
+    is_new |= targets[1:] != targets[:-1]
     is_offer[1:] &= is_new
     chosen = np.flatnonzero(is_offer)
-    patch, voxel = offering.take(chosen).astype(np.intp), grid.targets.take(chosen)
-    offer = _distance(features, means, patch, voxel, config)
-    # Few offers are better than what a voxel has; only these are compared.
-    better = np.flatnonzero(offer < cost.take(voxel))
-    if not len(better):
-        return 0
-    patch, voxel, offer = patch[better], voxel[better], offer[better]
-    starts = np.flatnonzero(np.diff(voxel, prepend=-1))
-    best = np.minimum.reduceat(offer, starts)
-    # Of equal offers the patch with the smallest number wins.
-    width = np.diff(starts, append=len(voxel))
-    contender = np.where(offer <= np.repeat(best, width), patch, means.shape[1])
-    taker = voxel[starts]
-    owner[taker] = np.minimum.reduceat(contender, starts)
-    cost[taker] = best
-    return len(taker)
+    return offered.take(chosen).astype(np.intp), targets.take(chosen)
 
 
 def _patch_means(

@@ -92,8 +92,10 @@ def find_surroundings(
     kinds = np.where(is_ground, PointKind.GROUND, PointKind.STANDING).astype(np.uint8)
     found = []
     if report.status == "removed" and report.plane is not None:
-        over_plane = cloud.points @ report.plane[:3] + report.plane[3]
-        is_below = ~is_ground & (over_plane < -DEEP)
+        rest = np.flatnonzero(~is_ground)
+        over_plane = cloud.points.take(rest, axis=0) @ report.plane[:3]
+        is_below = np.zeros(len(cloud), dtype=bool)
+        is_below[rest[over_plane + report.plane[3] < -DEEP]] = True
         found += _marked(
             kinds,
             is_below,

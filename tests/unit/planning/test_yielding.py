@@ -8,13 +8,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from debrisgrasp.geometry import SE3
-from debrisgrasp.planning import Grasp, GraspPlanner, LoadForecast, PlannerConfig
+from debrisgrasp._stopwatch import Stopwatch
+from debrisgrasp.geometry import SE3, Bounds, DepthSight
+from debrisgrasp.planning import (
+    Grasp,
+    GraspPlanner,
+    GraspScene,
+    LoadForecast,
+    PlannerConfig,
+    SceneConfig,
+)
 from debrisgrasp.planning.choice import is_half_turn_symmetric
 from debrisgrasp.planning.easing import Easing
 from debrisgrasp.planning.ledger import Ledger
 from debrisgrasp.planning.offers import Offers
 from debrisgrasp.prototypes import PrototypeLibrary
+from tests.scenes import CAMERA, capture_of, lying_pipe
 
 
 class Arm:
@@ -243,3 +252,51 @@ def test_those_left_out_are_counted_with_their_reason(planner):
         "left arm: no room to give way to a push": 2,
         "right arm: no room to give way to a push": 1,
     }
+
+
+class Nowhere:
+    """Gets nowhere; remembers about which places it was asked."""
+
+    name, gripper, joint_names = "right", "robotiq_3f", ("j",)
+    wrench_limits = (100.0, 100.0)
+
+    def __init__(self) -> None:
+        self.may_yield_at: list[np.ndarray] = []
+        self.may_reach_at: list[np.ndarray] = []
+
+    def may_yield(self, T_base_hand: SE3) -> np.ndarray:
+        self.may_yield_at.append(T_base_hand.matrix)
+        return np.zeros(len(T_base_hand.matrix), dtype=bool)
+
+    def may_reach(self, T_base_hand: SE3) -> np.ndarray:
+        self.may_reach_at.append(T_base_hand.matrix)
+        return np.zeros(len(T_base_hand.matrix), dtype=bool)
+
+    def follow(self, _: SE3, q_before: np.ndarray, **__) -> np.ndarray:
+        return np.full_like(q_before, np.nan)
+
+
+def test_the_search_asks_for_room_where_the_object_is_lifted():
+    capture, arm = capture_of([lying_pipe()]), Nowhere()
+    cloud = capture.cloud()
+    is_object = cloud.points[:, 2] > 0.02
+    scene = GraspScene.build(
+        cloud,
+        is_object,
+        Bounds.around(cloud.points[is_object], 0.05),
+        DepthSight(capture.depth, CAMERA, capture.T_base_camera),
+        SceneConfig(),
+    )
+    library = PrototypeLibrary.load().select(names=["cylinder_060_tip"])
+    found = GraspPlanner(library, PlannerConfig()).plan(
+        scene,
+        [arm],
+        lambda points: np.full(points.shape[:-1], 0.1),
+        rng=np.random.default_rng(0),
+        watch=Stopwatch(None, lambda _stage, _share: None),
+    )
+    assert not found.grasps
+    assert arm.may_yield_at
+    up = SE3.from_parts(p=(0.0, 0.0, 0.15)).matrix
+    for asked, place in zip(arm.may_yield_at, arm.may_reach_at, strict=True):
+        assert asked == pytest.approx(up @ place)

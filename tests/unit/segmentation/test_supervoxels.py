@@ -3,7 +3,15 @@ import pytest
 
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.segmentation import Binning, SupervoxelConfig
-from debrisgrasp.segmentation.supervoxels import supervoxels
+from debrisgrasp.segmentation.supervoxels import (
+    _distance,
+    _features,
+    _grown,
+    _patch_means,
+    _seeds,
+    supervoxels,
+)
+from debrisgrasp.segmentation.voxels import VoxelGrid, voxelise
 
 from .clouds import TWO_BOXES, cloud_of, plate, scene_cloud, truth_of
 
@@ -34,6 +42,61 @@ def test_patches_are_about_as_large_as_the_seed_spacing():
     cloud = cloud_of(plate((0.5, 1.0), (0.0, 0.5)), UP)
     patches = supervoxels(cloud, SupervoxelConfig(seed_resolution=0.05))
     assert 60 < len(patches) < 160
+
+
+def grown_one_by_one(grid: VoxelGrid, seeds: np.ndarray, config: SupervoxelConfig):
+    """Patch of each voxel if each hears all its neighbours in every sweep."""
+    features = _features(grid, config)
+    owner, cost = np.full(len(grid), -1), np.full(len(grid), np.inf, dtype=np.float32)
+    owner[seeds], cost[seeds] = np.arange(len(seeds)), 0.0
+    means = features[:, seeds]
+    cuts = np.searchsorted(grid.targets, np.arange(1, len(grid)))
+    neighbours = np.split(grid.sources, cuts)
+
+    def sweep(*, only_free: bool) -> int:
+        before, n_taken = owner.copy(), 0
+        for voxel in range(len(grid)):
+            if only_free and before[voxel] >= 0:
+                continue
+            patches = np.setdiff1d(before[neighbours[voxel]], [-1, before[voxel]])
+            if not len(patches):
+                continue
+            at = np.full(len(patches), voxel)
+            offers = _distance(features, means, patches, at, config)
+            best = offers.argmin()
+            if offers[best] < cost[voxel]:
+                owner[voxel], cost[voxel] = patches[best], offers[best]
+                n_taken += 1
+        return n_taken
+
+    for _ in range(int(1.8 * config.seed_resolution / config.voxel_resolution) - 1):
+        if sweep(only_free=False) <= 0.002 * len(grid):
+            break
+        means = _patch_means(features, owner, len(seeds))
+    n_late = sweep(only_free=True)
+    while sweep(only_free=True):
+        pass
+    return owner, n_late
+
+
+@pytest.mark.parametrize("pairs_at_once", [100, 1 << 16])
+def test_patches_grow_as_if_each_voxel_heard_all_its_neighbours(
+    rng, monkeypatch, pairs_at_once
+):
+    monkeypatch.setattr(
+        "debrisgrasp.segmentation.supervoxels._PAIRS_AT_ONCE", pairs_at_once
+    )
+    config = SupervoxelConfig()
+    points = plate((0.5, 0.7), (0.0, 0.2), spacing=0.008)
+    cloud = cloud_of(points + rng.normal(0.0, 0.006, points.shape), UP)
+    grid = voxelise(cloud, config.voxel_resolution)
+    # Few seeds leave voxels that nobody reaches in time.
+    seeds = _seeds(grid, cloud, config)[::3]
+    expected, n_late = grown_one_by_one(grid, seeds, config)
+    assert n_late > 0
+    reached = expected >= 0
+    numbers = np.unique(expected[reached], return_inverse=True)[1]
+    np.testing.assert_array_equal(_grown(grid, seeds, config)[reached], numbers)
 
 
 def test_edges_join_each_pair_of_touching_patches_once():
