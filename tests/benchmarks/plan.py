@@ -2,8 +2,8 @@
 
 Run: python -m tests.benchmarks.plan [--json FILE]
 
-Beside each time stands the CPU time of the thread: on a machine that has other work the
-first says little.
+Each time is the median of three runs. Beside it stands the CPU time of the thread: on a
+machine that has other work the first says little.
 """
 
 from __future__ import annotations
@@ -12,7 +12,10 @@ import resource
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -36,6 +39,8 @@ from debrisgrasp.segmentation import region_of_interest
 
 from .report import arguments, publish
 
+T = TypeVar("T")
+
 PILES = Path(__file__).parents[3] / "shared" / "data" / "piles"
 DEADLINE = 0.1
 TARGETS = {
@@ -55,6 +60,17 @@ def files() -> list[Path]:
 
 def captures() -> list[debrisgrasp.Capture]:
     return [debrisgrasp.Capture.load(path) for path in files()]
+
+
+def timed(work: Callable[[], T]) -> tuple[T, float, float]:
+    """Result of some work, and medians of three runs: time, CPU time of the thread."""
+    times = []
+    for _ in range(3):
+        begin, spent = time.perf_counter(), time.thread_time()
+        done = work()
+        times.append((time.perf_counter() - begin, time.thread_time() - spent))
+    seconds, cpu = np.median(times, axis=0).tolist()
+    return done, seconds, cpu
 
 
 def start_seconds(work: str) -> float:
@@ -110,20 +126,17 @@ def main() -> None:
     cpu_first, cpu_again, hurried, hurried_share = [], [], [], []
     for path in files():
         capture = debrisgrasp.Capture.load(path)
-        begin, spent = time.perf_counter(), time.thread_time()
-        result = pipeline.plan(capture)
-        seconds.append(time.perf_counter() - begin)
-        cpu_first.append(time.thread_time() - spent)
+        result, *first_time = timed(lambda c=capture: pipeline.plan(replace(c)))
+        seconds.append(first_time[0])
+        cpu_first.append(first_time[1])
         seen = pipeline.perceive(capture)
         pipeline.plan(seen)
-        begin, spent = time.perf_counter(), time.thread_time()
-        pipeline.plan(seen, seed=1)
-        again.append(time.perf_counter() - begin)
-        cpu_again.append(time.thread_time() - spent)
-        plan = result.plan
-        begin = time.perf_counter()
-        quick = pipeline.plan(seen, deadline=DEADLINE).plan
-        hurried.append(time.perf_counter() - begin)
+        _, *second_time = timed(lambda s=seen: pipeline.plan(s, seed=1))
+        again.append(second_time[0])
+        cpu_again.append(second_time[1])
+        quick, *hurry = timed(lambda s=seen: pipeline.plan(s, deadline=DEADLINE))
+        hurried.append(hurry[0])
+        plan, quick = result.plan, quick.plan
         scores = [p.grasps[0].score if p.grasps else 0.0 for p in (quick, plan)]
         hurried_share.append(scores[0] / max(scores[1], 1e-9))
         offered += len(plan.grasps)
