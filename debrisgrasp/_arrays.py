@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from numbers import Real
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -113,10 +113,13 @@ def frozen(
 ) -> NDArray[Any]:
     """Copy to ``dtype``, check the trailing shape, and make it read-only.
 
-    What is `sealed` already needs no copy.
+    What comes out of `sealed` needs no copy.
     """
     try:
-        copy = array if _is_sealed(array, dtype) else np.array(array, dtype=dtype)
+        if isinstance(array, _Sealed) and array.dtype == dtype:
+            copy = array.view(np.ndarray)
+        else:
+            copy = np.array(array, dtype=dtype)
     except (TypeError, ValueError) as error:
         raise ShapeError(
             name,
@@ -128,17 +131,15 @@ def frozen(
     return copy
 
 
+class _Sealed(np.ndarray[Any, Any]):
+    """An array on its way into a record, that nobody else can write to.
+
+    Its write flag alone would not say so: whoever owns an array, or has an earlier view
+    of it, can write to it again.
+    """
+
+
 def sealed(array: NDArray[Any]) -> NDArray[Any]:
-    """Make a new array, of which nobody has a view, read-only in place."""
+    """Hand over a new array, of which nobody has a view, read-only."""
     array.flags.writeable = False
-    return array
-
-
-def _is_sealed(array: ArrayLike, dtype: Any) -> TypeGuard[NDArray[Any]]:
-    """Whether an array of this type can't be written through a name of it."""
-    return (
-        type(array) is np.ndarray
-        and array.dtype == dtype
-        and array.base is None
-        and not array.flags.writeable
-    )
+    return array if array.base is not None else array.view(_Sealed)

@@ -181,6 +181,7 @@ class CartesianServo:
         )
         goal, step = pace * np.array(error), [pace * d for d in wanted]
         held: dict[int, float] = {}
+        slow, off = step, 0.0
         for _ in near:
             beyond = {
                 j: bound
@@ -189,17 +190,28 @@ class CartesianServo:
             }
             if not beyond:
                 break
+            if not held:
+                share = min(bound / step[j] for j, bound in beyond.items())
+                slow = [share * d for d in step]
             held |= beyond
             rows = list(held)
             free = J.copy()
             free[:, rows] = 0.0
             left = goal - J[:, rows] @ list(held.values())
             step, _ = self.solved(free, left.tolist())
-            if np.linalg.norm(left - free @ step) > _OFF * np.linalg.norm(goal):
+            # What the damping left of it, or arms of six joints could never do it.
+            rest, _ = self.solved(free, (left - free @ step).tolist())
+            step = [d + more for d, more in zip(step, rest, strict=True)]
+            off = float(np.linalg.norm(left - free @ step) / np.linalg.norm(goal))
+            if not off < _OFF:
                 return wanted
             for j, bound in held.items():
                 step[j] = bound
-        return [d / pace for d in step] if held else wanted
+        if not held:
+            return wanted
+        # Ever less up to there, or the hand would start and stop from tick to tick.
+        share = 1.0 - off / _OFF
+        return [(d + share * (e - d)) / pace for d, e in zip(slow, step, strict=True)]
 
     def _stopped_at(self, j: int, value: float, d: float) -> float:
         """Largest part of a joint's displacement from which it stops at its limit."""

@@ -51,19 +51,22 @@ def drag(context: Context) -> StepResult:
     begun = base.read()
     pull = _Pull(context, base, phases, _SHARE * drive.limits.force)
     translation, rotation = settings.compliance
-    end = drive.leg(
-        [0.0, 0.0, _CREEP],
-        speed=_CREEP / (seconds + 1.0),
-        compliance=Compliance.diagonal(translation, rotation),
-        tare=TarePolicy.SESSION,
-        until=pull,
-    )
-    base.stop()
+    try:
+        end = drive.leg(
+            [0.0, 0.0, _CREEP],
+            speed=_CREEP / (seconds + 1.0),
+            compliance=Compliance.diagonal(translation, rotation),
+            tare=TarePolicy.SESSION,
+            until=pull,
+        )
+    finally:
+        base.stop()  # also when an arm or a sensor answers no more
+        # What was seen was seen from elsewhere.
+        context.cycle.seen = context.last_seen = None
+        context.known = KnownSpace()
+        context.dragged = begun.inverse() @ base.read()
     context.wait(_BRAKING)
     context.dragged = begun.inverse() @ base.read()
-    # What was seen was seen from elsewhere.
-    context.cycle.seen = context.last_seen = None
-    context.known = KnownSpace()
     if isinstance(end, FaultFound):
         return end
     facts = {

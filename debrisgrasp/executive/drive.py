@@ -268,6 +268,8 @@ class Drive(Senses):
             if command.stop is not None:
                 return self._stopped(command.stop, reading)
             self._send(command.q)
+            if until is not None:
+                until(command.load)  # it may have more to stop than this arm
         return LegEnd(state.outcome, state.share, controller.leg.length)
 
     def _begun(

@@ -8,6 +8,7 @@ was held, and the way back leads around it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -50,8 +51,9 @@ _HIGHEST = 0.25
 """A look at what was put down aims no higher [m]."""
 _HIGHER = ("", "_above", "_top")
 """Names of the looks at something that stands higher than one picture shows."""
-_EDGE = 3.0
-"""Rows of the picture next to its edge [pixels]."""
+_EDGE, _FRAME = 3, 0.1
+"""Rows next to the upper end of what is measured [pixels], and how much of a picture a
+camera may not measure there."""
 _LOW = 0.03
 """What is no higher lies on the ground [m]."""
 
@@ -131,12 +133,17 @@ def looked_after(context: Context, arm: str, opening: float) -> int:
     place[2] = min(place[2], _HIGHEST)  # what may have fallen lies low
     n_seen, number = 0, context.cycle.number
     aim: FloatArray | None = place
+    looked: Mapping[str, float] = {}
     # What stands on end goes on above a picture: no way may lead through there.
     for name in (f"released_{number:03d}{higher}" for higher in _HIGHER):
         if aim is None:
             break
+        look = look_towards(context, aim)
+        if n_seen and look == looked:
+            break  # no head turns higher
+        looked = look
         is_wanted = is_close if n_seen else partial(_is_beside, place)
-        taken = image(context, name, look_towards(context, aim), is_wanted=is_wanted)
+        taken = image(context, name, look, is_wanted=is_wanted)
         if isinstance(taken, FaultFound):
             break
         context.record.keep(taken, taken.name)
@@ -153,10 +160,14 @@ def _is_beside(place: FloatArray, ground: FloatArray) -> BoolArray:
 
 def _above_picture(taken: Capture, points: FloatArray) -> FloatArray | None:
     """Where points (n, 3) go on above the picture [m], shape (3,); None: nowhere."""
+    assert taken.depth is not None
     assert taken.intrinsics is not None
     assert taken.T_base_camera is not None
     uv, _ = taken.intrinsics.project(taken.T_base_camera.inverse().apply(points))
-    at_edge = points[uv[:, 1] < _EDGE]
+    column, row = np.rint(uv).astype(np.intp).T
+    first = np.isfinite(taken.depth).argmax(axis=0)
+    is_cut = (row - first[column] < _EDGE) & (row < _FRAME * len(taken.depth))
+    at_edge = points[is_cut]
     return at_edge.mean(axis=0) if len(at_edge) >= _FEW else None
 
 

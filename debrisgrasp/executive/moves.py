@@ -53,6 +53,8 @@ _FIRST = 10
 _STEP, _NEXT = 0.03, 0.5
 """Between two postures of a way gone others are filled in, so far apart, if they follow
 each other as near as that [rad or m]."""
+_LOWERED_UP_TO = 0.95
+"""Share of the controller's limits up to which what hangs is lowered."""
 _PRESSED = 0.3
 """Share of a limit above which a hand gives way before it is taken elsewhere."""
 _GUARDED = 0.25
@@ -302,7 +304,8 @@ def lower(drive: Drive, depth: float) -> FaultFound | None:
     if isinstance(load, FaultFound):
         return load
     # What is too heavy hangs near the limit already, and can only be put down.
-    limits, most = with_room(drive.limits, load), drive.limb.limits.controller
+    limits = with_room(drive.limits, load)
+    most = drive.limb.limits.controller.scaled(load=_LOWERED_UP_TO)
     end = drive.leg(
         [0.0, 0.0, -depth],
         speed=drive.context.settings.lift_speed,

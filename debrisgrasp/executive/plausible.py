@@ -65,7 +65,9 @@ class Felt:
             fault = "wrench_sign"
             message = "all that the sensor measures changed its sign at once"
         unturned = before if is_turned else None
-        return Felt(q, wrench_ft, away > _STANDS, unturned, fault, message)
+        # Who is not heard moves on, or brakes.
+        is_moving = self.is_moving if q is self.q else away > _STANDS
+        return Felt(q, wrench_ft, is_moving, unturned, fault, message)
 
 
 def _heard(values: Sequence[float], before: Sequence[float]) -> Sequence[float]:

@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, sealed
+from debrisgrasp._arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    frozen,
+    require_trailing,
+    sealed,
+)
 from debrisgrasp.errors import FrameMismatchError, InputError, ShapeError
 
 from .se3 import SE3
@@ -68,6 +75,8 @@ class Bounds:
 
     def contains(self, points: FloatArray) -> BoolArray:
         """Which of the points (..., 3) lie inside or on the border."""
+        points = np.asarray(points)
+        require_trailing(points, "points", (3,))
         inside = np.ones(points.shape[:-1], dtype=bool)
         # One coordinate after the other: reductions along rows of three are slow.
         for axis, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):

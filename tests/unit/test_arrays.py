@@ -9,8 +9,24 @@ from debrisgrasp._arrays import frozen, sealed
 
 
 def test_what_is_sealed_already_is_not_copied():
-    array = sealed(np.ones((4, 3)))
-    assert frozen(array, "points", (3,)) is array
+    array = np.ones((4, 3))
+    found = frozen(sealed(array), "points", (3,))
+    assert type(found) is np.ndarray
+    assert np.shares_memory(found, array)
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        found.flags.writeable = True
+
+
+def test_what_is_locked_by_its_owner_is_copied():
+    """Who locked it can unlock it, or has a view from before."""
+    array = np.ones((4, 3))
+    view = array[:]
+    array.flags.writeable = False
+    copy = frozen(array, "points", (3,))
+    view[0] = 2.0
+    array.flags.writeable = True
+    array[1] = 2.0
+    assert (copy == 1.0).all()
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,8 @@ from debrisgrasp.control import (
 from debrisgrasp.control._rigid import parts
 from debrisgrasp.control.servo import stoppable
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
-from debrisgrasp.geometry import SE3
-from debrisgrasp.kinematics import KinematicChain
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.kinematics import KinematicChain, LimitSet
 from tests.unit.kinematics.robots import JointText, written
 
 from .rigs import CHAIN, LIMITS, PERIOD, READY, ROMAN, rpy
@@ -106,6 +106,37 @@ def test_a_joint_at_its_limit_stops_no_hand_that_the_others_can_move(seed):
         assert np.abs(np.diff(passed, 2, axis=0) / PERIOD**2).max() < (
             1.001 * LIMITS.acceleration.max()
         )
+
+
+@pytest.mark.parametrize("aside", [0.0, 2e-5, 2e-4])
+def test_a_hand_that_one_joint_can_hardly_follow_goes_on_smoothly(tmp_path, aside):
+    """The waist of six joints stands at its limit; aside of it the hand can't go."""
+    joints = [
+        JointText("revolute", xyz=(reach, 0, 0), axis=axis)
+        for reach, axis in (
+            (0.0, (0, 0, 1)),
+            (0.0, (0, 1, 0)),
+            (0.5, (0, 1, 0)),
+            (0.5, (0, 1, 0)),
+            (0.1, (0, 0, 1)),
+            (0.1, (1, 0, 0)),
+        )
+    ]
+    chain = KinematicChain.from_urdf(written(tmp_path, joints), "link0", "link6")
+    limits = LimitSet.of_chain(chain, velocity=1.0, acceleration=10.0)
+    servo = CartesianServo(chain, limits, PERIOD)
+    q = np.array([2.0, -0.9, 1.5, -0.6, 0.0, 0.1])
+    start, n = chain.fk(q), 1000
+    outwards, left = so3.exp([0.0, 0.0, 2.0])[:, :2].T
+    state, passed = servo.start(q), [q]
+    for i in range(n):
+        goal = start.p + aside * left + 0.06 * i / n * outwards
+        state = servo.step(state, *parts(SE3.from_parts(start.R, goal)))
+        passed.append(np.array(state.q))
+    assert limits.violation(np.array(passed)) == ""
+    assert state.gap < aside / 0.015 + 1e-3
+    is_moving = np.abs(np.diff(passed, axis=0)).max(axis=1) > 1e-9
+    assert np.count_nonzero(np.diff(is_moving)) <= 1
 
 
 def test_what_can_be_stopped_in_time_is():

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from debrisgrasp.control import GripConfig, GripController
-from debrisgrasp.executive import Executive, TaskSettings
+from debrisgrasp.executive import Executive, TaskSettings, hanging
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.dropoff import object_in_hand
 from debrisgrasp.executive.hanging import _divided, looked_after, looked_at
 from debrisgrasp.executive.obstacles import space_of
-from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.perceive import capture, image, segment
 from debrisgrasp.executive.result import Done
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.motion import UnknownSpace
@@ -150,10 +151,19 @@ def test_what_was_put_down_is_seen_where_it_lies(lifted):
     assert sum(map(len, context.dropped)) < 0.2 * (len(hand) + len(guess))
 
 
-@pytest.mark.parametrize("height", [0.6, 1.1])
-def test_what_stands_on_end_is_seen_up_to_its_top(lifted, height):
+@pytest.mark.parametrize(("height", "border"), [(0.6, 0), (1.1, 0), (1.1, 4)])
+def test_what_stands_on_end_is_seen_up_to_its_top(lifted, monkeypatch, height, border):
     """Though one picture that shows the place does not show so far up."""
     fake, context, _ = lifted
+    camera = type(context.robot.camera)
+    whole = camera.capture
+
+    def bordered(self):
+        frame = whole(self)
+        inner = np.pad(np.ones(np.subtract(frame.depth.shape, 2 * border)), border)
+        return replace(frame, depth=np.where(inner > 0.0, frame.depth, np.nan))
+
+    monkeypatch.setattr(camera, "capture", bordered)
     sizes = {"length": 0.12, "width": 0.12, "height": height}
     post = make_body("brick", sizes, 2.0, name="post")
     place = [0.6, -0.75, 0.5 * height]
@@ -164,6 +174,23 @@ def test_what_stands_on_end_is_seen_up_to_its_top(lifted, height):
     assert looked_after(context, "right", 0.1) > 50
     (lying,) = context.lain
     assert lying[:, 2].max() == pytest.approx(height, abs=0.03)
+
+
+def test_a_head_at_its_stop_takes_no_picture_twice(lifted, monkeypatch):
+    fake, context, _ = lifted
+    sizes = {"length": 0.12, "width": 0.12, "height": 1.1}
+    place = [0.6, -0.75, 0.55]
+    post = make_body("brick", sizes, 2.0, name="post").at(SE3.from_parts(p=place))
+    fake.change_world(lambda w: World((*w.bodies, post), w.ground))
+    context.dropped[:] = [np.add(place, [[-0.05, 0.0, -0.2], [0.05, 0.0, 0.2]])]
+    stop = hanging.look_towards(context, np.array([*place[:2], 0.25]))
+    monkeypatch.setattr(hanging, "look_towards", lambda *_: stop)
+    taken = []
+    monkeypatch.setattr(
+        hanging, "image", lambda *a, **k: taken.append(a) or image(*a, **k)
+    )
+    assert looked_after(context, "right", 0.1) > 50
+    assert len(taken) == 1
 
 
 def test_what_the_arm_divides_in_the_picture_belongs_together_if_it_moved():

@@ -47,6 +47,17 @@ def test_a_load_that_grows_ends_or_comes_from_elsewhere_is_believed(load, least)
         assert not Felt(REST, HAND).followed_by(REST, load, OWN).fault
 
 
+@pytest.mark.parametrize(("away", "fault"), [(0.1, ""), (0.3, "encoder_jump")])
+def test_an_arm_that_is_not_heard_for_a_while_still_brakes(away, fault):
+    felt = Felt(REST, HAND, is_moving=True)
+    for _ in range(5):
+        felt = felt.followed_by((np.nan,) * 3, HAND, OWN)
+        assert not felt.fault
+    later = np.array(REST)
+    later[1] += away
+    assert felt.followed_by(later.tolist(), HAND, OWN).fault == fault
+
+
 @pytest.mark.parametrize(
     ("joint", "gone", "is_moving", "fault"),
     [

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import (
+    ContactGuard,
     FingerReading,
     GripConfig,
     GripController,
     GripPhase,
     LegOutcome,
 )
+from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.calibrated import calib_check
 from debrisgrasp.executive.context import Held
@@ -114,6 +116,47 @@ def test_a_base_that_drags_comes_back_to_where_it_was(pipeline, monkeypatch):
     assert drive_back(context) is None
     assert np.linalg.norm(fake.base.T_odom_base.p) < 0.1
     assert fake.truth().violations == ()
+
+
+def test_a_base_stops_when_an_arm_that_drags_answers_no_more(pipeline, monkeypatch):
+    fake, task = executive(pipeline)
+    context, base = task.context, fake.robot.base
+    context.state = State.LIFT
+    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
+    context.held = Held(
+        arm="right", grip=grip, watch=grip, state=grip.preshape(), is_watched=False
+    )
+    read, end = Drive.read, context.now() + 2.0
+
+    def silent(self):
+        if context.now() > end:
+            raise DriverError("arm", "no answer")
+        return read(self)
+
+    monkeypatch.setattr(Drive, "read", silent)
+    with pytest.raises(DriverError):
+        drag(context)
+    gone = np.linalg.norm(context.dragged.p)
+    assert gone > 0.02
+    context.wait(3.0)
+    assert np.linalg.norm(base.read().p) < gone + 0.01
+
+
+def test_the_load_is_judged_until_the_arm_has_come_to_rest(pipeline, monkeypatch):
+    _, task = executive(pipeline)
+    context, judged = task.context, []
+    touched = context.now() + 1.0
+    monkeypatch.setattr(
+        ContactGuard, "is_touched", lambda *_: bool(context.now() > touched)
+    )
+    end = Drive(context, "right").leg(
+        [0.0, 0.0, 0.05],
+        speed=0.01,
+        guard=ContactGuard(),
+        until=lambda _: judged.append(context.now()),
+    )
+    assert end.outcome is LegOutcome.CONTACT
+    assert judged[-1] == context.now()
 
 
 @pytest.mark.parametrize("force", [20.0, 60.0])
