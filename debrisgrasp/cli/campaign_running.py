@@ -43,6 +43,7 @@ from debrisgrasp.sim import TIERS
 from debrisgrasp.sim._mujoco import mujoco
 
 from .campaign_text import comparison_text, draw_tables, flights_text, tables_text
+from .live import show_line
 
 __all__ = ["run_campaigns"]
 
@@ -145,7 +146,7 @@ def _draw_failures(folder: Path, records: tuple[RunRecord, ...]) -> None:
         if not path.exists():
             pictures.mkdir(exist_ok=True)
             draw_flight(record, path)
-            _show_line(
+            show_line(
                 f"{i + 1} of {len(failed)} failures drawn", is_last=i + 1 == len(failed)
             )
     if failed:
@@ -197,13 +198,7 @@ def _show(progress: Progress) -> None:
     """Keep one line of the terminal up to date, if there is one."""
     latest = "" if progress.latest is None else progress.latest.outcome
     words = f"{progress.done} of {progress.total} runs  {latest:<24}"
-    _show_line(words, is_last=progress.done == progress.total)
-
-
-def _show_line(words: str, *, is_last: bool) -> None:
-    if sys.stderr.isatty():
-        end = "\n" if is_last else ""
-        print(f"\r{words}", end=end, file=sys.stderr, flush=True)
+    show_line(words, is_last=progress.done == progress.total)
 
 
 def _print_failures(records: tuple[RunRecord, ...]) -> None:

@@ -115,6 +115,8 @@ def _add_replay(subparsers: Subparsers) -> None:
 def _clear(arguments: argparse.Namespace) -> int:
     from debrisgrasp.executive.record import MemoryRecord, RunRecord, load_run
 
+    from .live import ToldRun  # slow to load
+
     if arguments.faults == "list":
         return _list_faults()
     region_of(arguments)
@@ -130,7 +132,8 @@ def _clear(arguments: argparse.Namespace) -> int:
         from debrisgrasp.viz.run import run_html  # slow to load
 
         require_places([arguments.report], PAGE_FORMS)
-    done = task.run(record, pipeline=pipeline, settings=settings)
+    told = ToldRun(record) if arguments.json else ToldRun(record, _print_now)
+    done = task.run(told, pipeline=pipeline, settings=settings)
     if isinstance(record, RunRecord) and record.fault:
         raise OutputError(record.folder, record.fault)
     if arguments.report:
@@ -143,6 +146,11 @@ def _clear(arguments: argparse.Namespace) -> int:
         print_written(arguments.record, arguments.report)
     end = done.result.end.value
     return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
+
+
+def _print_now(words: str) -> None:
+    """Print, also to a pipe, while the run goes on."""
+    print(words, flush=True)
 
 
 def _list_faults() -> int:
@@ -202,16 +210,8 @@ def _counted(done: Simulated) -> str | None:
 
 
 def _summary(done: Simulated) -> str:
-    result, lines = done.result, []
-    for attempt in result.attempts:
-        fate = "removed" if attempt.is_removed else "not removed"
-        words = [f"attempt {attempt.number}: {fate}"]
-        if attempt.prototype:
-            words.append(f"{attempt.prototype} with the {attempt.arm} arm")
-        words += [f"{e.fault} in {e.state.value}" for e in attempt.faults]
-        lines.append(", ".join(words))
-    for name, reason in result.left.items():
-        lines.append(f"left: {name}: {reason}")
+    result = done.result
+    lines = [f"left: {name}: {reason}" for name, reason in result.left.items()]
     failure, counted = result.fault_class, _counted(done)
     lines.append(
         f"{result.end.value} after {result.duration:.0f} s of the robot's time: "
@@ -233,6 +233,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     from debrisgrasp.executive.replay import decisions, differences
     from debrisgrasp.executive.simulated import SimulatedTask
 
+    from .live import ToldRun
+
     before = load_run(arguments.folder)
     taken = decisions(before.events)
     if not taken:
@@ -243,7 +245,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         events = load_run(arguments.against).events
     else:
         again = MemoryRecord()
-        SimulatedTask.from_json(before.inputs).run(again)
+        SimulatedTask.from_json(before.inputs).run(ToldRun(again))
         events = again.events
     is_interrupted = before.end is not None and before.end.get("end") == "interrupted"
     if is_interrupted:

@@ -194,8 +194,18 @@ class Capture:
                 + (", only T_level_camera" if self.T_level_camera else ""),
                 expected="the measured pose of the camera in the base frame",
                 mend="Store T_base_camera in the capture, or give camera_pose "
-                "(--camera-pose FILE or x,y,z,roll,pitch,yaw). camera_pose='level' "
-                "takes T_level_camera, whose origin is not the robot.",
+                "(--camera-pose FILE or x,y,z,roll,pitch,yaw)"
+                + (
+                    ", 0,0,0,0,0,0 if its points are in the base frame"
+                    if self.points is not None
+                    else ""
+                )
+                + (
+                    "; 'level' takes T_level_camera, whose origin is not the robot"
+                    if self.T_level_camera
+                    else ""
+                )
+                + ".",
             )
         return self._own_cloud().in_frame(self.T_base_camera, "base")
 

@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
+from traceback import extract_tb
 
 from debrisgrasp._checked import checked
 
@@ -60,7 +62,11 @@ class Check:
         try:
             problems.extend(self.function(robot))
         except Exception as error:  # noqa: BLE001 - a driver may raise anything
-            problems.append(f"raised {type(error).__name__}: {error}")
+            place = extract_tb(error.__traceback__)[-1]
+            problems.append(
+                f"raised {type(error).__name__}: {error} "
+                f"({Path(place.filename).name}, line {place.lineno})"
+            )
         finally:
             if self.moves:
                 _disengage(robot)
@@ -111,7 +117,9 @@ def _check(
 
 
 CHECKS = (
-    _check(protocols_are_kept, "every device has what its protocol asks for"),
+    _check(
+        protocols_are_kept, "devices have, and answer, what their protocols ask for"
+    ),
     _check(arms_are_named, "limbs, joints and hands bear the names of the model"),
     _check(clock_runs, "time rises, and waiting ends at the time asked for"),
     _check(times_rise, "readings are of now, and later ones are later"),

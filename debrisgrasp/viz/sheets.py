@@ -88,9 +88,11 @@ def segmentation_png(
     top = doubt_y = y + (_LINE if counts else 0)
     if doubt:
         top += _LINE * (doubt.count("\n") + 1)
-    slot = Slot(_FRAME, top + 2, 1080, 810)
-    width = 1700 if order else 1080 + 2 * _FRAME
-    page = Page(width, int(slot.y) + 840)
+    height, width = image.labels.shape
+    slot = Slot(_FRAME, top + 2, 1080, min(810, int(1080 * height / width)))
+    # The list beside the picture needs the room that a wide picture does not.
+    foot = int(slot.y + (810 if order else slot.height)) + _FRAME
+    page = Page(1700 if order else 1080 + 2 * _FRAME, foot)
     page.text(_FRAME, 18, shortened(name, 70), 18, weight="bold")
     page.text(_FRAME, 50, note, 11, color=MUTED_INK)
     page.row(_FRAME, y, counts, 10.5, weight="bold")

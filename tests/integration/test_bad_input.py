@@ -277,3 +277,12 @@ def test_a_few_absurd_depths_are_counted(refused, tmp_path, pipe_capture):
 def test_a_matrix_is_no_camera():
     with pytest.raises(debrisgrasp.DebrisGraspError, match=r"Intrinsics\.from_matrix"):
         debrisgrasp.Capture(depth=np.ones((4, 5)), intrinsics=np.eye(3))
+
+
+def test_a_cloud_without_a_pose_is_told_what_the_pose_of_base_is():
+    points = np.array([[1.0, 0.0, 0.0], [1.0, 0.1, 0.0], [1.1, 0.0, 0.1]])
+    cloud = debrisgrasp.Capture(points=points, viewpoint=np.zeros(3), name="lidar")
+    with pytest.raises(debrisgrasp.errors.CaptureError) as caught:
+        cloud.cloud()
+    assert "0,0,0,0,0,0 if its points are in the base frame" in str(caught.value)
+    assert "level" not in str(caught.value)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp import api
+from debrisgrasp.cli.live import ToldRun
 from debrisgrasp.cli.program import run as debrisgrasp
 from debrisgrasp.errors import UnknownNameError
 from debrisgrasp.executive import (
@@ -20,6 +21,7 @@ from debrisgrasp.executive import (
     TaskSettings,
     load_run,
 )
+from debrisgrasp.executive.record import MemoryRecord
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline
@@ -92,6 +94,35 @@ def test_what_is_low_is_driven_over_and_named(tmp_path, capsys):
     assert "drop-off, right arm" in page.read_text()
     assert debrisgrasp(["replay", str(folder)]) == 0
     assert "the same" in capsys.readouterr().out
+
+
+def test_each_attempt_is_told_as_it_ends_and_taken_down():
+    said, record = [], MemoryRecord()
+    told = ToldRun(record, said.append)
+    told.write("state", {"state": "close"})
+    told.write("fault", {"fault": "slip", "state": "lift"})
+    assert not said
+    failed = {"number": 1, "removed": False, "prototype": "bar", "arm": "left"}
+    told.write("attempt", failed)
+    told.write("attempt", {"number": 2, "removed": True, "prototype": None})
+    assert said == [
+        "attempt 1: not removed, bar with the left arm, slip in lift",
+        "attempt 2: removed",
+    ]
+    assert [event["event"] for event in record.events] == [
+        "state",
+        "fault",
+        "attempt",
+        "attempt",
+    ]
+
+
+def test_what_ended_a_run_stands_below_its_attempts(capsys):
+    arguments = ["clear", "--objects", "1", "--seed", "3"]
+    assert debrisgrasp([*arguments, "--faults", "wrench_sign@self_test"]) == 1
+    first, last = capsys.readouterr().out.splitlines()[:2]
+    assert first == "attempt 1: not removed, wrench_sign in self_test"
+    assert "0 removed; counts as driver" in last
 
 
 def test_an_injected_fault_ends_the_run_in_its_class(pipeline):

@@ -134,6 +134,19 @@ def silent(robot):
     return with_limb(robot, "arm", read=raising)
 
 
+def unnamed_reading(robot):
+    arm = robot.limbs["right"].arm
+    return with_limb(robot, "arm", read=lambda: {"time": 0.0, "q": arm.read().q})
+
+
+def no_image(robot):
+    return replace(robot, camera=Changed(robot.camera, capture=nothing))
+
+
+def reset_is_no_method(robot):
+    return with_limb(robot, "arm", reset=None)
+
+
 def incomplete(robot):
     arm = robot.limbs["right"].arm
     part = SimpleNamespace(
@@ -244,6 +257,10 @@ def head_in_degrees(robot):
         (frozen_time, "times_rise", "no later time"),
         (silent, "joints_are_read", "DriverError: arm: no answer"),
         (incomplete, "protocols_are_kept", "has no .*command"),
+        (reset_is_no_method, "protocols_are_kept", "arm right has no reset"),
+        (unnamed_reading, "protocols_are_kept", "arm right: .*dict without time, q"),
+        (no_image, "protocols_are_kept", "camera: .*a DepthFrame is needed"),
+        (silent, "times_rise", r"test_conformance\.py, line \d+"),
         (inverted_wrench, "wrist_is_read", "sign is inverted"),
         (frozen_wrench, "wrist_is_read", "is it alive"),
         (millimetre_fingers, "answers_whole", "not millimetres"),

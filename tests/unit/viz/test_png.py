@@ -140,6 +140,20 @@ def test_the_segments_alone_can_be_drawn(
     assert (share > 0.002) == (n_ordered > 0)
 
 
+def test_the_picture_of_segments_has_the_shape_of_its_image(
+    report: Report, tmp_path: Path
+) -> None:
+    assert report.cloud.image_shape is not None
+    rows, columns = report.cloud.image_shape
+    wide = replace(report.cloud, image_shape=(rows, 2 * columns))
+    heights = []
+    for cloud in (report.cloud, wide):
+        segmentation_png(tmp_path / "a.png", None, cloud, report.segmentation)
+        heights.append(len(pixels(tmp_path / "a.png")))
+    shown = [min(810, 1080 * rows // width) for width in (columns, 2 * columns)]
+    assert heights[0] - heights[1] == shown[0] - shown[1] > 0
+
+
 def test_a_sheet_of_prototypes_shows_hand_and_shape(
     hand: GripperModel, tmp_path: Path
 ) -> None:
