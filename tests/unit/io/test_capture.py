@@ -134,12 +134,15 @@ def test_a_mask_of_one_value_is_not_doubted(depth, camera, caplog, value):
     assert not caplog.text
 
 
-def test_without_a_pose_there_is_no_cloud_and_both_remedies_are_named(depth, camera):
+def test_without_a_pose_there_is_no_cloud_and_the_remedies_are_named(depth, camera):
     capture = Capture(depth=depth, intrinsics=camera)
     with pytest.raises(CaptureError, match="camera-pose") as caught:
         capture.cloud()
     assert "T_base_camera" in str(caught.value)
-    assert "level" in str(caught.value)
+    assert "level" not in str(caught.value)
+    level = Capture(depth=depth, intrinsics=camera, T_level_camera=SE3.identity())
+    with pytest.raises(CaptureError, match="'level' takes"):
+        level.cloud()
 
 
 def test_the_level_frame_is_taken_only_when_asked_for(depth, camera, T_base_camera):
