@@ -223,10 +223,12 @@ class PadContacts:
                 room[enough] = np.minimum(room[enough], left)
             rooms.append(np.where(is_seen, np.inf, room))
             leaning.append(near.lean(out, is_behind, width))
-            # Behind a face that is turned to the other side anything may be.
+            # Behind a face that is turned to the other side anything may be. What lies
+            # askew ends in a corner of few points.
             ends = near.count(is_last & (cosine > -np.float32(_TURNED)))
+            enough = np.minimum(near.count(is_last), self._config.min_points)
             hidden = np.maximum(farthest, upper[:, 0] - room)
-            hidden[ends < self._config.min_points] = np.inf
+            hidden[ends < enough] = np.inf
             spare += np.where(is_seen, farthest, hidden)
         over = self._overhang(near, is_behind | is_cut, width)
         slant, error = near.slant(upper[:, 2])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import SE3, PointCloud
+from debrisgrasp.geometry import SE3, PointCloud, so3
 from debrisgrasp.planning.contacts import ContactConfig, PadContacts, PadZones
 from debrisgrasp.prototypes import PrototypeLibrary
 
@@ -114,17 +114,28 @@ def test_fingertips_that_end_before_the_middle_of_a_pipe_squeeze_it_out(
 
 
 @pytest.mark.parametrize(
-    ("radius", "least", "most"), [(0.05, 0.5, 1), (0.015, 0, 0.02)]
+    ("radius", "seen", "n", "askew", "least", "most"),
+    [
+        (0.05, 1.4, 29, 0.0, 0.5, 1.0),
+        (0.015, 1.4, 29, 0.0, 0.0, 0.02),
+        (0.006, 1.0, 4, 0.4, 0.0, 0.05),
+    ],
 )
-def test_a_claw_can_not_squeeze_what_is_thinner_than_it_closes(radius, least, most):
+def test_a_claw_can_not_squeeze_what_is_thinner_than_it_closes(
+    radius, seen, n, askew, least, most
+):
+    """Nor what lies askew, and ends in a corner of few points on each side."""
     claw = PrototypeLibrary.load().select(names=["claw_bar_4x4"])
     zones = PadZones.of(claw, CONFIG)
-    turn = np.linspace(-1.4, 1.4, 29)
+    turn = np.linspace(-seen, seen, n)
     normals = np.stack([np.sin(turn), 0.0 * turn, -np.cos(turn)], axis=1)
     beside = (zones.lower[0] + zones.upper[0])[1] / 2
     points = [0.0, beside, float(zones.upper[0, 2]) - 0.055] + radius * normals
+    T = SE3.from_parts(so3.exp([0.0, 0.0, askew]))
     cloud = PointCloud(
-        extruded(points), np.tile(normals, (5, 1)), np.array([0.0, 0.0, -2.0])
+        T.apply(extruded(points)),
+        T.rotate(np.tile(normals, (5, 1))),
+        np.array([0.0, 0.0, -2.0]),
     )
     found = PadContacts(scene_of(cloud), zones, CONFIG)
     assert least <= at(found) <= most
