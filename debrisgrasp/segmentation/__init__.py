@@ -21,7 +21,7 @@ from .selection import (
     region_of_interest,
 )
 from .singulation import SingulationConfig
-from .supervoxels import SupervoxelConfig
+from .supervoxel_config import SupervoxelConfig
 from .support import GROUND, SupportConfig, SupportGraph, support_graph
 from .support_aware import SupportAware
 from .surroundings import SurroundingsConfig

@@ -19,7 +19,8 @@ from debrisgrasp.geometry import PointCloud
 
 from .convexity import extended_convexity, is_convex, is_singular, is_step
 from .segmentation import PatchGraph
-from .supervoxels import Patches, SupervoxelConfig, supervoxels
+from .supervoxel_config import SupervoxelConfig
+from .supervoxels import Patches, supervoxels
 
 __all__ = ["LccpConfig", "lccp"]
 

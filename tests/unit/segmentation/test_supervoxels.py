@@ -3,14 +3,13 @@ import pytest
 
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.segmentation import Binning, SupervoxelConfig
-from debrisgrasp.segmentation.supervoxels import (
+from debrisgrasp.segmentation.patch_growth import (
     _distance,
     _features,
-    _grown,
     _patch_means,
-    _seeds,
-    supervoxels,
+    grown,
 )
+from debrisgrasp.segmentation.supervoxels import _seeds, supervoxels
 from debrisgrasp.segmentation.voxels import VoxelGrid, voxelise
 
 from .clouds import TWO_BOXES, cloud_of, plate, scene_cloud, truth_of
@@ -84,7 +83,7 @@ def test_patches_grow_as_if_each_voxel_heard_all_its_neighbours(
     rng, monkeypatch, pairs_at_once
 ):
     monkeypatch.setattr(
-        "debrisgrasp.segmentation.supervoxels._PAIRS_AT_ONCE", pairs_at_once
+        "debrisgrasp.segmentation.patch_growth._PAIRS_AT_ONCE", pairs_at_once
     )
     config = SupervoxelConfig()
     points = plate((0.5, 0.7), (0.0, 0.2), spacing=0.008)
@@ -96,7 +95,7 @@ def test_patches_grow_as_if_each_voxel_heard_all_its_neighbours(
     assert n_late > 0
     reached = expected >= 0
     numbers = np.unique(expected[reached], return_inverse=True)[1]
-    np.testing.assert_array_equal(_grown(grid, seeds, config)[reached], numbers)
+    np.testing.assert_array_equal(grown(grid, seeds, config)[reached], numbers)
 
 
 def test_edges_join_each_pair_of_touching_patches_once():
