@@ -23,7 +23,7 @@ from debrisgrasp.io import Capture
 from .context import Context, Held
 from .dropoff import with_underside
 from .obstacles import are_near
-from .perceive import image, is_close, look_towards
+from .perceive import image, is_close, look_towards, sight_of
 from .result import FaultFound
 
 __all__ = ["looked_after", "looked_at"]
@@ -238,12 +238,9 @@ def _divided(
 def _cloud(taken: Capture) -> tuple[FloatArray, DepthSight]:
     """Measured points in base (n, 3), and the lines of sight to them."""
     assert taken.depth is not None
-    assert taken.intrinsics is not None
-    assert taken.T_base_camera is not None
-    points = taken.intrinsics.deproject(taken.depth)[np.isfinite(taken.depth)]
-    depth = taken.depth.astype(np.float32)
-    sight = DepthSight(depth, taken.intrinsics, taken.T_base_camera)
-    return taken.T_base_camera.apply(points), sight
+    sight = sight_of(taken)
+    points = sight.intrinsics.deproject(taken.depth)[np.isfinite(taken.depth)]
+    return sight.T_base_camera.apply(points), sight
 
 
 def _clearance(sight: LineOfSight, points: FloatArray) -> FloatArray:

@@ -27,6 +27,7 @@ __all__ = [
     "look_of",
     "look_towards",
     "segment",
+    "sight_of",
     "turn_head",
 ]
 
@@ -67,10 +68,11 @@ def capture(context: Context) -> StepResult:
     taken = image(context, f"capture_{look:03d}")
     if isinstance(taken, FaultFound):
         return taken
-    if context.known.is_contradicted(_measured(context, taken)):
+    sight = sight_of(taken)
+    if context.known.is_contradicted(_measured(context, taken, sight)):
         logger.info("look %d shows other things than those before it", look)
         context.known = KnownSpace()
-        context.known.saw(_sight(taken))
+        context.known.saw(sight)
         look_around(context)
     taken = _marked(context, taken)
     context.cycle.capture, context.n_looks = taken, look
@@ -79,7 +81,7 @@ def capture(context: Context) -> StepResult:
     return Done({"look": look, "measured_share": round(share, 4)})
 
 
-def _sight(taken: Capture) -> DepthSight:
+def sight_of(taken: Capture) -> DepthSight:
     """Lines of sight of an image."""
     assert taken.intrinsics is not None
     assert taken.T_base_camera is not None
@@ -87,9 +89,8 @@ def _sight(taken: Capture) -> DepthSight:
     return DepthSight(depth, taken.intrinsics, taken.T_base_camera)
 
 
-def _measured(context: Context, taken: Capture) -> FloatArray:
+def _measured(context: Context, taken: Capture, sight: DepthSight) -> FloatArray:
     """Return some points measured in the workspace, base frame [m], shape (n, 3)."""
-    sight = _sight(taken)
     points = sight.intrinsics.deproject(np.asarray(taken.depth))[::_COARSE, ::_COARSE]
     points = sight.T_base_camera.apply(points.reshape(-1, 3))
     return np.asarray(points[context.is_in_way(points)])
@@ -165,7 +166,7 @@ def image(
         raise
     except DebrisGraspError as error:
         return FaultFound("stale_cloud", f"the image can't be used: {error}")
-    context.known.saw(_sight(taken))
+    context.known.saw(sight_of(taken))
     return taken
 
 
