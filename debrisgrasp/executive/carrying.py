@@ -19,7 +19,7 @@ from debrisgrasp.motion import MotionPlan, MotionPlanner, MotionSpace, UnknownSp
 from .context import Context, Held, LimbState
 from .drag import drag
 from .drive import Drive
-from .dropoff import drop_postures, may_lie, no_place, room_below
+from .dropoff import drop_postures, longer, may_lie, no_place, room_below
 from .hanging import looked_at
 from .loaded import carrying
 from .moves import free_share, is_folded, planned
@@ -46,6 +46,9 @@ _SPARE = 0.02
 """The last bit of what an arm reaches is left to what pushes it [m]."""
 _FREE = 0.6
 """Share of the lift after which what lies below no longer matters."""
+_BORNE = 0.6
+"""With less than this share of its weight on the hand, an object stands on something.
+"""
 _IMPOSSIBLE = 30.0
 """Nothing pushes a hand up that it has lifted; a sensor that says so lies [N]."""
 
@@ -206,6 +209,12 @@ def transport(context: Context) -> StepResult:
     if fault is not None:
         # It is larger than it looked: what it may touch next must be met more slowly.
         context.cycle.speed = max(0.5 * context.cycle.speed, _SLOWEST)
+        if fault.fault == "plan_collision" and drive.carried(drive.load) < _BORNE * (
+            GRAVITY * held.payload.mass
+        ):
+            T = limb.pose(context.posture(limb))
+            room = room_below(context, T.apply(held.points_hand))
+            held.points_hand = longer(held.points_hand, T, room)
         return fault
     return Done({"seconds": round(context.now() - begun, 3)})
 

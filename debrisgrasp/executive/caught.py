@@ -8,6 +8,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import LegOutcome, TarePolicy
+from debrisgrasp.control._rigid import Wrench
 
 from .context import Context
 from .drive import Drive, LegEnd
@@ -35,12 +36,22 @@ _LEAST = 2e-3
 
 
 def pushed_to(drive: Drive, way: FloatArray, most: float) -> LegEnd | FaultFound:
-    """Move an open hand slowly by an offset (3,) [m], until a force exceeds so much."""
+    """Move an open hand slowly by an offset (3,) [m], until a force exceeds so much.
+
+    What pushes it on its way counts not: that ends as it goes.
+    """
+    ahead = np.asarray(way) / max(float(np.linalg.norm(way)), 1e-9)
+
+    def is_met(load: Wrench) -> bool:
+        push = drive.push(load)
+        push = push - max(float(push @ ahead), 0.0) * ahead
+        return float(np.linalg.norm(push)) > most
+
     return drive.leg(
         way,
         speed=0.5 * drive.context.settings.lift_speed,
         tare=TarePolicy.SESSION,
-        until=lambda load: hypot(*load[:3]) > most,
+        until=is_met,
     )
 
 

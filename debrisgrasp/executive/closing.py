@@ -35,6 +35,10 @@ _GIVE = 0.002
 """... by so much [m] ..."""
 _GIVES = 20
 """... so many times: then the object pushes the hand off, or it was never around it."""
+_STAYS = 0.9
+"""A push of which so much is left after the hand gave way is no contact."""
+_MORE, _LOOKS = 15.0, 10
+"""By so much more it is pushed off while it only squeezes on [N]; so often it looks."""
 _SHIFTS = 2
 """So often a hand that met something with one side only is shifted ..."""
 _TOUCHED = 12.0
@@ -145,7 +149,13 @@ def _given_way(
         words = f"closing pushes the hand off: {force:.0f} N after it gave way "
         words += f"{n_before} times"
         return FaultFound("empty_grip", words, held.arm, {"force": force})
-    return _nudged(context, drive, _GIVE / force * push)
+    fault = _nudged(context, drive, _GIVE / force * push)
+    left = float(drive.push() @ push) / force
+    if fault is None and left > max(_STAYS * force, _PUSHED + _MORE):
+        words = f"{left:.0f} N push the hand as before after it gave way by "
+        words += f"{1e3 * _GIVE:.0f} mm: not what it touches"
+        return FaultFound("ratchet", words, held.arm, {"force": left})
+    return fault
 
 
 def _nudged(
@@ -224,9 +234,15 @@ def verify_grasp(context: Context) -> StepResult:
     assert held is not None
     drive = Drive(context, held.arm)
     before = drive.fingers().openings
-    stood = drive.stand(STANDING)
-    if isinstance(stood, FaultFound):
-        return stood
+    for _ in range(_LOOKS):
+        stood = drive.stand(STANDING / _LOOKS)
+        if isinstance(stood, FaultFound):
+            return stood
+        force = hypot(*drive.load[:3])
+        if force > _PUSHED + _MORE:
+            drive.halt_fingers()
+            words = f"squeezing pushes the hand off: {force:.0f} N"
+            return FaultFound("empty_grip", words, held.arm, {"force": force})
     fingers = drive.fingers()
     travel = held.grip.travel(before, fingers.openings)
     least = held.grip.weakest(fingers.forces)

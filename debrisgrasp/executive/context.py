@@ -218,7 +218,8 @@ class Context:
     fallen: list[FloatArray] = field(default_factory=list)
     """The same of what was let go among what the camera sees, until it looks again."""
     dragged: SE3 | None = None
-    """How far the base has moved with an object, ``T_before_now``; None: not at all."""
+    """How far the base has moved with an object, ``T_before_now``; None: not at all, or
+    it is back."""
     camera_watch: DriftMonitor | None = None
     """Looks at the hand so far; None: none yet."""
     trace: list[tuple[float, float, float]] = field(default_factory=list)
@@ -241,6 +242,15 @@ class Context:
         """Which points (..., 3), base frame [m], lie in the workspace."""
         T_way_base = self.T_base_way.inverse()
         return self.settings.bounds.contains(T_way_base.apply(points))
+
+    def stands_elsewhere(self, T_now_before: SE3) -> None:
+        """Take note that the base moved: all that is known was seen from elsewhere."""
+        self.T_base_way = T_now_before @ self.T_base_way
+        for bodies in (self.dropped, self.lain, self.fallen):
+            bodies[:] = [T_now_before.apply(body) for body in bodies]
+        self.marks.moved(T_now_before)
+        self.known = KnownSpace()
+        self.cycle.seen = self.cycle.around = self.last_seen = None
 
     def now(self) -> float:
         """Time by the robot's clock [s]."""

@@ -8,11 +8,11 @@ import numpy as np
 
 from debrisgrasp.control import Compliance, LegOutcome, TarePolicy
 from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.geometry import SE3
 from debrisgrasp.robot import Base
 
 from .context import Context
 from .drive import Drive
-from .known import KnownSpace
 from .result import Done, FaultFound, StepResult
 from .states import State
 
@@ -61,12 +61,10 @@ def drag(context: Context) -> StepResult:
         )
     finally:
         base.stop()  # also when an arm or a sensor answers no more
-        # What was seen was seen from elsewhere.
-        context.cycle.seen = context.last_seen = None
-        context.known = KnownSpace()
-        context.dragged = begun.inverse() @ base.read()
+        stopped = _noted(context, base, begun)
+        context.dragged = begun.inverse() @ stopped
     context.wait(_BRAKING)
-    context.dragged = begun.inverse() @ base.read()
+    context.dragged = begun.inverse() @ _noted(context, base, stopped)
     if isinstance(end, FaultFound):
         return end
     facts = {
@@ -114,12 +112,20 @@ class _Pull:
         return False
 
 
+def _noted(context: Context, base: Base, before: SE3) -> SE3:
+    """Take note of how the base has moved from a pose: where it stands now, in odom."""
+    now = base.read()
+    context.stands_elsewhere(now.inverse() @ before)
+    return now
+
+
 def drive_back(context: Context) -> FaultFound | None:
     """Bring the base back to where it was before it dragged something."""
     base, moved = context.robot.base, context.dragged
     context.dragged = None
     if base is None or moved is None:
         return None
+    begun = base.read()
     yaw = float(np.arctan2(moved.R[1, 0], moved.R[0, 0]))
     distance = float(np.linalg.norm(moved.p[:2]))
     for forward, turn, seconds in (
@@ -130,4 +136,5 @@ def drive_back(context: Context) -> FaultFound | None:
         context.wait(seconds)
         base.stop()
         context.wait(_BRAKING)
+    _noted(context, base, begun)
     return None

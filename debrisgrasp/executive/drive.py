@@ -167,10 +167,14 @@ class Drive(Senses):
             paces = careful(self.context, self.limb, points, trajectory, pace, room)
         start = self._stands_at(now)
         path = paced(trajectory, paces, start, self.period, limits.acceleration)
-        rows = path.tolist()
+        rows, is_shared = path.tolist(), ~self.limb.is_own_joint
+        is_alone = not np.ptp(trajectory.q[:, is_shared], axis=0).any()
+        taken_along = [] if is_alone else self._taken_along()
         for i, q in enumerate(rows):
             self._send(q)
             fault, state, _ = self.ticked(supervisor, state, q, is_moving=True)
+            for other, most in taken_along:
+                fault = fault or other.met(most)
             if fault is not None:
                 self._halt()
                 self.limb.went(path[: i + 1 : _STRIDE])
@@ -181,6 +185,31 @@ class Drive(Senses):
             points = np.concatenate([points, widest_corners(self.limb)])
             self.context.known.passed(T[:, None].apply(points))
         return self._settle(supervisor, state, rows[-1])
+
+    def _taken_along(self) -> list[tuple[Drive, float]]:
+        """Other arms on joints that this one moves, and what they may bear [N]."""
+        if self.limb.is_own_joint.all():
+            return []
+        names = [name for name in self.context.limbs if name != self.limb.name]
+        others = [Drive(self.context, name) for name in names]
+        return [
+            (other, max(_TOUCH[0], hypot(*other.weighed()[:3]) + _MORE[0]))
+            for other in others
+            if other.limb.baseline_time > 0.0
+        ]
+
+    def met(self, most: float) -> FaultFound | None:
+        """Tell whether an arm that another one takes along bears more than so much [N].
+
+        What presses on it stops the one that moves.
+        """
+        force = hypot(*self.weighed()[:3])
+        if self.limb.doubt is not None:
+            return self.limb.doubt
+        if not force > most:
+            return None
+        words = f"touched something as the other arm turned it: {force:.0f} N"
+        return FaultFound("plan_collision", words, self.limb.name)
 
     def _settle(
         self, supervisor: Supervisor, state: SafetyState, q: list[float]
@@ -237,6 +266,7 @@ class Drive(Senses):
         if sent is None or clock.now() > sent[0]:
             self._send(state.servo.q)  # speeds count from the tick of the last command
         self.limb.went(np.array([state.servo.q]))
+        taken_along = self._taken_along()
         while True:
             clock.wait_until(clock.now() + self.period)
             reading = self.read()
@@ -248,6 +278,8 @@ class Drive(Senses):
                 return self._stopped(command.stop, reading)
             self._send(command.q)
             fault = self._watched_fingers(command.load)
+            for other, most in taken_along:
+                fault = fault or other.met(most)
             if fault is not None:
                 self._halt()
                 return fault

@@ -19,6 +19,7 @@ from .pacing import widest_corners
 
 __all__ = [
     "drop_postures",
+    "longer",
     "may_lie",
     "no_place",
     "object_in_hand",
@@ -49,6 +50,10 @@ _TRIED, _LEANING = 160, 48
 """Poses tried of an object that is level, and of one that leans."""
 _THICKEST = 0.1
 """What is not seen to be thicker than a hand spans [m]."""
+_STEEP = 0.5
+"""Of the axis of what goes on along it: its share of the vertical."""
+_LONGEST = 0.6
+"""What was not seen of an object is no longer [m]."""
 _ENOUGH = 12
 """Postures to plan to; any of them may end the motion."""
 _SOLVED, _AT_ONCE = 16, 8
@@ -87,6 +92,37 @@ def with_underside(points: FloatArray, width: float, middle: float) -> FloatArra
         points[:, 2] - thin, np.maximum(points[:, 2] - middle, lowest)
     )
     return np.concatenate([points, under])
+
+
+def longer(points_hand: FloatArray, T_base_hand: SE3, room: float) -> FloatArray:
+    """Points of an object that stands on what lies below all that was seen of it.
+
+    It goes on down to there: along its axis if that is steep, as that of a pole is.
+
+    Parameters
+    ----------
+    points_hand
+        As `with_underside` has them, frame of the hand [m], shape (2 n, 3).
+    room
+        Below the lowest of them [m].
+
+    Returns
+    -------
+    FloatArray
+        Shape (2 m, 3).
+    """
+    if not _CELL < room < _LONGEST or not len(points_hand):
+        return points_hand
+    seen, under = np.split(T_base_hand.apply(points_hand), 2)
+    axis = np.linalg.eigh(np.cov(seen.T))[1][:, -1]
+    axis = axis if axis[2] < 0.0 else -axis
+    down = axis if axis[2] < -_STEEP else np.array([0.0, 0.0, -1.0])
+    along = seen @ down
+    end = seen[along > along.max() - _CELL]
+    steps = np.arange(_CELL, room / -down[2] + _CELL, _CELL)
+    reached = np.minimum(steps, room / -down[2])
+    more = (end + reached[:, None, None] * down).reshape(-1, 3)
+    return T_base_hand.inverse().apply(np.concatenate([seen, more, under, more]))
 
 
 def drop_postures(

@@ -181,5 +181,4 @@ def motion_of(context: Context) -> GraspMotion:
 
 def opening_of(limb: LimbState, grasp: Grasp) -> float:
     """Tell how far fingers are open on the way in [m], no wider than they can."""
-    widest = limb.hand.preshape(grasp.preshape).widths[1]
-    return float(min(grasp.opening, widest))
+    return min(grasp.opening, limb.hand.preshape(grasp.preshape).widest)

@@ -10,7 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import CartesianLeg, LegPlanner, TarePolicy
 from debrisgrasp.control._rigid import Wrench
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.kinematics.limits import LEAST_MARGIN
 from debrisgrasp.motion import (
@@ -55,6 +55,8 @@ _STEP, _NEXT = 0.03, 0.5
 each other as near as that [rad or m]."""
 _LOWERED_UP_TO = 0.95
 """Share of the controller's limits up to which what hangs is lowered."""
+_ROLLS = 0.8
+"""What was let go may roll or slide so far [m]: there only later looks count."""
 _PRESSED = 0.3
 """Share of a limit above which a hand gives way before it is taken elsewhere."""
 _GUARDED = 0.25
@@ -342,4 +344,9 @@ def let_go(context: Context, opening: float | None = None) -> FaultFound | None:
         context.held = held
         return fault
     context.cycle.speed = 1.0  # what was held swings and touches no more
+    if held.is_lifted:
+        limb = context.limbs[held.arm]
+        T = limb.pose(context.posture(limb))
+        points = np.concatenate([T.apply(held.points_hand), T.p[None]])
+        context.known.stirred(Bounds.around(points, _ROLLS))
     return None

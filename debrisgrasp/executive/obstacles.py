@@ -53,12 +53,11 @@ def space_of(
         Whether what was put down is also where nobody has seen it.
     """
     seen = context.cycle.seen or context.last_seen
-    if seen is None:
-        return MotionSpace(measured=None, unknown=None, ground_plane=BARE)
-    points = seen.cloud.points
+    # Where the base has moved, only that is known that was put down.
+    points = np.zeros((0, 3)) if seen is None else seen.cloud.points
     if context.cycle.around is not None:
         points = context.cycle.around
-    elif without is not None:
+    elif seen is not None and without is not None:
         points = points[~without]
     guesses = [*context.dropped, *context.fallen] if with_guesses else []
     points = np.concatenate([points, *context.lain, *guesses])
@@ -72,10 +71,14 @@ def space_of(
         robot = [solid for _, solid in links]  # the arms that stand still, too
         points = points[~are_near(points, robot, _STANDS_FREE)]
     normals = np.full(points.shape, np.nan)
-    everything = PointCloud(points, normals, seen.cloud.viewpoint)
-    plane = seen.ground_plane
+    viewpoint = np.zeros(3) if seen is None else seen.cloud.viewpoint
+    everything = PointCloud(points, normals, viewpoint)
+    plane = None if seen is None else seen.ground_plane
     return MotionSpace.build(
-        everything, seen.sight, BARE if plane is None else plane, unknown=unknown
+        everything,
+        None if seen is None else seen.sight,
+        BARE if plane is None else plane,
+        unknown=unknown,
     )
 
 

@@ -142,7 +142,7 @@ def hand_corners(limb: LimbState, preshape: str, opening: float) -> FloatArray:
 def widest_corners(limb: LimbState) -> FloatArray:
     """Corners of an open hand's solids, whatever its preshape, frame of it, (n, 3)."""
     preshape = next(iter(limb.hand.preshapes))
-    return hand_corners(limb, preshape, limb.hand.preshape(preshape).widths[1])
+    return hand_corners(limb, preshape, limb.hand.preshape(preshape).widest)
 
 
 def met_safely(
@@ -223,12 +223,11 @@ def careful(
 def _near_speed(context: Context, where: FloatArray) -> FloatArray:
     """By how much points (n, k, 3) may be faster than near something [m/s], (n,)."""
     seen, n = context.cycle.seen, len(where)
-    if seen is None:
-        return np.full(n, np.inf)
+    others = np.zeros((0, 3))
     if context.cycle.around is not None:
         others = context.cycle.around
         others = others[others[:, 2] > _GROUND]
-    else:
+    elif seen is not None:
         others = seen.cloud.points[seen.segmentation.labels != 0]
     others = np.concatenate([others, *context.put_down, *context.fallen])
     is_empty = context.held is None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import dist, hypot
+from math import dist
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .drag import drive_back
 from .drive import Drive
 from .faults import Action
 from .fingers import loosen
+from .hanging import looked_after
 from .moves import back_out, free_share, let_go, lower, put_down, to_rest
 from .outcome import FaultEvent
 from .relief import relieve
@@ -91,14 +92,20 @@ def clear_up(context: Context) -> FaultFound | None:
         return fault
     if busy is not None:
         _stir(context, busy, held)
-    # A trunk that both arms share must be back before the idle arm is at rest again.
-    for name, limb in sorted(context.limbs.items(), key=lambda item: item[0] != busy):
+    # A trunk that both arms share must be back before the idle arm is at rest again,
+    # and turns with the other one, which may stand among other things.
+    first, motion = busy, context.cycle.motion
+    if first is None and motion is not None:
+        first = motion.arm
+    for name, limb in sorted(context.limbs.items(), key=lambda item: item[0] != first):
         if name == busy:
             fault = back_out(context, name)
             if fault is not None and fault.fault == "too_heavy":
                 reset_stops(context)  # caught: pulled on, it would only press harder
                 fault = felt_out(context, name)
             fault = fault or _hanging(context, name)
+            if fault is None and held is not None:
+                looked_after(context, name, max(limb.limb.gripper.read().openings))
         else:
             fault = relieve(context, name)  # on its way it may have met something
         if fault is not None:
@@ -118,8 +125,11 @@ def _remember(context: Context, held: Held) -> None:
     limb = context.limbs[held.arm]
     body = limb.pose(context.posture(limb)).apply(held.points_hand)
     is_seen = bool(context.is_in_way(body.mean(axis=0)))
-    body -= [0.0, 0.0, max(float(body[:, 2].min()), 0.0)]
-    (context.fallen if is_seen else context.dropped).append(body)
+    high = max(float(body[:, 2].min()), 0.0)
+    lies = body - [0.0, 0.0, high]
+    if high > _LOW:
+        lies = np.concatenate([body, lies])  # it stands: its lower end was not seen
+    (context.fallen if is_seen else context.dropped).append(lies)
 
 
 def _stir(context: Context, arm: str, held: Held | None) -> None:
@@ -132,14 +142,13 @@ def _stir(context: Context, arm: str, held: Held | None) -> None:
 def _hanging(context: Context, arm: str) -> FaultFound | None:
     """Notice that something is still caught in a hand that was opened and drawn out.
 
-    No way to rest would be planned around it.
+    No way to rest would be planned around it. What only presses on it does not hang.
     """
     drive, settings = Drive(context, arm), context.settings
     stood = drive.stand(_LOOK)
     if isinstance(stood, FaultFound):
         return stood
-    force = hypot(*drive.load[:3])
-    if force < settings.empty_load:
+    if drive.carried(drive.load) < settings.empty_load:
         return None
     limb = drive.limb
     motion = context.cycle.motion
@@ -150,17 +159,17 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
     risen = 0.0 if motion is None else _risen(context, drive, motion.grasp.T_base_hand)
     fault = lower(drive, risen) if risen > _LOW else None
     if fault is None:
-        fault = loosen(drive, limb.hand.preshape(preshape).widths[1])
+        fault = loosen(drive, limb.hand.preshape(preshape).widest)
     if fault is None and risen > _LOW:
         fault = back_out(context, arm)
     stood = drive.stand(_LOOK)
     if fault is not None or isinstance(stood, FaultFound):
         return fault or (stood if isinstance(stood, FaultFound) else None)
-    force = hypot(*drive.load[:3])
-    if force < settings.empty_load:
+    weight = drive.carried(drive.load)
+    if weight < settings.empty_load:
         return None
-    words = f"{force:.0f} N on a hand that was opened and drawn back: something hangs "
-    return FaultFound("not_released", words + "in it", arm, {"force": force})
+    words = f"{weight:.0f} N hang on a hand that was opened and drawn back"
+    return FaultFound("not_released", words, arm, {"force": weight})
 
 
 def _risen(context: Context, drive: Drive, grasp: SE3) -> float:
@@ -270,8 +279,8 @@ def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
 def _opened(context: Context, arm: str) -> FaultFound | None:
     """Open a hand that holds nothing as it was on its way in, before it goes out."""
     drive, motion = Drive(context, arm), context.cycle.motion
-    widest = max(shape.widths[1] for shape in drive.limb.hand.preshapes.values())
+    widest = max(shape.widest for shape in drive.limb.hand.preshapes.values())
     if motion is not None and motion.arm == arm:
         shape = drive.limb.hand.preshape(motion.grasp.preshape)
-        widest = min(motion.grasp.opening, shape.widths[1])
+        widest = min(motion.grasp.opening, shape.widest)
     return loosen(drive, widest)

@@ -48,14 +48,14 @@ def release(context: Context) -> StepResult:
     if fault is not None:
         return fault
     T = limb.pose(context.posture(limb))
-    if context.dragged is not None:
-        T = context.dragged @ T  # the base will be back where it was
     # Let go a second time it lies, or nearly, where it was let go first.
     if len(points) and context.released is not held:
         context.dropped.append(lying(T, points))
     context.cycle.is_removed = False
     context.released, context.is_in_pile = held, held.arm
-    return Done({"place": np.round(T.p, 3).tolist()})
+    # As the base stands once it is back.
+    place = T.p if context.dragged is None else context.dragged.apply(T.p)
+    return Done({"place": np.round(place, 3).tolist()})
 
 
 def _shaken_open(context: Context) -> FaultFound | None:
@@ -70,7 +70,7 @@ def _shaken_open(context: Context) -> FaultFound | None:
     context.held = None  # its fingers are to squeeze no more
     fault = _nudged(drive, -_SHAKE * _UP)
     context.held = held
-    fault = fault or let_go(context, limb.hand.preshape(preshape).widths[1])
+    fault = fault or let_go(context, limb.hand.preshape(preshape).widest)
     fault = fault or relieve(context, limb.name)
     return fault or _nudged(drive, _SHAKE * _UP) or _nudged(drive, -_SHAKE * _UP)
 

@@ -9,7 +9,6 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 
 from .context import Context
-from .known import KnownSpace
 
 __all__ = ["repositioned"]
 
@@ -58,15 +57,9 @@ def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
     context.wait(abs(way) / _SPEED)
     base.stop()
     context.wait(_BRAKING)
-    T_now_before = (begun.inverse() @ base.read()).inverse()
+    T_now_before = base.read().inverse() @ begun
     context.n_moves += 1
-    context.T_base_way = T_now_before @ context.T_base_way
-    for bodies in (context.dropped, context.lain, context.fallen):
-        bodies[:] = [T_now_before.apply(body) for body in bodies]
-    context.marks.moved(T_now_before)
-    context.known = KnownSpace()
-    # What was seen was seen from elsewhere.
-    context.cycle.seen = context.last_seen = None
+    context.stands_elsewhere(T_now_before)
     return float(-T_now_before.p[0])
 
 

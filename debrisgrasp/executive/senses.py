@@ -93,7 +93,11 @@ class Senses:
         """Stop the arm; fingers that were closing go on no more either."""
         self.devices.arm.stop()
         if self.context.state in _CLOSING:
-            self._stay(_SLACK)
+            self.halt_fingers()
+
+    def halt_fingers(self) -> None:
+        """Leave the fingers where they are, with hardly any force."""
+        self._stay(_SLACK)
 
     def _stay(self, force: float) -> None:
         """Leave the fingers where they are."""
@@ -138,7 +142,7 @@ class Senses:
         if held.state.phase in (GripPhase.SLIPPED, GripPhase.LOST):
             if not held.is_lifted:
                 # Nothing was lifted clear: closing on, they would push the hand off it.
-                self._stay(_SLACK)
+                self.halt_fingers()
             what = held.state.phase.value
             words = f"{what}: fingers at "
             words += ", ".join(f"{1e3 * x:.0f}" for x in fingers.openings) + " mm"
@@ -171,10 +175,11 @@ class Senses:
         q: list[float] = np.asarray(self.devices.arm.read().q, dtype=float).tolist()
         return q
 
-    def push(self) -> FloatArray:
-        """Latest force on the hand in the axes of base [N], shape (3,)."""
+    def push(self, load: Wrench | None = None) -> FloatArray:
+        """Force on the hand in the axes of base [N], shape (3,); None: the latest."""
         R, _ = self.limb.kinematics.pose(self._q)
-        return np.asarray(np.reshape(R, (3, 3)) @ np.array(self.load[:3]))
+        force = np.array((self.load if load is None else load)[:3])
+        return np.asarray(np.reshape(R, (3, 3)) @ force)
 
     def _note(self, time: float, load: tuple[float, ...]) -> None:
         self._tick += 1

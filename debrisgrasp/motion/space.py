@@ -66,7 +66,7 @@ class MotionSpace:
     def build(
         cls,
         cloud: PointCloud,
-        sight: LineOfSight,
+        sight: LineOfSight | None,
         ground_plane: FloatArray | None,
         *,
         unknown: UnknownSpace = UnknownSpace.HIDDEN,
@@ -80,7 +80,7 @@ class MotionSpace:
         cloud
             Measured points, base frame.
         sight
-            Tells free space from hidden.
+            Tells free space from hidden; None: nothing is hidden.
         ground_plane
             Plane of the ground (4,), if there is evidence of one.
         unknown
@@ -90,6 +90,7 @@ class MotionSpace:
         radius
             Points farther than this from the base along any axis are left out [m].
         """
+        sight = sight or _NothingHidden()
         cloud.require_frame("base")
         require_range("MotionSpace spacing [m]", spacing, 0.002, 0.1)
         near = Bounds(np.full(3, -radius), np.full(3, radius)).contains(cloud.points)

@@ -188,7 +188,7 @@ class PadContacts:
         around = self._between(Ts, lower - wide, upper + wide)
         half = upper[:, 0].take(around.pose)
         near = around.picked(np.abs(around.x) < half)
-        middle, radius = near.curve()
+        middle, radius, turns = near.curve()
         is_beside = near.z > lower[:, 2].take(near.pose)
         end = upper[:, 0] - np.float32(_ROOM)
         is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
@@ -223,12 +223,12 @@ class PadContacts:
                 room[enough] = np.minimum(room[enough], left)
             rooms.append(np.where(is_seen, np.inf, room))
             leaning.append(near.lean(out, is_behind, width))
-            # Behind a face that is turned to the other side anything may be. What lies
-            # askew ends in a corner of few points.
+            # Behind a flat face that is turned to the other side anything may be. What
+            # lies askew ends in a corner of few points.
             ends = near.count(is_last & (cosine > -np.float32(_TURNED)))
             enough = np.minimum(near.count(is_last), self._config.min_points)
             hidden = np.maximum(farthest, upper[:, 0] - room)
-            hidden[ends < enough] = np.inf
+            hidden[(ends < enough) & ~turns] = np.inf
             spare += np.where(is_seen, farthest, hidden)
         over = self._overhang(near, is_behind | is_cut, width)
         slant, error = near.slant(upper[:, 2])

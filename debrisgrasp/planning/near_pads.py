@@ -14,6 +14,8 @@ _LEAST_CURVED = 6
 """Fewer points between the fingers don't tell where the hidden side is."""
 _FLAT = 0.01
 """Variance of the normals along the closing axis that comes from noise alone."""
+_CURVED = 0.04
+"""Variance of the normals along the closing axis of what shows more than one face."""
 _EVEN = 0.001
 """Variance of the normals along the palm's axis that comes from noise alone."""
 _LEAST_RADIUS = 0.005
@@ -136,10 +138,11 @@ class NearPads:
         slant = np.where(is_round, np.arcsin(bounded(short, 0.0, 1.0)), 0.0)
         return slant, np.hypot(_SLANT_ERROR, ROOM_ERROR / radius)
 
-    def curve(self) -> tuple[FloatArray, FloatArray]:
+    def curve(self) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Middle and half width [m] that the points have, NaN if unknown, (k,) each.
 
-        Least squares of x = middle + half width * normal.
+        Least squares of x = middle + half width * normal. Last, whether the normals
+        turn so much that this tells the side that nothing was seen of, shape (k,).
         """
         count = np.bincount(self.pose, minlength=self.n_poses)
         n = np.maximum(count, 1)
@@ -148,4 +151,5 @@ class NearPads:
         variance = self._mean(self.along * self.along, n) - mean_along**2
         radius = np.maximum(covariance, 0.0) / (variance + _FLAT)
         radius = np.where(count >= _LEAST_CURVED, radius, np.nan)
-        return mean_x - radius * mean_along, radius
+        turns = (count >= _LEAST_CURVED) & (variance > _CURVED)
+        return mean_x - radius * mean_along, radius, turns

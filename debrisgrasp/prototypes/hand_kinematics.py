@@ -110,6 +110,11 @@ class Preshape:
     openings: FloatArray
     """Distance between opposing pads at each command [m], shape (c,), falling."""
 
+    @property
+    def widest(self) -> float:
+        """Opening of the hand before it closes [m], somewhat more than `widths`."""
+        return float(self.openings[0])
+
     def values(self, command: float) -> dict[str, float]:
         """Value of every joint variable at one command."""
         return {

@@ -106,6 +106,12 @@ class FakeGripper:
         """Whether all fingers are where they were sent, without resistance."""
         return self.openings == self._goals and not any(self.forces)
 
+    @property
+    def is_wide_open(self) -> bool:
+        """Whether all fingers were sent to the end of their range, and are there."""
+        widest = self._range()[1] - _TOLERANCE
+        return min(*self.openings, *self._goals) >= widest
+
     def solids(self) -> tuple[Solid, ...]:
         """Palm and fingers as they stand, in the frame of the hand."""
         shape = self.model.preshape(self.shape)

@@ -234,7 +234,9 @@ class Stage:
         hand.gripper.forces = forces
 
     def _try_hold(self, hand: HandState, R: FloatArray, p: FloatArray) -> None:
-        """Hold what the fingers enclose."""
+        """Hold what the fingers enclose; wide open they only touch it."""
+        if hand.gripper.is_wide_open:
+            return
         for body in {spring.body for spring in hand.springs} - {GROUND}:
             if self._is_held(body):
                 continue
@@ -314,7 +316,7 @@ class Stage:
         grip = hand.grip
         if self.sticky_ticks:
             return
-        if grip.squeeze < _LOOSE:
+        if grip.squeeze < _LOOSE or hand.gripper.is_wide_open:
             self._let_go(hand, hold, has_slipped=hold.is_slipping)
             return
         kept = 2.0 * self.friction * grip.squeeze

@@ -88,3 +88,22 @@ def test_only_a_hand_that_is_stopped_by_a_load_on_its_way_out_feels_for_another(
     found = recovery.clear_up(context)
     assert felt == (["right"] if fault == "too_heavy" else [])
     assert found is (None if felt else stopped)
+
+
+@pytest.mark.parametrize(
+    ("push", "is_stopped"),
+    [((0, 0, 60), False), ((0, 0, -60), True), ((60, 0, 0), True), ((0, 0, 30), False)],
+)
+def test_what_pushes_a_hand_on_its_way_does_not_stop_it(
+    pipeline, monkeypatch, push, is_stopped
+):
+    _, task = executive(pipeline)
+    drive = Drive(task.context, "right")
+    R = drive.limb.pose(task.context.posture(drive.limb)).R
+    load = (*(R.T @ np.array(push, float)).tolist(), 0.0, 0.0, 0.0)
+
+    def leg(*_, until, **__):
+        return until(load)
+
+    monkeypatch.setattr(Drive, "leg", leg)
+    assert caught.pushed_to(drive, np.array([0.0, 0.0, 0.04]), 40.0) is is_stopped

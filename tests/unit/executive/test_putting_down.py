@@ -14,6 +14,7 @@ from debrisgrasp.executive.dropoff import (
     _is_met,
     _poses,
     drop_postures,
+    longer,
     may_lie,
     no_place,
     object_in_hand,
@@ -258,3 +259,26 @@ def test_what_was_put_down_stands_in_the_way_with_its_whole_body():
     on_top = surface[surface[:, 2] > high[2]][:, :2]
     gaps = np.linalg.norm(inside[:, None] - on_top, axis=2).min(axis=1)
     assert gaps.max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("tilt", "room", "lowest"),
+    [(0.3, 0.2, 0.0), (1.4, 0.2, 0.0), (0.3, 0.02, 0.02), (0.3, 2.0, 2.0)],
+)
+def test_what_stands_on_something_is_longer_than_was_seen(tilt, room, lowest):
+    """A pole, upright or nearly level, of which the upper part was seen."""
+    rng = np.random.default_rng(1)
+    along = rng.uniform([-0.02, -0.02, 0.0], [0.02, 0.02, 0.6], (500, 3))
+    turned = along @ so3.exp([tilt, 0.0, 0.0]).T
+    seen = turned + np.array([0.5, 0.2, room - turned[:, 2].min()])
+    T = SE3.from_parts(so3.exp([0.3, -0.2, 1.0]), [0.1, 0.2, 0.3])
+    in_hand = T.inverse().apply(np.concatenate([seen, seen]))
+    found = T.apply(longer(in_hand, T, room))
+    assert found[:, 2].min() == pytest.approx(lowest, abs=1e-6)
+    first, second = np.split(found, 2)
+    np.testing.assert_allclose(first[:500], seen, atol=1e-9)
+    np.testing.assert_allclose(second[:500], seen, atol=1e-9)
+    if lowest == 0.0 and tilt < 1.0:  # it goes on along its axis
+        axis = so3.exp([tilt, 0.0, 0.0])[:, 2]
+        end = first[first[:, 2] < 0.01].mean(axis=0) - seen.mean(axis=0)
+        assert abs(end @ axis) > 0.98 * np.linalg.norm(end)

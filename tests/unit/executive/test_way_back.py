@@ -326,3 +326,54 @@ def test_what_hangs_in_an_opened_hand_is_lowered_before_that_opens_wider(
     found = recovery._hanging(context, "right")
     assert found.fault == "not_released"
     assert done == expected
+
+
+def test_what_was_put_down_is_in_the_way_wherever_the_base_stands(pipeline):
+    context = after_a_look(pipeline)
+    limb = context.limbs["right"]
+    hand = limb.pose(context.posture(limb)).p
+    wall = hand + np.random.default_rng(0).uniform(-0.1, 0.1, (4000, 3))
+    T_now_before = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, 0.6])), [0.5, 0, 0])
+    context.dropped[:] = [T_now_before.inverse().apply(wall)]
+    context.stands_elsewhere(T_now_before)
+    np.testing.assert_allclose(context.dropped[0], wall, atol=1e-9)
+    space = space_of(context, unknown=UnknownSpace.HIDDEN)
+    assert not limb.planner.stands_free(context.posture(limb), space)
+    assert context.last_seen is None
+    assert context.known.is_new
+
+
+def test_an_arm_that_met_something_is_away_before_the_trunk_turns(
+    pipeline, monkeypatch
+):
+    _, task = executive(pipeline)
+    context, order = task.context, []
+    context.cycle.motion = SimpleNamespace(arm="left")
+    monkeypatch.setattr(recovery, "relieve", lambda *_: None)
+    monkeypatch.setattr(recovery, "to_rest", lambda _, arm: order.append(arm))
+    assert recovery.clear_up(context) is None
+    assert order == ["left", "right"]
+
+
+def test_a_push_on_the_other_arm_ends_a_motion_of_the_trunk(pipeline, monkeypatch):
+    _, task = executive(pipeline)
+    context = task.context
+    limb, drive = context.limbs["right"], Drive(context, "right")
+    away = context.posture(limb).copy()
+    away[0] += 0.8
+    space = space_of(context, unknown=UnknownSpace.IGNORED)
+    trajectory = planned(context, limb, away, space).trajectory
+    for each in context.limbs.values():
+        each.baseline_time = 1.0
+    plain = Drive.weighed
+    loads = iter([0.0, 20.0, 30.0, 61.0, 500.0])
+
+    def weighed(self):
+        if self.limb.name == "right":
+            return plain(self)
+        return (0.0, 0.0, next(loads), 0.0, 0.0, 0.0)
+
+    monkeypatch.setattr(Drive, "weighed", weighed)
+    fault = drive.follow(trajectory)
+    assert (fault.fault, fault.arm) == ("plan_collision", "left")
+    assert next(loads) == 500.0

@@ -179,6 +179,20 @@ def test_nothing_is_held_that_only_one_side_touches():
     assert rig.fake.truth().held == {}
 
 
+def test_a_hand_as_wide_open_as_it_goes_holds_nothing(monkeypatch):
+    rig = Rig([beam("bar", 2.5, BAR)])
+    hand = rig.hand
+    assert hand.is_wide_open
+    assert rig.grip() == "HOLDING"
+    assert not hand.is_wide_open
+    # What is as wide as the hand opens would still touch both sides.
+    monkeypatch.setattr(FakeGripper, "is_wide_open", property(lambda _: True))
+    rig.wait(0.1)
+    assert rig.fake.truth().held == {}
+    rig.wait(0.5)
+    assert rig.fake.truth().held == {}
+
+
 def _spring(owner, point, force):
     return Spring(owner, 0, np.array(point), np.array(force, dtype=float), 1e-3)
 
