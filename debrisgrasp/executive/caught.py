@@ -8,20 +8,15 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import LegOutcome, TarePolicy
-from debrisgrasp.control._rigid import Wrench
 
 from .context import Context
 from .drive import Drive, LegEnd
-from .moves import free_share
+from .moves import free_share, pull_of
 from .relief import relieve
 from .result import FaultFound
 
-__all__ = ["CAUGHT", "felt_out", "nudged", "pushed_to"]
+__all__ = ["felt_out", "nudged", "pushed_to"]
 
-CAUGHT = 40.0
-"""On a hand that should be empty, this force means that it isn't [N]."""
-_HARDER = 15.0
-"""A hand that does not come free is pulled by no more than so much than before [N]."""
 _EASED = 0.3
 """Share of a limit above which it gives way before it is moved on."""
 _OUT = 0.12
@@ -36,28 +31,18 @@ _LEAST = 2e-3
 
 
 def pushed_to(drive: Drive, way: FloatArray, most: float) -> LegEnd | FaultFound:
-    """Move an open hand slowly by an offset (3,) [m], until a force exceeds so much.
-
-    What pushes it on its way counts not: that ends as it goes.
-    """
-    ahead = np.asarray(way) / max(float(np.linalg.norm(way)), 1e-9)
-
-    def is_met(load: Wrench) -> bool:
-        push = drive.push(load)
-        push = push - max(float(push @ ahead), 0.0) * ahead
-        return float(np.linalg.norm(push)) > most
-
+    """Move an open hand slowly by an offset (3,) [m], until it is pushed so hard."""
     return drive.leg(
         way,
         speed=0.5 * drive.context.settings.lift_speed,
         tare=TarePolicy.SESSION,
-        until=is_met,
+        until=drive.against(way, most),
     )
 
 
 def nudged(drive: Drive, way: FloatArray) -> LegEnd | FaultFound:
     """Move a hand that is caught by an offset (3,) [m], until it is pushed harder."""
-    return pushed_to(drive, way, max(CAUGHT, hypot(*drive.weighed()[:3]) + _HARDER))
+    return pushed_to(drive, way, pull_of(drive))
 
 
 def felt_out(context: Context, arm: str) -> FaultFound | None:

@@ -35,10 +35,11 @@ _GIVE = 0.002
 """... by so much [m] ..."""
 _GIVES = 20
 """... so many times: then the object pushes the hand off, or it was never around it."""
-_STAYS = 0.9
-"""A push of which so much is left after the hand gave way is no contact."""
-_MORE, _LOOKS = 15.0, 10
-"""By so much more it is pushed off while it only squeezes on [N]; so often it looks."""
+_STAYS, _STAYS_FOR = 0.9, 3
+"""A hard push of which so much is left after the hand gave way so often is no contact.
+"""
+_MORE = 15.0
+"""By so much more it is pushed off while it only squeezes on [N]."""
 _SHIFTS = 2
 """So often a hand that met something with one side only is shifted ..."""
 _TOUCHED = 12.0
@@ -149,13 +150,13 @@ def _given_way(
         words = f"closing pushes the hand off: {force:.0f} N after it gave way "
         words += f"{n_before} times"
         return FaultFound("empty_grip", words, held.arm, {"force": force})
-    fault = _nudged(context, drive, _GIVE / force * push)
-    left = float(drive.push() @ push) / force
-    if fault is None and left > max(_STAYS * force, _PUSHED + _MORE):
-        words = f"{left:.0f} N push the hand as before after it gave way by "
-        words += f"{1e3 * _GIVE:.0f} mm: not what it touches"
-        return FaultFound("ratchet", words, held.arm, {"force": left})
-    return fault
+    for _ in range(_STAYS_FOR):
+        fault = _nudged(context, drive, _GIVE / force * push)
+        left = float(drive.push() @ push) / force
+        if fault is not None or left < max(_STAYS * force, 2.0 * _PUSHED):
+            return fault
+    words = f"{left:.0f} N push the hand as before it gave way {_STAYS_FOR} times: "
+    return FaultFound("ratchet", words + "not what it touches", held.arm)
 
 
 def _nudged(
@@ -234,15 +235,15 @@ def verify_grasp(context: Context) -> StepResult:
     assert held is not None
     drive = Drive(context, held.arm)
     before = drive.fingers().openings
-    for _ in range(_LOOKS):
-        stood = drive.stand(STANDING / _LOOKS)
-        if isinstance(stood, FaultFound):
-            return stood
-        force = hypot(*drive.load[:3])
-        if force > _PUSHED + _MORE:
-            drive.halt_fingers()
-            words = f"squeezing pushes the hand off: {force:.0f} N"
-            return FaultFound("empty_grip", words, held.arm, {"force": force})
+    most = _PUSHED + _MORE
+    stood = drive.stand(STANDING, until=lambda load: hypot(*load[:3]) > most)
+    if isinstance(stood, FaultFound):
+        return stood
+    force = hypot(*drive.load[:3])
+    if force > most:
+        drive.halt_fingers()
+        words = f"squeezing pushes the hand off: {force:.0f} N"
+        return FaultFound("empty_grip", words, held.arm, {"force": force})
     fingers = drive.fingers()
     travel = held.grip.travel(before, fingers.openings)
     least = held.grip.weakest(fingers.forces)

@@ -249,6 +249,16 @@ class Context:
         for bodies in (self.dropped, self.lain, self.fallen):
             bodies[:] = [T_now_before.apply(body) for body in bodies]
         self.marks.moved(T_now_before)
+        cycle = self.cycle
+        if cycle.centroid is not None:
+            x, y, z = T_now_before.apply(np.array(cycle.centroid)).tolist()
+            cycle.centroid = x, y, z
+        for limb in self.limbs.values():
+            limb.trail.clear()  # it leads through other places
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget what was seen: it was seen from elsewhere."""
         self.known = KnownSpace()
         self.cycle.seen = self.cycle.around = self.last_seen = None
 

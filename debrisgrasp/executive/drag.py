@@ -61,10 +61,12 @@ def drag(context: Context) -> StepResult:
         )
     finally:
         base.stop()  # also when an arm or a sensor answers no more
+        context.forget()
+        before = context.dragged or SE3.identity()
         stopped = _noted(context, base, begun)
-        context.dragged = begun.inverse() @ stopped
+        context.dragged = before @ begun.inverse() @ stopped
     context.wait(_BRAKING)
-    context.dragged = begun.inverse() @ _noted(context, base, stopped)
+    context.dragged = before @ begun.inverse() @ _noted(context, base, stopped)
     if isinstance(end, FaultFound):
         return end
     facts = {
@@ -122,19 +124,24 @@ def _noted(context: Context, base: Base, before: SE3) -> SE3:
 def drive_back(context: Context) -> FaultFound | None:
     """Bring the base back to where it was before it dragged something."""
     base, moved = context.robot.base, context.dragged
-    context.dragged = None
     if base is None or moved is None:
         return None
     begun = base.read()
     yaw = float(np.arctan2(moved.R[1, 0], moved.R[0, 0]))
     distance = float(np.linalg.norm(moved.p[:2]))
-    for forward, turn, seconds in (
-        (0.0, -np.sign(yaw) * _RATE, abs(yaw) / _RATE),
-        (_SPEED, 0.0, distance / _SPEED),
-    ):
-        base.drive(forward, float(turn))
-        context.wait(seconds)
+    try:
+        for forward, turn, seconds in (
+            (0.0, -np.sign(yaw) * _RATE, abs(yaw) / _RATE),
+            (_SPEED, 0.0, distance / _SPEED),
+        ):
+            base.drive(forward, float(turn))
+            context.wait(seconds)
+            base.stop()
+            context.wait(_BRAKING)
+    finally:
         base.stop()
-        context.wait(_BRAKING)
-    _noted(context, base, begun)
+        context.forget()
+        now = _noted(context, base, begun)
+        context.dragged = moved @ begun.inverse() @ now
+    context.dragged = None
     return None

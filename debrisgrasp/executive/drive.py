@@ -30,6 +30,7 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
+from .along import Along
 from .noticed import refused
 from .pacing import careful, paced, widest_corners
 from .result import FaultFound
@@ -110,8 +111,10 @@ class Drive(Senses):
         self._halt()
         return why
 
-    def stand(self, seconds: float) -> list[Reading] | FaultFound:
-        """Stand, and return all readings."""
+    def stand(
+        self, seconds: float, until: Callable[[Wrench], bool] | None = None
+    ) -> list[Reading] | FaultFound:
+        """Stand, and return all readings; ``until`` ends it by the load."""
         supervisor, begun = self.supervised()
         if isinstance(begun, FaultFound):
             return begun
@@ -123,6 +126,8 @@ class Drive(Senses):
             if fault is not None:
                 return fault
             readings.append(reading)
+            if until is not None and until(self.load):
+                break
         return readings
 
     def follow(
@@ -173,8 +178,8 @@ class Drive(Senses):
         for i, q in enumerate(rows):
             self._send(q)
             fault, state, _ = self.ticked(supervisor, state, q, is_moving=True)
-            for other, most in taken_along:
-                fault = fault or other.met(most)
+            for other in taken_along:
+                fault = fault or other.met()
             if fault is not None:
                 self._halt()
                 self.limb.went(path[: i + 1 : _STRIDE])
@@ -186,30 +191,13 @@ class Drive(Senses):
             self.context.known.passed(T[:, None].apply(points))
         return self._settle(supervisor, state, rows[-1])
 
-    def _taken_along(self) -> list[tuple[Drive, float]]:
-        """Other arms on joints that this one moves, and what they may bear [N]."""
+    def _taken_along(self) -> list[Along]:
+        """Other arms on joints that this one moves."""
         if self.limb.is_own_joint.all():
             return []
         names = [name for name in self.context.limbs if name != self.limb.name]
         others = [Drive(self.context, name) for name in names]
-        return [
-            (other, max(_TOUCH[0], hypot(*other.weighed()[:3]) + _MORE[0]))
-            for other in others
-            if other.limb.baseline_time > 0.0
-        ]
-
-    def met(self, most: float) -> FaultFound | None:
-        """Tell whether an arm that another one takes along bears more than so much [N].
-
-        What presses on it stops the one that moves.
-        """
-        force = hypot(*self.weighed()[:3])
-        if self.limb.doubt is not None:
-            return self.limb.doubt
-        if not force > most:
-            return None
-        words = f"touched something as the other arm turned it: {force:.0f} N"
-        return FaultFound("plan_collision", words, self.limb.name)
+        return [Along(other) for other in others if other.limb.baseline_time > 0.0]
 
     def _settle(
         self, supervisor: Supervisor, state: SafetyState, q: list[float]
@@ -278,8 +266,8 @@ class Drive(Senses):
                 return self._stopped(command.stop, reading)
             self._send(command.q)
             fault = self._watched_fingers(command.load)
-            for other, most in taken_along:
-                fault = fault or other.met(most)
+            for other in taken_along:
+                fault = fault or other.met()
             if fault is not None:
                 self._halt()
                 return fault

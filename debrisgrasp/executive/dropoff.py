@@ -54,6 +54,8 @@ _STEEP = 0.5
 """Of the axis of what goes on along it: its share of the vertical."""
 _LONGEST = 0.6
 """What was not seen of an object is no longer [m]."""
+_FEWEST = 3
+"""Fewer points have no axis."""
 _ENOUGH = 12
 """Postures to plan to; any of them may end the motion."""
 _SOLVED, _AT_ONCE = 16, 8
@@ -111,7 +113,8 @@ def longer(points_hand: FloatArray, T_base_hand: SE3, room: float) -> FloatArray
     FloatArray
         Shape (2 m, 3).
     """
-    if not _CELL < room < _LONGEST or not len(points_hand):
+    n = len(points_hand)
+    if not _CELL < room < _LONGEST or n < 2 * _FEWEST or n % 2:
         return points_hand
     seen, under = np.split(T_base_hand.apply(points_hand), 2)
     axis = np.linalg.eigh(np.cov(seen.T))[1][:, -1]

@@ -279,6 +279,8 @@ def _is_robot(
     hands = {name: tree.links_below(model.arm(name).hand) for name in context.limbs}
     idle = frozenset[str]().union(*hands.values())
     T_base_hand = limb.pose(context.posture(limb))
+    # Fingers may read a bit beyond their range.
+    opening = min(opening, limb.hand.preshape(preshape).widest)
     solids = limb.hand.solids(preshape, opening)
     rigid = [solid.moved(T_base_hand) for solid in solids]
     rigid += [solid for link, solid in links if link not in idle]

@@ -110,9 +110,13 @@ class Marks:
         return mark
 
     def moved(self, T_now_before: SE3) -> None:
-        """Take the marks along when the base has moved; grips will be others."""
+        """Take the marks along when the base has moved."""
         for mark in self.marks:
             mark.centroid = T_now_before.apply(mark.centroid)
+
+    def begin_anew(self) -> None:
+        """Forget how things were tried: from elsewhere grips are others."""
+        for mark in self.marks:
             mark.failed.clear()
             mark.unreached.clear()
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from math import hypot
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import CartesianLeg, LegPlanner, TarePolicy
+from debrisgrasp.control import CartesianLeg, LegOutcome, LegPlanner, TarePolicy
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.kinematics import Trajectory
@@ -29,17 +30,23 @@ from .relief import relieve, standing_load, with_room
 from .result import FaultFound
 
 __all__ = [
+    "CAUGHT",
     "back_out",
     "free_share",
     "is_folded",
     "let_go",
     "lower",
     "planned",
+    "pull_of",
     "put_down",
     "reversed_motion",
     "to_rest",
 ]
 
+CAUGHT = 40.0
+"""On a hand that should be empty, this force means that it isn't [N]."""
+_HARDER = 15.0
+"""A hand that does not come free is pulled by no more than so much than before [N]."""
 _BACK = 0.12
 """How far a hand backs out of the pile [m]."""
 _SPARE = 0.02
@@ -119,7 +126,7 @@ def back_out(context: Context, arm: str) -> FaultFound | None:
     T = limb.pose(q)
     motion = context.cycle.motion
     shift = -_BACK * T.R[:, 2]
-    if motion is not None and motion.arm == arm:
+    if motion is not None and motion.arm == arm and context.dragged is None:
         # Straight out: aside it would draw its fingers along what they touch.
         far = float((motion.grasp.T_base_pregrasp.p - T.p) @ -T.R[:, 2])
         if context.cycle.is_removed:
@@ -136,8 +143,22 @@ def back_out(context: Context, arm: str) -> FaultFound | None:
         return None
     way = share * shift
     speed = context.settings.lift_speed
-    end = Drive(context, arm).leg(way, speed=speed, tare=TarePolicy.SESSION)
-    return end if isinstance(end, FaultFound) else None
+    drive = Drive(context, arm)
+    end = drive.leg(
+        way,
+        speed=speed,
+        tare=TarePolicy.SESSION,
+        until=drive.against(way, pull_of(drive)),
+    )
+    if isinstance(end, FaultFound) or end.outcome is not LegOutcome.CONTACT:
+        return end if isinstance(end, FaultFound) else None
+    words = f"{hypot(*drive.load[:3]):.0f} N on an open hand that is drawn back"
+    return FaultFound("not_released", words, arm)
+
+
+def pull_of(drive: Drive) -> float:
+    """Force up to which a hand that may be caught is pulled [N]."""
+    return max(CAUGHT, hypot(*drive.weighed()[:3]) + _HARDER)
 
 
 def free_share(limb: LimbState, q: FloatArray, way: FloatArray) -> float:
@@ -179,7 +200,7 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     q = context.posture(limb)
     limb.went(q[None])
     motion = context.cycle.motion
-    if motion is not None and motion.arm == arm:
+    if motion is not None and motion.arm == arm and context.dragged is None:
         reach = motion.reach.trajectory
         assert reach is not None
         is_there = np.abs(q - reach.q[-1]).max() < 0.01

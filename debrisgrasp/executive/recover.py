@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from math import dist
 
 import numpy as np
@@ -31,6 +32,8 @@ _CALM = 1.0
 """How long to stand after something swung [s]."""
 _STANDS_WITHIN, _STILL = 2.0, 0.05
 """[s]."""
+_UPWARDS = 30.0
+"""Nothing pushes a hand up so hard [N] that was drawn back; a sensor may be wrong."""
 _LOOK = 0.1
 """How long a hand that should be empty is weighed [s]."""
 _STIRRED = 0.2
@@ -56,10 +59,11 @@ def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
         if fault is not None:
             return fault
     busy = context.is_in_pile if context.held is None else context.held.arm
-    if answer.resume in (State.LIFT, State.RETREAT) and busy is not None:
-        fault = relieve(context, busy)
-        if fault is not None:
-            return fault
+    if answer.resume in (State.LIFT, State.RETREAT):
+        for name in dict.fromkeys((busy, event.arm)):
+            fault = relieve(context, name) if name is not None else None
+            if fault is not None:
+                return fault
     if answer.action is Action.HOLD:
         context.wait(_CALM)
         context.cycle.speed *= 0.5
@@ -86,8 +90,7 @@ def clear_up(context: Context) -> FaultFound | None:
         elif context.is_closed:
             fault = _opened(context, busy)
         fault = fault or relieve(context, busy)
-    if held is not None:
-        _remember(context, held)
+    is_beside = held is not None and _remember(context, held)
     if fault is not None:
         return fault
     if busy is not None:
@@ -100,12 +103,12 @@ def clear_up(context: Context) -> FaultFound | None:
     for name, limb in sorted(context.limbs.items(), key=lambda item: item[0] != first):
         if name == busy:
             fault = back_out(context, name)
-            if fault is not None and fault.fault == "too_heavy":
+            if fault is not None and fault.fault in ("too_heavy", "not_released"):
                 reset_stops(context)  # caught: pulled on, it would only press harder
                 fault = felt_out(context, name)
             fault = fault or _hanging(context, name)
-            if fault is None and held is not None:
-                looked_after(context, name, max(limb.limb.gripper.read().openings))
+            if fault is None and is_beside:
+                _looked(context, name)
         else:
             fault = relieve(context, name)  # on its way it may have met something
         if fault is not None:
@@ -118,10 +121,22 @@ def clear_up(context: Context) -> FaultFound | None:
     return None
 
 
-def _remember(context: Context, held: Held) -> None:
-    """Take what was let go on the way for an obstacle; it may have fallen."""
+def _looked(context: Context, arm: str) -> None:
+    """Look at what was put back beside the way, if there is a camera that answers."""
+    with suppress(DriverError):  # what answers no more is noticed by the next motion
+        looked_after(context, arm, max(context.limbs[arm].limb.gripper.read().openings))
+
+
+def _remember(context: Context, held: Held) -> bool:
+    """Take what was let go on the way for an obstacle; it may have fallen.
+
+    Returns
+    -------
+    bool
+        Whether it was beside the way, where only a look of its own shows it.
+    """
     if not len(held.points_hand):
-        return
+        return False
     limb = context.limbs[held.arm]
     body = limb.pose(context.posture(limb)).apply(held.points_hand)
     is_seen = bool(context.is_in_way(body.mean(axis=0)))
@@ -130,6 +145,7 @@ def _remember(context: Context, held: Held) -> None:
     if high > _LOW:
         lies = np.concatenate([body, lies])  # it stands: its lower end was not seen
     (context.fallen if is_seen else context.dropped).append(lies)
+    return not is_seen
 
 
 def _stir(context: Context, arm: str, held: Held | None) -> None:
@@ -148,7 +164,7 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
     stood = drive.stand(_LOOK)
     if isinstance(stood, FaultFound):
         return stood
-    if drive.carried(drive.load) < settings.empty_load:
+    if -_UPWARDS < drive.carried(drive.load) < settings.empty_load:
         return None
     limb = drive.limb
     motion = context.cycle.motion
@@ -166,7 +182,7 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
     if fault is not None or isinstance(stood, FaultFound):
         return fault or (stood if isinstance(stood, FaultFound) else None)
     weight = drive.carried(drive.load)
-    if weight < settings.empty_load:
+    if -_UPWARDS < weight < settings.empty_load:
         return None
     words = f"{weight:.0f} N hang on a hand that was opened and drawn back"
     return FaultFound("not_released", words, arm, {"force": weight})

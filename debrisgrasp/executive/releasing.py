@@ -9,13 +9,13 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import LegOutcome
 
-from .caught import CAUGHT, nudged, pushed_to
+from .caught import felt_out, nudged, pushed_to
 from .context import Context
 from .drag import drive_back
 from .drive import Drive, LegEnd
 from .grasping import aside_of
 from .hanging import looked_after
-from .moves import back_out, let_go, put_down, to_rest
+from .moves import CAUGHT, back_out, let_go, put_down, to_rest
 from .obstacles import lying
 from .relief import relieve
 from .result import Done, FaultFound, StepResult
@@ -106,12 +106,13 @@ def verify_release(context: Context) -> StepResult:
     if isinstance(backed, FaultFound):
         return backed
     if backed.outcome is LegOutcome.CONTACT:
+        begun = max(hypot(*drive.load[:3]), CAUGHT)
         stood = drive.stand(_STANDING)  # does it grow while nothing moves?
         if isinstance(stood, FaultFound):
             return stood
         load = hypot(*drive.weighed()[:3])
-        if load > CAUGHT + _GROWN:
-            words = f"{load:.0f} N on an open hand that was stopped at {CAUGHT:.0f} N"
+        if load > begun + _GROWN:
+            words = f"{load:.0f} N on an open hand that was stopped at {begun:.0f} N"
             return FaultFound("ratchet", words + ": not its own motion", held.arm)
         words = f"{load:.0f} N as the open hand rises: it is caught"
         context.held = held
@@ -142,6 +143,8 @@ def retreat(context: Context) -> StepResult:
     limb = context.limbs[arm]
     # After a fault it may have been cleared up, and is at rest already.
     fault = back_out(context, arm) if context.is_in_pile == arm else None
+    if fault is not None and fault.fault == "not_released":
+        fault = felt_out(context, arm)
     n_seen = 0
     if fault is None and context.cycle.is_removed:
         n_seen = looked_after(context, arm, max(limb.limb.gripper.read().openings))

@@ -60,6 +60,7 @@ def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
     T_now_before = base.read().inverse() @ begun
     context.n_moves += 1
     context.stands_elsewhere(T_now_before)
+    context.marks.begin_anew()
     return float(-T_now_before.p[0])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import hypot
 
@@ -180,6 +181,20 @@ class Senses:
         R, _ = self.limb.kinematics.pose(self._q)
         force = np.array((self.load if load is None else load)[:3])
         return np.asarray(np.reshape(R, (3, 3)) @ force)
+
+    def against(self, way: FloatArray, most: float) -> Callable[[Wrench], bool]:
+        """Tell, by the load, when a hand on its way (3,) is pushed by so much [N].
+
+        What pushes it on its way counts not: that ends as it goes.
+        """
+        ahead = np.asarray(way) / max(float(np.linalg.norm(way)), 1e-9)
+
+        def is_met(load: Wrench) -> bool:
+            push = self.push(load)
+            push = push - max(float(push @ ahead), 0.0) * ahead
+            return float(np.linalg.norm(push)) > most
+
+        return is_met
 
     def _note(self, time: float, load: tuple[float, ...]) -> None:
         self._tick += 1

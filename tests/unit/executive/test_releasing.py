@@ -32,8 +32,11 @@ class Caught:
         outcome = LegOutcome.CONTACT if is_stopped else LegOutcome.DONE
         return LegEnd(outcome, share, length)
 
-    def push(self):
+    def push(self, _=None):
         return self._push
+
+    def against(self, *_):
+        return lambda _: False
 
     def weighed(self):
         return (*self._push, 0.0, 0.0, 0.0)

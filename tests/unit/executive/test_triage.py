@@ -15,7 +15,7 @@ from debrisgrasp.executive.marks import Mark, Marks
 from debrisgrasp.executive.outcome import RunEnd, RunResult
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.triage import Way, judge
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import Bounds
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import Segment
 
@@ -220,7 +220,7 @@ def test_a_grasp_without_a_way_is_in_vain_until_the_pile_is_seen_again():
     del look
     assert gone() is None
     mark.sought(later, (other,))
-    Marks([mark]).moved(SE3.identity())
+    Marks([mark]).begin_anew()
     assert mark.in_vain(later) == []
 
 

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import GripConfig, GripController
+from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import carrying as carriage
 from debrisgrasp.executive import moves, releasing
 from debrisgrasp.executive import recover as recovery
+from debrisgrasp.executive.along import Along
 from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
@@ -365,15 +367,80 @@ def test_a_push_on_the_other_arm_ends_a_motion_of_the_trunk(pipeline, monkeypatc
     trajectory = planned(context, limb, away, space).trajectory
     for each in context.limbs.values():
         each.baseline_time = 1.0
-    plain = Drive.weighed
-    loads = iter([0.0, 20.0, 30.0, 61.0, 500.0])
+    loads = iter([0.0, 20.0, 30.0, 61.0, np.nan, 61.0, 61.0, 500.0])
 
-    def weighed(self):
-        if self.limb.name == "right":
-            return plain(self)
-        return (0.0, 0.0, next(loads), 0.0, 0.0, 0.0)
+    def bears(_):
+        force = next(loads)
+        return force, force / 10.0
 
-    monkeypatch.setattr(Drive, "weighed", weighed)
+    monkeypatch.setattr(Along, "_bears", bears)
     fault = drive.follow(trajectory)
     assert (fault.fault, fault.arm) == ("plan_collision", "left")
     assert next(loads) == 500.0
+
+
+@pytest.mark.parametrize(
+    ("force", "torque", "fault"),
+    [
+        (44.0, 1.0, None),
+        (130.0, 1.0, "plan_collision"),
+        (10.0, 13.0, "plan_collision"),
+        (np.nan, np.nan, "wrench_nan"),
+    ],
+)
+def test_an_arm_that_is_taken_along_is_watched_within_its_limits(
+    pipeline, monkeypatch, force, torque, fault
+):
+    _, task = executive(pipeline)
+    drive = Drive(task.context, "left")
+    begun = 0.0 if force < 100.0 else 125.0  # what it bears already allows no more
+    monkeypatch.setattr(Along, "_bears", lambda _: (begun, 0.0))
+    along = Along(drive)
+    monkeypatch.setattr(Along, "_bears", lambda _: (force, torque))
+    found = [each.fault for each in (along.met() for _ in range(12)) if each]
+    assert set(found) == ({fault} if fault else set())
+
+
+def test_a_camera_that_fails_keeps_no_arm_from_going_to_rest(pipeline, monkeypatch):
+    _, task = executive(pipeline)
+    context, order = task.context, []
+    context.held = replace(holding(), is_lifted=True)
+    context.cycle.motion = SimpleNamespace(arm="right")
+
+    def fails(*_):
+        raise DriverError("camera", "no answer")
+
+    monkeypatch.setattr(recovery, "relieve", lambda *_: None)
+    monkeypatch.setattr(recovery, "put_down", lambda *_: None)
+    monkeypatch.setattr(recovery, "back_out", lambda *_: None)
+    monkeypatch.setattr(recovery, "_hanging", lambda *_: None)
+    monkeypatch.setattr(recovery, "_remember", lambda *_: True)
+    monkeypatch.setattr(recovery, "looked_after", fails)
+    monkeypatch.setattr(recovery, "to_rest", lambda _, arm: order.append(arm))
+    assert recovery.clear_up(context) is None
+    assert order == ["right", "left"]
+
+
+def test_the_way_to_a_grasp_is_no_way_back_where_the_base_has_moved(
+    pipeline, monkeypatch
+):
+    _, task = executive(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    rest = context.posture(limb).copy()
+    away = rest.copy()
+    away[0] += 0.3
+    space = space_of(context, unknown=UnknownSpace.IGNORED)
+    reach = planned(context, limb, away, space)
+    assert Drive(context, "right").follow(reach.trajectory) is None
+    context.cycle.motion = SimpleNamespace(arm="right", reach=reach)
+    context.dragged, asked = SE3.identity(), []
+    plain = moves._way_to
+
+    def way_to(*args):
+        asked.append(args)
+        return plain(*args)
+
+    monkeypatch.setattr(moves, "_way_to", way_to)
+    assert to_rest(context, "right") is None
+    assert len(asked) == 1

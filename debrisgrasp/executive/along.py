@@ -1,0 +1,62 @@
+"""An idle arm that another one takes along on the joints of a trunk they share."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+
+from .result import FaultFound
+from .senses import Senses
+
+__all__ = ["Along"]
+
+_TOUCH, _MORE = (45.0, 12.0), (15.0, 4.0)
+"""It touches something when it bears so much, or more than at first by so much, and
+never more than its limits [N, N m] ..."""
+_IN_A_ROW = 2
+"""... so many times; one sample may be wrong."""
+_SILENT = 10
+"""So many samples without a number tell nothing of what it meets."""
+
+
+class Along:
+    """Watches what an arm bears that does not move by itself."""
+
+    def __init__(self, senses: Senses) -> None:
+        self._senses = senses
+        force, torque = self._bears()
+        limits = senses.limits
+        self._force = min(max(_TOUCH[0], force + _MORE[0]), limits.force)
+        self._torque = min(max(_TOUCH[1], torque + _MORE[1]), limits.torque)
+        self._n_met = self._n_silent = 0
+
+    def _bears(self) -> tuple[float, float]:
+        """Force and torque on the hand [N, N m]; NaN if the sensor tells none."""
+        senses = self._senses
+        reading = senses.read()
+        raw = np.asarray(reading.wrench_ft, dtype=float)
+        if raw.shape != (6,) or not np.isfinite(raw).all():
+            return np.nan, np.nan
+        q = np.asarray(reading.q, dtype=float)
+        R, _ = senses.limb.kinematics.pose(q.tolist())
+        load = senses.limb.loads.load_ee(raw.tolist(), R)
+        return hypot(*load[:3]), hypot(*load[3:])
+
+    def met(self) -> FaultFound | None:
+        """Tell whether it touched something, or can't tell any more."""
+        limb = self._senses.limb
+        force, torque = self._bears()
+        if limb.doubt is not None:
+            return limb.doubt
+        self._n_silent = self._n_silent + 1 if np.isnan(force) else 0
+        if self._n_silent >= _SILENT:
+            words = "the sensor of an arm that is taken along tells no numbers"
+            return FaultFound("wrench_nan", words, limb.name)
+        is_met = force > self._force or torque > self._torque
+        self._n_met = self._n_met + 1 if is_met else 0
+        if self._n_met < _IN_A_ROW:
+            return None
+        words = "touched something as the other arm turned it: "
+        words += f"{force:.0f} N, {torque:.1f} N m"
+        return FaultFound("plan_collision", words, limb.name)
