@@ -22,7 +22,7 @@ from .drive import Drive
 from .dropoff import drop_postures, longer, may_lie, no_place, room_below
 from .hanging import looked_at
 from .loaded import carrying
-from .moves import free_share, is_folded, planned
+from .moves import LAST_RESORT, free_share, is_folded, planned
 from .obstacles import box_around, room_for, space_of
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
@@ -252,7 +252,7 @@ def _way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFou
         found = planned(context, limb, goals, strict, planner)
         if not isinstance(found, FaultFound):
             return found
-    return planned(context, limb, goals, space, planner)
+    return planned(context, limb, goals, space, planner, max_rounds=LAST_RESORT)
 
 
 def _bare_way(context: Context, limb: LimbState, held: Held) -> MotionPlan | FaultFound:

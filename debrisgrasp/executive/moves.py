@@ -31,6 +31,7 @@ from .result import FaultFound
 
 __all__ = [
     "CAUGHT",
+    "LAST_RESORT",
     "back_out",
     "free_share",
     "is_folded",
@@ -43,6 +44,8 @@ __all__ = [
     "to_rest",
 ]
 
+LAST_RESORT = 1200
+"""Rounds of a search after which nobody is left to ask."""
 CAUGHT = 40.0
 """On a hand that should be empty, this force means that it isn't [N]."""
 _HARDER = 15.0
@@ -87,6 +90,7 @@ def planned(
     space: MotionSpace,
     planner: MotionPlanner | None = None,
     known: FloatArray | None = None,
+    max_rounds: int | None = None,
 ) -> MotionPlan | FaultFound:
     """Plan from where the arm stands.
 
@@ -96,12 +100,16 @@ def planned(
         For an arm with something in its hand; None: for the arm alone.
     known
         Postures (k, d) of a way that it has gone.
+    max_rounds
+        Of the search; None: the planner's.
     """
     planner = planner or limb.planner
     q = _inside(limb, context.posture(limb))
     if isinstance(q, str):
         return FaultFound("start_outside_limits", q, limb.name)
-    plan = planner.plan(q, goal, space, rng=context.rng, known=known)
+    plan = planner.plan(
+        q, goal, space, rng=context.rng, known=known, max_rounds=max_rounds
+    )
     if plan.is_solved:
         return plan
     return FaultFound("plan_collision", plan.reason, limb.name)
@@ -262,7 +270,8 @@ def _way_to(
         space = space_of(
             context, unknown=unknown, stands=leaves, with_guesses=with_guesses
         )
-        found = planned(context, limb, goal, space, known=known)
+        rounds = None if leaves is None else LAST_RESORT
+        found = planned(context, limb, goal, space, known=known, max_rounds=rounds)
         if not isinstance(found, FaultFound):
             return found if with_guesses else _slowed(found)
     return found
