@@ -43,6 +43,8 @@ _SEARCHES = 3
 """So often at most grasps are sought on an object that was not got the last time."""
 _KNOWN = 40
 """Corners of ways to earlier grasps that are remembered."""
+_INSIDE = 1.0 / 3.0
+"""What was seen of an object lies in the way if so much of it does."""
 _SPECK = 20
 """Fewer cells of surface than this are noise, wherever they are."""
 
@@ -156,9 +158,10 @@ def _named(context: Context, segment: Segment) -> str:
 def _not_in_the_way(context: Context, seen: Perception, segment: Segment) -> str:
     """Why something that was divided off is no object in the way, or nothing."""
     config = context.pipeline.config
-    if not context.is_in_way(segment.centroid):
-        return "outside the workspace"
     points = seen.cloud.points[seen.segmentation.points_of(segment.label)]
+    # Only the side towards the camera was seen: what is behind it counts, too.
+    if context.is_in_way(points).mean() < _INSIDE:
+        return "outside the workspace"
     ground = seen.segmentation.ground
     is_low = _triage(context, seen, segment).way is Way.DRIVE_OVER
     least = config.min_object_points if is_low else _SPECK

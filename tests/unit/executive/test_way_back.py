@@ -14,7 +14,8 @@ from debrisgrasp.executive import carrying as carriage
 from debrisgrasp.executive import moves, releasing
 from debrisgrasp.executive import recover as recovery
 from debrisgrasp.executive.along import Along
-from debrisgrasp.executive.context import Held
+from debrisgrasp.executive.choose import _not_in_the_way
+from debrisgrasp.executive.context import Context, Held
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
 from debrisgrasp.executive.loaded import carrying
@@ -444,3 +445,18 @@ def test_the_way_to_a_grasp_is_no_way_back_where_the_base_has_moved(
     monkeypatch.setattr(moves, "_way_to", way_to)
     assert to_rest(context, "right") is None
     assert len(asked) == 1
+
+
+@pytest.mark.parametrize(("share", "is_in_way"), [(0.45, True), (0.15, False)])
+def test_what_lies_across_the_border_of_the_workspace_is_in_the_way(
+    pipeline, monkeypatch, share, is_in_way
+):
+    context = after_a_look(pipeline)
+    seen = context.cycle.seen
+    segment = seen.segmentation.segment(1)
+    points = seen.cloud.points[seen.segmentation.points_of(1)]
+    border = float(np.quantile(points[:, 0], share))
+    assert segment.centroid[0] > border
+    monkeypatch.setattr(Context, "is_in_way", lambda _, p: p[..., 0] < border)
+    reason = _not_in_the_way(context, seen, segment)
+    assert (reason != "outside the workspace") is is_in_way
