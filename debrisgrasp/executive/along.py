@@ -9,15 +9,21 @@ import numpy as np
 from .result import FaultFound
 from .senses import Senses
 
-__all__ = ["Along"]
+__all__ = ["Along", "met_from"]
 
 _TOUCH, _MORE = (45.0, 12.0), (15.0, 4.0)
-"""It touches something when it bears so much, or more than at first by so much, and
-never more than its limits [N, N m] ..."""
+"""An empty hand that is taken elsewhere touches something when it bears so much, or
+more than at first by so much [N, N m]: it is as fast as the plan lets it, and what it
+bears grows until it stands ..."""
 _IN_A_ROW = 2
 """... so many times; one sample may be wrong."""
 _SILENT = 10
 """So many samples without a number tell nothing of what it meets."""
+
+
+def met_from(force: float, torque: float) -> tuple[float, float]:
+    """From which load on an empty hand that bears so much it touches more [N, N m]."""
+    return max(_TOUCH[0], force + _MORE[0]), max(_TOUCH[1], torque + _MORE[1])
 
 
 class Along:
@@ -27,8 +33,9 @@ class Along:
         self._senses = senses
         force, torque = self._bears()
         limits = senses.limits
-        self._force = min(max(_TOUCH[0], force + _MORE[0]), limits.force)
-        self._torque = min(max(_TOUCH[1], torque + _MORE[1]), limits.torque)
+        most_force, most_torque = met_from(force, torque)
+        self._force = min(most_force, limits.force)
+        self._torque = min(most_torque, limits.torque)
         self._n_met = self._n_silent = 0
 
     def _bears(self) -> tuple[float, float]:

@@ -30,7 +30,7 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
-from .along import Along
+from .along import Along, met_from
 from .noticed import refused
 from .pacing import careful, paced, widest_corners
 from .result import FaultFound
@@ -42,10 +42,6 @@ __all__ = ["OUTSIDE", "Drive", "LegEnd"]
 _SAFETY = SafetyConfig()
 _CARRYING = replace(_SAFETY, motion_force=30.0, motion_torque=8.0)
 """What is carried should touch nothing ..."""
-_TOUCH, _MORE = (45.0, 12.0), (15.0, 4.0)
-"""An empty hand that is taken elsewhere touches something when it bears so much, or
-more than at first by so much [N, N m]: it is as fast as the plan lets it, and what it
-bears grows until it stands."""
 _UNSURE_COM = 0.15
 """... but how high its centre of mass lies was only seen, to this [m]: as the hand
 leans, the torque changes by so much times the weight."""
@@ -372,12 +368,9 @@ class Drive(Senses):
         """
         limb, safety, reading = self.limb, self._safety, self.read()
         if is_free:
-            force, torque = hypot(*self.weighed()[:3]), hypot(*self.load[3:])
-            safety = replace(
-                safety,
-                motion_force=max(_TOUCH[0], force + _MORE[0]),
-                motion_torque=max(_TOUCH[1], torque + _MORE[1]),
-            )
+            self.weighed()
+            force, torque = met_from(hypot(*self.load[:3]), hypot(*self.load[3:]))
+            safety = replace(safety, motion_force=force, motion_torque=torque)
         supervisor = Supervisor(
             limb.kinematics,
             self.limits,
