@@ -6,10 +6,12 @@ from math import hypot
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
+
 from .result import FaultFound
 from .senses import Senses
 
-__all__ = ["Along", "met_from"]
+__all__ = ["Along", "met_from", "taken_along"]
 
 _TOUCH, _MORE = (45.0, 12.0), (15.0, 4.0)
 """An empty hand that is taken elsewhere touches something when it bears so much, or
@@ -67,3 +69,21 @@ class Along:
         words = "touched something as the other arm turned it: "
         words += f"{force:.0f} N, {torque:.1f} N m"
         return FaultFound("plan_collision", words, limb.name)
+
+
+def taken_along(senses: Senses, way: FloatArray | None = None) -> list[Along]:
+    """Other arms on joints that this one moves.
+
+    Parameters
+    ----------
+    way
+        Postures of its motion (n, d), if they are known before.
+    """
+    context, limb = senses.context, senses.limb
+    is_shared = ~limb.is_own_joint
+    if not is_shared.any():
+        return []
+    if way is not None and not np.ptp(way[:, is_shared], axis=0).any():
+        return []
+    others = [Senses(context, name) for name in context.limbs if name != limb.name]
+    return [Along(other) for other in others if other.limb.baseline_time > 0.0]

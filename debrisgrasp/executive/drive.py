@@ -30,7 +30,7 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
-from .along import Along, met_from
+from .along import met_from, taken_along
 from .noticed import refused
 from .pacing import careful, paced, widest_corners
 from .result import FaultFound
@@ -168,13 +168,11 @@ class Drive(Senses):
             paces = careful(self.context, self.limb, points, trajectory, pace, room)
         start = self._stands_at(now)
         path = paced(trajectory, paces, start, self.period, limits.acceleration)
-        rows, is_shared = path.tolist(), ~self.limb.is_own_joint
-        is_alone = not np.ptp(trajectory.q[:, is_shared], axis=0).any()
-        taken_along = [] if is_alone else self._taken_along()
+        rows, along = path.tolist(), taken_along(self, trajectory.q)
         for i, q in enumerate(rows):
             self._send(q)
             fault, state, _ = self.ticked(supervisor, state, q, is_moving=True)
-            for other in taken_along:
+            for other in along:
                 fault = fault or other.met()
             if fault is not None:
                 self._halt()
@@ -186,14 +184,6 @@ class Drive(Senses):
             points = np.concatenate([points, widest_corners(self.limb)])
             self.context.known.passed(T[:, None].apply(points))
         return self._settle(supervisor, state, rows[-1])
-
-    def _taken_along(self) -> list[Along]:
-        """Other arms on joints that this one moves."""
-        if self.limb.is_own_joint.all():
-            return []
-        names = [name for name in self.context.limbs if name != self.limb.name]
-        others = [Drive(self.context, name) for name in names]
-        return [Along(other) for other in others if other.limb.baseline_time > 0.0]
 
     def _settle(
         self, supervisor: Supervisor, state: SafetyState, q: list[float]
@@ -250,7 +240,7 @@ class Drive(Senses):
         if sent is None or clock.now() > sent[0]:
             self._send(state.servo.q)  # speeds count from the tick of the last command
         self.limb.went(np.array([state.servo.q]))
-        taken_along = self._taken_along()
+        along = taken_along(self)
         while True:
             clock.wait_until(clock.now() + self.period)
             reading = self.read()
@@ -262,7 +252,7 @@ class Drive(Senses):
                 return self._stopped(command.stop, reading)
             self._send(command.q)
             fault = self._watched_fingers(command.load)
-            for other in taken_along:
+            for other in along:
                 fault = fault or other.met()
             if fault is not None:
                 self._halt()
@@ -308,10 +298,7 @@ class Drive(Senses):
                 leg = CartesianLeg.along(start, goal)
             controller = LegController(
                 limb.reach.chain,
-                replace(
-                    limits or self.limits,
-                    deflection=self.context.settings.clamp,
-                ),
+                replace(limits or self.limits, deflection=self.context.settings.clamp),
                 limb.loads,
                 leg,
                 ControllerConfig(
