@@ -12,7 +12,7 @@ from .ledger import Rejections
 from .load_forecast import LoadForecast
 from .success import SuccessForecast
 
-__all__ = ["Grasp", "GraspPlan", "PassedOver", "Retreat"]
+__all__ = ["Grasp", "GraspPlan", "PassedOver", "Retreat", "worth"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +91,12 @@ class Grasp:
         """Length of the straight approach [m]."""
         step = self.T_base_hand.p - self.T_base_pregrasp.p
         return float((step @ step) ** 0.5)
+
+
+def worth(grasp: Grasp) -> float:
+    """Put all that is within the limits before all beyond, and order both by score."""
+    is_beyond = grasp.load is not None and grasp.load.is_overloaded
+    return grasp.score - is_beyond
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from .ledger import Ledger, Rejections
 from .load import LoadModel, Loads
 from .mass import ObjectMass, likely_objects
 from .offers import Offers
-from .plan import Grasp
+from .plan import Grasp, worth
 from .postures import joint_columns
 from .reach import Arm, Distance
 from .scene import GraspScene
@@ -295,7 +295,7 @@ class GraspPlanner:
             [grasp.gripper for grasp in grasps],
             [grasp.prototype for grasp in grasps],
             self._is_symmetric[which],
-            np.array([_worth(grasp) for grasp in grasps]),
+            np.array([worth(grasp) for grasp in grasps]),
             self._config,
         )
 
@@ -386,9 +386,3 @@ class GraspPlanner:
             load=loads.forecast(index),
             success=success,
         )
-
-
-def _worth(grasp: Grasp) -> float:
-    """Put all that is within the limits before all beyond, and order both by score."""
-    is_beyond = grasp.load is not None and grasp.load.is_overloaded
-    return grasp.score - is_beyond

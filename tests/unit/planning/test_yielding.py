@@ -245,6 +245,40 @@ def test_what_is_overloaded_for_certain_comes_after_what_is_not(planner):
     assert scores((1.0, 12.0)) == [0.6, 0.5, 0.4]
 
 
+@pytest.mark.parametrize(
+    ("mass", "expected"),
+    [
+        # What is overloaded for certain comes last, however likely it holds.
+        ((12.0, 12.0), [0.7]),
+        ((1.0, 12.0), [0.8, 0.7]),
+    ],
+)
+def test_only_what_would_be_offered_first_is_eased(mass, expected):
+    asked = []
+
+    def eased(grasps) -> dict[int, Grasp]:
+        asked.extend(one.score for one in grasps)
+        return {}
+
+    heavy, light = loaded(0.8, 0.12, mass), loaded(0.7, 1.3, mass)
+    giving = replace(loaded(0.6, 1.3, mass), joints={"j": 0.95})
+    found, _ = offers(20, eased)
+    found.take([heavy, light, giving])
+    assert asked == expected
+
+
+def test_what_is_overloaded_is_eased_where_nothing_else_is():
+    asked = []
+
+    def eased(grasps) -> dict[int, Grasp]:
+        asked.extend(one.score for one in grasps)
+        return {}
+
+    found, _ = offers(20, eased)
+    found.take([loaded(0.6, 0.12, (12.0, 12.0))])
+    assert asked == [0.6]
+
+
 def test_those_left_out_are_counted_with_their_reason(planner):
     ledger = Ledger()
     planner._note_stiff(given([0.5, 0.2, 0.1]), ledger)
