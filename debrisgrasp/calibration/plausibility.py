@@ -22,6 +22,14 @@ _FEWEST_TO_OUTVOTE = 5
 """With fewer points two wrong hypotheses have as many votes as the right one."""
 _TURNED = np.deg2rad(40.0)
 """Farther from where the model has it, no camera is by drift."""
+_EXCHANGE = (
+    "The two have been swapped: exchange them. In a file `point` (camera_x, camera_y, "
+    "camera_z) is the camera's, `position` (base_x, base_y, base_z) the arm's."
+)
+_OR_INVERT = (
+    "If they are right, or computed from joints, the expected pose of the camera, as "
+    "the robot's model has it, is the inverse of T_base_camera: mend that."
+)
 
 Pairs = tuple[FloatArray, FloatArray, FloatArray]
 """Places by kinematics (n, 3), by the camera (n, 3) [m], and variances (n,) [m^2]."""
@@ -78,7 +86,7 @@ def require_right_way_round(T_base_camera: SE3, nominal: SE3 | None) -> None:
             got="measured points that fit as base coordinates, and positions by the "
             "arm that fit as camera coordinates",
             expected="the arm's positions in base, the camera's in its optical frame",
-            mend="The two have been swapped: exchange the columns.",
+            mend=_EXCHANGE if nominal is None else f"{_EXCHANGE} {_OR_INVERT}",
         )
 
 

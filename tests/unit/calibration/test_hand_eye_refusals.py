@@ -104,6 +104,19 @@ def test_swapped_frames_against_the_model():
     )
 
 
+def test_swapped_frames_are_named_as_files_have_them():
+    given = looks()
+    swapped = {"points_base": given.points_camera, "points_camera": given.points_base}
+    said = refused("`point`", "camera_x", "`position`", "base_x", **swapped)
+    # Without an expected pose there is none to be the wrong way round.
+    assert "T_base_camera" not in said
+
+
+def test_an_expected_pose_that_is_the_wrong_way_round():
+    wrong = Known(head=Head.fixed(CAMERA.inverse()))
+    refused("expected pose", "T_base_camera", "inverse", known=wrong)
+
+
 @pytest.mark.parametrize(
     ("factor", "unit"),
     [(1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches")],
