@@ -54,7 +54,11 @@ UNREADABLE_ARRAY = (
 _IN_WORDS = {
     "Object arrays": "objects rather than numbers",
     "pickled": "no arrays at all",
-    "not a zip file": "no arrays at all",
+    # NumPy takes for an archive what begins as one; the list of contents is at its end.
+    "not a zip file": "a damaged file, whose end is cut off",
+    "Bad CRC-32": "a damaged file",
+    "Bad magic number": "a damaged file",
+    "while decompressing": "a damaged file",
     "number of columns changed": "rows of different lengths",
     "could not convert string": "words rather than numbers",
     "No data left": "nothing",

@@ -82,7 +82,8 @@ def _load_known(path: Path) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:
             "archive",
             got=why_unreadable(error),
             expected="a whole .npz of plain arrays",
-            mend="Write it again with numpy.savez_compressed.",
+            mend="Copy it again from where it is whole, or write it again with "
+            "Capture.save or numpy.savez_compressed.",
         ) from error
 
 

@@ -90,6 +90,26 @@ def test_truncated_archives_are_refused(saved, arrays, kept):
         Capture.load(path)
 
 
+@pytest.mark.parametrize("kept", [10, 0.5, 0.99])
+def test_of_a_truncated_archive_it_is_said_that_its_end_is_cut_off(saved, arrays, kept):
+    path = saved(**arrays)
+    content = path.read_bytes()
+    size = kept if isinstance(kept, int) else int(kept * len(content))
+    path.write_bytes(content[:size])
+    with pytest.raises(CaptureError, match=r"cut off.*[Cc]opy it again") as caught:
+        Capture.load(path)
+    assert str(path) in str(caught.value)
+
+
+def test_of_a_spoilt_archive_it_is_said_that_it_is_damaged(saved, arrays):
+    path = saved(**arrays)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 3] ^= 0xFF
+    path.write_bytes(content)
+    with pytest.raises(CaptureError, match=r"damaged.*[Cc]opy it again"):
+        Capture.load(path)
+
+
 def test_damaged_archives_are_refused_or_read_as_they_were(saved, arrays, rng):
     content = saved(**arrays).read_bytes()
     path = saved(**arrays)
