@@ -44,9 +44,12 @@ __all__ = ["report_png"]
 
 _SIZE = (1800, 1200)
 _IMAGE = Slot(30, 132, 744, 558)
-_SIGHT = Slot(794, 132, 478, 558)
-_SIDE = Slot(1292, 132, 478, 558)
-_ROBOT = Slot(30, 732, 744, 440)
+"""Most that the picture of the segments takes; it has the shape of its image."""
+_LEAST, _WIDE = (300.0, 186.0), 480.0
+"""It takes at least so much, so that its heading fits; where it is wide, all of it."""
+_GUTTER, _HEADING = 20.0, 42.0
+"""Between panels side by side, and above one another [pixels]."""
+_RIGHT, _FOOT = 1770.0, 1172.0
 _TABLE = Slot(794, 732, 976, 440)
 _COLUMNS = (
     ("", 14, "left"),
@@ -93,33 +96,54 @@ def report_png(path: str | os.PathLike[str], report: Report) -> None:
     page.text(1770, 24, sentence, 13, ha="right", color=color, weight="bold")
 
     image = label_image(report.cloud, report.labels, report.capture)
-    source = "camera" if image.from_camera else "rendered from the viewpoint"
-    note = f"{source}; place in the order: #label"
-    axes = page.titled_panel(_IMAGE, "Segments", note)
-    draw_segments(axes, image, _IMAGE, chosen=plan.object_label, order=report.order)
+    picture, sight, side, robot = _slots(image.labels.shape)
+    note = "place in the order: #label"
+    if picture.width >= _WIDE:
+        source = "camera" if image.from_camera else "rendered from the viewpoint"
+        note = f"{source}; {note}"
+    axes = page.titled_panel(picture, "Segments", note)
+    draw_segments(axes, image, picture, chosen=plan.object_label, order=report.order)
 
     panels = Panels.of(report)
     title = "Best hands" if plan.grasps else "First object"
-    axes = page.titled_panel(_SIGHT, title, "box: region V; grid 10 cm")
-    _draw_scene(
-        axes, _SIGHT, panels.along_sight(_SIGHT.size), panels, len(panels.hands)
-    )
+    axes = page.titled_panel(sight, title, "box: region V; grid 10 cm")
+    _draw_scene(axes, sight, panels.along_sight(sight.size), panels, len(panels.hands))
     title = "Best grasp, across its grip" if plan.grasps else "From the side"
-    axes = page.titled_panel(_SIDE, title, "grid 10 cm")
-    _draw_scene(axes, _SIDE, panels.across_grip(_SIDE.size), panels, 1)
+    axes = page.titled_panel(side, title, "grid 10 cm")
+    _draw_scene(axes, side, panels.across_grip(side.size), panels, 1)
     if report.robot is None:
-        axes = page.titled_panel(_ROBOT, "From above", "grid 10 cm; x up, y left")
+        axes = page.titled_panel(robot, "From above", "grid 10 cm; x up, y left")
     else:
         note = "blue: the arm's reach at the height of the grasp; grid 50 cm"
         axes = page.titled_panel(
-            _ROBOT,
+            robot,
             "Robot in the best grasp" if plan.grasps else "Robot at rest",
             note if plan.grasps else "grid 50 cm",
         )
-    _draw_scene(axes, _ROBOT, panels.with_robot(_ROBOT.size), panels, 0)
+    _draw_scene(axes, robot, panels.with_robot(robot.size), panels, 0)
     axes = page.titled_panel(_TABLE, "Grasps", "best score first; Q = S C R")
     _draw_table(axes, report, tuple(panels.hands))
     page.write(path)
+
+
+def _slots(shape: tuple[int, int]) -> tuple[Slot, Slot, Slot, Slot]:
+    """Places of the picture, the hands from two sides, and the robot.
+
+    What an image of this shape (rows, columns) leaves free of its place the others
+    take: the robot, where it is wide, and the hands, where it is high.
+    """
+    rows, columns = shape
+    scale = min(_IMAGE.width / columns, _IMAGE.height / rows)
+    width = max(round(scale * columns), _LEAST[0])
+    height = max(round(scale * rows), _LEAST[1])
+    picture = Slot(_IMAGE.x, _IMAGE.y, width, height)
+    x = picture.x + width + _GUTTER
+    half = (_RIGHT - x - _GUTTER) // 2
+    sight = Slot(x, _IMAGE.y, half, _IMAGE.height)
+    side = Slot(_RIGHT - half, _IMAGE.y, half, _IMAGE.height)
+    y = picture.y + height + _HEADING
+    robot = Slot(_IMAGE.x, y, _IMAGE.width, _FOOT - y)
+    return picture, sight, side, robot
 
 
 def _draw_scene(

@@ -39,6 +39,41 @@ def test_the_report_shows_the_object_and_the_hand(
     assert share_of_hue(image[132:690, 1292:], HAND_COLORS[0]) > 0.02
 
 
+@pytest.mark.parametrize(
+    ("rows", "columns"),
+    [((8, 53), (0, 80)), ((1, 60), (5, 64)), ((10, 50), (15, 65)), ((20, 40), (0, 80))],
+    ids=["16:9", "square", "5:4", "4:1"],
+)
+def test_the_segments_have_no_bars_beside_or_above_them(
+    report: Report, tmp_path: Path, rows: tuple[int, int], columns: tuple[int, int]
+) -> None:
+    report_png(tmp_path / "a.png", cut_out(report, rows, columns))
+    image = pixels(tmp_path / "a.png")
+    # The corner that the picture takes at least, its frame aside.
+    corner = image[134:316, 32:328]
+    is_dark = np.abs(corner - np.array([0x21, 0x26, 0x2D]) / 255.0).max(axis=-1) < 0.02
+    assert is_dark.mean() < 0.02
+
+
+def cut_out(report: Report, rows: tuple[int, int], columns: tuple[int, int]) -> Report:
+    """The same report from a part of the image."""
+    cloud = report.cloud
+    assert cloud.pixels is not None
+    assert cloud.image_shape is not None
+    v, u = np.divmod(cloud.pixels, cloud.image_shape[1])
+    kept = (v >= rows[0]) & (v < rows[1]) & (u >= columns[0]) & (u < columns[1])
+    shape = rows[1] - rows[0], columns[1] - columns[0]
+    part = replace(
+        cloud,
+        points=cloud.points[kept],
+        normals=cloud.normals[kept],
+        pixels=((v - rows[0]) * shape[1] + u - columns[0])[kept],
+        image_shape=shape,
+    )
+    segmentation = segmentation_of(report.labels[kept])
+    return replace(report, cloud=part, segmentation=segmentation)
+
+
 def test_equal_reports_are_equal_files(report: Report, tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
         report_png(tmp_path / name, report)
