@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,9 @@ _AS_TEXT = (
     "That is text in YAML, where a number has no quotes and, before an exponent, a "
     "point, and in it a sign: 1.0e+9."
 )
+
+_MISSPELT = 0.75
+"""Names as alike as this are one misspelt; rail_length and rail_height are less so."""
 
 
 class Fields:
@@ -57,7 +61,7 @@ class Fields:
                 self.where(name),
                 got="nothing: it is missing",
                 expected="a value",
-                mend=f"Present are: {', '.join(map(str, self._content)) or 'none'}.",
+                mend=self._meant(name),
             )
         return self._content[name]
 
@@ -164,6 +168,15 @@ class Fields:
                 raise UnknownNameError(
                     f"field in {self.where()}", name, sorted(self._known)
                 )
+
+    def _meant(self, name: str) -> str:
+        """Say which fields there are, and which may be the missing one, misspelt."""
+        present = f"Present are: {', '.join(map(str, self._content)) or 'none'}."
+        unknown = [str(n) for n in self._content if n not in self._known]
+        near = get_close_matches(name, unknown, n=1, cutoff=_MISSPELT)
+        if near:
+            return f"Did you mean {name!r} where it says {near[0]!r}? {present}"
+        return present
 
     def _inside(self, name: str) -> str:
         return f"{self.section}.{name}" if self.section else name

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
@@ -49,7 +48,7 @@ def read_hand(path: str | os.PathLike[str]) -> HandContent:
     ConfigError
         Naming file, field and range.
     """
-    fields = Fields(read_yaml(path), Path(path).name)
+    fields = Fields(read_yaml(path), str(path))
     base = fields.child("base")
     T_hand_base = read_pose(base)
     base.finish()

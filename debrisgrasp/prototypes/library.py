@@ -69,9 +69,9 @@ class PrototypeLibrary:
             definition = read_prototype(file, grippers)
             if definition.name in definitions:
                 raise ConfigError(
-                    f"{file.name}, field name",
+                    f"{file}, field name",
                     got=repr(definition.name),
-                    expected=f"a new name: {sources[definition.name].name} has it",
+                    expected=f"a new name: {sources[definition.name]} has it",
                 )
             definitions[definition.name] = definition
             sources[definition.name] = file

@@ -100,7 +100,7 @@ def definition_from(
     ConfigError, UnknownNameError
         As `read_prototype` does.
     """
-    fields = Fields(content, source.name)
+    fields = Fields(content, str(source))
     gripper = grippers[fields.choice("gripper", grippers)]
     preshape = gripper.preshape(fields.choice("preshape", gripper.preshapes))
     width = fields.length("width", *preshape.widths)

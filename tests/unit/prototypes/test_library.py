@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -140,7 +141,7 @@ def test_visibility_is_in_the_palm_frame(library: PrototypeLibrary) -> None:
         (
             "width: 0.05",
             "width: 0.05\nwith: 3",
-            r"field in pipe.yaml.*'with'.*opening.*width",
+            r"field in \S*pipe.yaml.*'with'.*opening.*width",
         ),
         ("robotiq_3f", "robotiq_2f", r"gripper.*camhand, robotiq_3f"),
         ("basic", "power", r"preshape.*basic, wide, pinch"),
@@ -167,6 +168,27 @@ def test_bad_files_are_refused_with_file_field_and_range(
     assert found in SOUND
     with pytest.raises(DebrisGraspError, match=f"(?s){message}"):
         load_text(tmp_path, SOUND.replace(found, replacement, 1))
+
+
+@pytest.mark.parametrize(
+    ("field", "misspelt"),
+    [
+        ("width", "widht"),
+        ("opening", "openning"),
+        ("shape", "shap"),
+        ("diameter", "diametre"),
+        ("position", "postion"),
+    ],
+)
+def test_of_a_misspelt_field_the_right_one_and_its_file_are_named(
+    tmp_path: Path, field: str, misspelt: str
+) -> None:
+    sound = SOUND.replace("width: 0.05", "width: 0.05\nopening: 0.09")
+    assert f"{field}:" in sound
+    with pytest.raises(DebrisGraspError, match=f"Did you mean {field!r}") as caught:
+        load_text(tmp_path, re.sub(rf"\b{field}:", f"{misspelt}:", sound))
+    assert repr(misspelt) in str(caught.value)
+    assert str(tmp_path / "pipe.yaml") in str(caught.value)
 
 
 def test_a_name_given_twice_names_both_files(tmp_path: Path) -> None:

@@ -1,0 +1,32 @@
+"""A field that is missing: which one may be meant, and which are there."""
+
+from __future__ import annotations
+
+import pytest
+
+from debrisgrasp._fields import Fields
+from debrisgrasp.errors import ConfigError
+
+
+def complaint(missing: str, **content: float) -> str:
+    with pytest.raises(ConfigError) as caught:
+        Fields(content, "a.yaml").raw(missing)
+    return str(caught.value)
+
+
+def test_a_missing_field_may_be_misspelt():
+    said = complaint("width", widht=0.05, opening=0.09)
+    assert "Did you mean 'width' where it says 'widht'" in said
+    assert "widht, opening" in said
+
+
+def test_another_field_is_not_taken_for_a_misspelt_one():
+    assert "Did you mean" not in complaint("rail_height", rail_length=0.3)
+
+
+def test_a_field_that_was_asked_for_is_not_misspelt():
+    fields = Fields({"width": 0.05}, "a.yaml")
+    fields.raw("width")
+    with pytest.raises(ConfigError) as caught:
+        fields.raw("widths")
+    assert "Did you mean" not in str(caught.value)
