@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
+from hashlib import sha256
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -163,6 +166,7 @@ def run_pick(arguments: argparse.Namespace) -> int:
     """Write the page."""
     require_places([arguments.report], PAGE_FORMS, source=arguments.captures[0])
     captures = [Capture.load(path) for path in arguments.captures]
+    _require_distinct(arguments.captures, captures)
     header: dict[str, Any] = {"schema": SCHEMA}
     rows: list[dict[str, Any]] = [
         {"name": f"look_{i}", "joints": {}} for i in range(1, len(captures) + 1)
@@ -189,3 +193,23 @@ def run_pick(arguments: argparse.Namespace) -> int:
         print(f"no capture for {', '.join(without)}: not on the page")
     print(f"wrote {arguments.report}: open it, click the fiducial, save the file")
     return 0
+
+
+def _require_distinct(paths: Sequence[Path], captures: Sequence[Capture]) -> None:
+    """Raise `CaptureError` if two captures are one: its posture would be another's."""
+    first: dict[str, Path] = {}
+    for path, capture in zip(paths, captures, strict=True):
+        image = sha256()
+        for array in (capture.depth, capture.points, capture.rgb):
+            if array is not None:
+                image.update(np.ascontiguousarray(array).tobytes())
+        earlier = first.setdefault(image.hexdigest(), path)
+        if earlier is path:
+            continue
+        is_same = earlier.resolve() == path.resolve()
+        raise CaptureError(
+            f"capture {path}",
+            got="the same file twice" if is_same else f"the same image as {earlier}",
+            expected="another look for each posture",
+            mend="Leave it out, or capture again in its posture.",
+        )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -283,10 +285,11 @@ def test_an_led_is_found_from_the_command_line(run, tmp_path):
 def test_a_page_to_pick_in_is_written(run, tmp_path, pipe_file):
     todo = tmp_path / "todo.json"
     run("calibrate", "choose", "--fiducial", LED, "-n", 2, "--out", todo)
-    page = tmp_path / "pick.html"
-    ended = run(
-        "calibrate", "pick", pipe_file, pipe_file, "--into", todo, "--report", page
-    )
+    page, other = tmp_path / "pick.html", tmp_path / "other.npz"
+    one = Capture.load(pipe_file)
+    assert one.depth is not None
+    replace(one, depth=one.depth + 0.001).save(other)
+    ended = run("calibrate", "pick", pipe_file, other, "--into", todo, "--report", page)
     assert ended.status == 0
     text = page.read_text()
     assert "{{" not in text
@@ -298,3 +301,16 @@ def test_a_page_to_pick_in_is_written(run, tmp_path, pipe_file):
     assert "no capture for" not in ended.out
     ended = run("calibrate", "pick", pipe_file, "--into", todo, "--report", page)
     assert "no capture for look_2" in ended.out
+
+
+def test_one_capture_is_no_look_at_two_postures(refused, tmp_path, pipe_file):
+    page, copied = tmp_path / "pick.html", tmp_path / "copied.npz"
+    shutil.copy(pipe_file, copied)
+    last = ("--report", page)
+    said = refused("calibrate", "pick", pipe_file, pipe_file, *last)
+    assert str(pipe_file) in said
+    assert "twice" in said
+    said = refused("calibrate", "pick", pipe_file, copied, *last)
+    assert str(pipe_file) in said
+    assert str(copied) in said
+    assert not page.exists()
