@@ -103,7 +103,7 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of files of further hands",
     )
-    add_region(search, "seek grasps only in this box, base frame, metres")
+    add_region(search, "seek grasps only in this box")
     search.add_argument(
         "--object", type=int, metavar="N", help="seek grasps only on this object"
     )

@@ -51,8 +51,9 @@ def _add_clear(subparsers: Subparsers) -> None:
     one_object = parser.add_mutually_exclusive_group()
     add_region(
         one_object,
-        "take only the object in this box, base frame, metres; prototypes for special "
-        "objects, such as handles, are used then",
+        "take only the object in this box, also with prototypes for special objects, "
+        "such as handles",
+        "0.85 -0.3 0.19 1.35 0.3 0.5 for the handle in --scene crate_with_handle",
     )
     one_object.add_argument(
         "--mask",

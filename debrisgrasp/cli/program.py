@@ -89,6 +89,10 @@ def _in_options(error: DebrisGraspError, given: Sequence[str]) -> str:
     return str(error).replace(error.what, option + (found[2] or ""), 1)
 
 
+_TOO_FEW = re.compile(r"argument (--[\w-]+): expected \d+ arguments")
+"""How an option complains of the number of its values, without saying which."""
+
+
 class _Parser(argparse.ArgumentParser):
     """Refuses arguments in one line, as everything else is refused."""
 
@@ -100,6 +104,10 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End with the message."""
         prog = self.prog if " " in self.prog else f"{self.prog} COMMAND"
+        found = _TOO_FEW.search(message)
+        names = self._option_string_actions[found[1]].metavar if found else None
+        if isinstance(names, tuple):
+            message += f", {' '.join(names)}, with spaces between them"
         more = f"`{prog} --help` tells what can be given"
         self.exit(2, f"debrisgrasp: error: {message}. {more}.\n")
 

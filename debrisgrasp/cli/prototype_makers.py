@@ -96,7 +96,7 @@ def add_makers(actions: Any) -> None:
     )
     add_capture(recording)
     recording.add_argument("--object", type=int, metavar="N", help="this object")
-    add_region(recording, "only what is in this box, base frame, metres")
+    add_region(recording, "only what is in this box")
     recording.add_argument(
         "--pose",
         metavar="POSE",

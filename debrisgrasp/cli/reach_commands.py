@@ -49,9 +49,7 @@ def add(subparsers: Any) -> None:
         "is known here. Exit status 1 if no arm can grip anything of the region.",
     )
     add_arm(parser)
-    add_region(
-        parser, "box that is asked for, base frame, metres (default: all around)"
-    )
+    add_region(parser, "box that is asked for (default: all around)")
     parser.add_argument(
         "--grasps",
         type=some_path,

@@ -13,6 +13,8 @@ from debrisgrasp.geometry import Bounds
 
 __all__ = ["add_region", "number", "region_of", "seed", "some_path"]
 
+_EXAMPLE = "0.7 -0.3 0 1.3 0.3 0.6"
+
 
 def some_path(text: str) -> Path:
     """Parse a path; an empty one would mean the working folder."""
@@ -43,14 +45,18 @@ def seed(text: str) -> int:
     return number
 
 
-def add_region(parser: argparse._ActionsContainer, what: str) -> None:
-    """Add ``--region``."""
+def add_region(
+    parser: argparse._ActionsContainer, what: str, example: str = _EXAMPLE
+) -> None:
+    """Add ``--region``; of its help ``what`` says what the box is for."""
     parser.add_argument(
         "--region",
         nargs=6,
         type=number,
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help=what,
+        help=f"{what}: its lower corner, then its upper one, in metres in the base "
+        "frame (x forward, y left, z up from the ground under the robot), for instance "
+        + example,
     )
 
 

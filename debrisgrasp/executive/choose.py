@@ -108,7 +108,13 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
         if context.n_removed:
             return Done({"cleared": True}, State.CLEARED)
         # It was never seen, so nothing says that it is gone.
-        return FaultFound("empty_cloud", "no object was seen where one was sought")
+        words = "no object was seen where one was sought"
+        if context.settings.region is not None:
+            words = (
+                f"no object was seen in the region {context.settings.region} of the "
+                "base frame; move or widen it"
+            )
+        return FaultFound("empty_cloud", words)
     label = int(np.bincount(own[own > 0]).argmax())
     segment = seen.segmentation.segment(label)
     why = context.marks.why_left(

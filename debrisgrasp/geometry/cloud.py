@@ -53,6 +53,11 @@ class Bounds:
         object.__setattr__(self, "lower", lower)
         object.__setattr__(self, "upper", upper)
 
+    def __str__(self) -> str:
+        """Ranges of the coordinates, as messages give them."""
+        ends = zip("xyz", self.lower, self.upper, strict=True)
+        return ", ".join(f"{name} {a:g} to {b:g}" for name, a, b in ends) + " m"
+
     @classmethod
     def around(cls, points: ArrayLike, margin: float = 0.0) -> Bounds:
         """Box around points (n, 3), grown by ``margin`` [m] on every side.

@@ -185,3 +185,16 @@ def test_an_empty_option_is_not_the_working_folder_either(refused, pipe_file, wo
     message = refused(*(word.format(pipe_file) for word in words))
     assert "it is empty" in message
     assert len(message.splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", ["clear", "plan", "reach"])
+def test_the_help_says_what_the_numbers_of_a_region_are(run, command):
+    said = " ".join(run(command, "--help").out.split())
+    told = said[said.index("--region X0 Y0 Z0 X1 Y1 Z1 ", said.index("options:")) :]
+    for words in ("lower corner", "metres", "base frame (x forward", "for instance 0."):
+        assert words in told[:400]
+
+
+@pytest.mark.parametrize("given", [["0.7,-0.2,0,1.2,0.2,0.3"], ["1", "2", "3"]])
+def test_too_few_numbers_of_a_region_are_told_which(refused, given):
+    assert "X0 Y0 Z0 X1 Y1 Z1, with spaces" in refused("clear", "--region", *given)

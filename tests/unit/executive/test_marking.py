@@ -113,6 +113,12 @@ def test_only_the_object_in_the_region_is_taken(handle):
     assert HANDLE.contains(seen.cloud.points[seen.is_marked]).all()
 
 
+def test_a_region_without_an_object_is_told(handle):
+    _, found = handle(region=Bounds(np.full(3, 5.0), np.array([6.0, 7.0, 8.5])))
+    assert isinstance(found, FaultFound)
+    assert "x 5 to 6, y 5 to 7, z 5 to 8.5 m of the base frame" in found.message
+
+
 def test_a_mask_marks_the_same_object_as_the_region_it_was_drawn_in(handle):
     context, by_region = handle(region=HANDLE)
     again, by_mask = handle(mark=StaysMarked.of(context.cycle.capture))
