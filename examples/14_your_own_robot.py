@@ -77,7 +77,8 @@ def main() -> None:
     camera = SimpleNamespace(
         capture=lambda: robot.DepthFrame(time=clock.now(), **image)
     )
-    # A third one: the weight of the tool is not in it.
+    # A third one: the weight of the tool is not in it. Only motion shows that, and
+    # nothing is moved before the other two are mended.
     wrench = SimpleNamespace(
         read=lambda: robot.WrenchReading(clock.now(), rng.normal(0, 0.1, 6))
     )

@@ -9,7 +9,7 @@ Those in `CHECKS` can be run one by one from pytest::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from traceback import extract_tb
 
 from debrisgrasp._checked import checked
 
+from .gaps import Gap, absent, gaps_of
 from .interface import Robot
 from .promises import (
     answers_whole,
@@ -55,9 +56,20 @@ class Check:
     moves: bool
     """Whether it moves the robot: joints by up to 2 degrees, fingers, head."""
     function: Callable[[Robot], Iterator[str]]
+    needs: frozenset[str] = frozenset()
+    """Members of devices that it uses, such as ``arm.read``."""
+
+    def lacks(self, gaps: Iterable[Gap]) -> tuple[str, ...]:
+        """Tell which of the members that it needs are missing."""
+        return tuple(member for gap in gaps for member in gap.of(self.needs))
 
     def __call__(self, robot: Robot) -> tuple[str, ...]:
-        """Return what is wrong, in words; nothing, if the promise is kept."""
+        """Return what is wrong, in words; nothing, if the promise is kept.
+
+        Nothing is done with a robot that lacks a member that the check needs.
+        """
+        if lacking := self.lacks(absent(robot)):
+            return (f"not run: there is no {', '.join(lacking)}",)
         problems: list[str] = []
         try:
             problems.extend(self.function(robot))
@@ -91,6 +103,8 @@ class Report:
     passed: tuple[str, ...]
     """Names of the checks without a finding."""
     findings: tuple[Finding, ...]
+    skipped: tuple[Finding, ...] = ()
+    """Checks that were not run, each with its reason."""
 
     @property
     def is_conformant(self) -> bool:
@@ -98,9 +112,16 @@ class Report:
         return not self.findings
 
     def __str__(self) -> str:
-        lines = [f"{len(self.passed)} checks passed, {len(self.findings)} problems"]
-        lines += [f"  {found.check}: {found.problem}" for found in self.findings]
-        return "\n".join(lines)
+        n = len(self.findings)
+        first = f"{len(self.passed)} checks passed, {n} problem{'s' * (n != 1)}"
+        if self.skipped:
+            first += f", {len(self.skipped)} not run"
+        lines = [f"  {found.check}: {found.problem}" for found in self.findings]
+        reasons = dict.fromkeys(each.problem for each in self.skipped)
+        for reason in reasons:
+            names = [each.check for each in self.skipped if each.problem == reason]
+            lines.append(f"  not run: {', '.join(names)} ({reason})")
+        return "\n".join([first, *lines])
 
 
 def _disengage(robot: Robot) -> None:
@@ -111,40 +132,105 @@ def _disengage(robot: Robot) -> None:
 
 
 def _check(
-    function: Callable[[Robot], Iterator[str]], promise: str, *, moves: bool = False
+    function: Callable[[Robot], Iterator[str]],
+    promise: str,
+    needs: str,
+    *,
+    moves: bool = False,
 ) -> Check:
-    return Check(function.__name__, promise, moves, function)
+    return Check(function.__name__, promise, moves, function, frozenset(needs.split()))
 
+
+_CLOCK = "clock.now clock.wait_until "
+_STATE = "arm.engage arm.disengage arm.is_engaged arm.stop arm.reset arm.is_stopped "
+_MOTION = _CLOCK + "arm.read arm.command arm.limits "
+_HEAD = "head.joint_names head.read head.is_still "
 
 CHECKS = (
     _check(
-        protocols_are_kept, "devices have, and answer, what their protocols ask for"
+        protocols_are_kept, "devices have, and answer, what their protocols ask for", ""
     ),
-    _check(arms_are_named, "limbs, joints and hands bear the names of the model"),
-    _check(clock_runs, "time rises, and waiting ends at the time asked for"),
-    _check(times_rise, "readings are of now, and later ones are later"),
-    _check(joints_are_read, "joints are finite, in radians, within their limits"),
-    _check(limits_are_true, "the limits of the arms are those of the model"),
-    _check(wrist_is_read, "an idle wrist reads no more than tool and bias"),
-    _check(answers_whole, "a hand tells opening and force of every finger, in SI"),
-    _check(camera_sees, "depth is in metres, in the size and frame that it says"),
-    _check(head_is_known, "the head's joints are the model's, and it stands"),
-    _check(base_stands, "the base tells a pose, and stands when stopped"),
-    _check(stop_latches, "a stop stays until it is reset"),
+    _check(
+        arms_are_named,
+        "limbs, joints and hands bear the names of the model",
+        "arm.joint_names gripper.name",
+    ),
+    _check(clock_runs, "time rises, and waiting ends at the time asked for", _CLOCK),
+    _check(
+        times_rise,
+        "readings are of now, and later ones are later",
+        _CLOCK + "arm.read sensor.read gripper.read head.read",
+    ),
+    _check(
+        joints_are_read,
+        "joints are finite, in radians, within their limits",
+        "arm.read arm.limits arm.joint_names",
+    ),
+    _check(
+        limits_are_true, "the limits of the arms are those of the model", "arm.limits"
+    ),
+    _check(
+        wrist_is_read,
+        "an idle wrist reads no more than tool and bias",
+        _CLOCK + "sensor.read arm.read",
+    ),
+    _check(
+        answers_whole,
+        "a hand tells opening and force of every finger, in SI",
+        "gripper.read",
+    ),
+    _check(
+        camera_sees,
+        "depth is in metres, in the size and frame that it says",
+        "clock.now camera.capture",
+    ),
+    _check(head_is_known, "the head's joints are the model's, and it stands", _HEAD),
+    _check(
+        base_stands,
+        "the base tells a pose, and stands when stopped",
+        _CLOCK + "base.read base.stop",
+    ),
+    _check(stop_latches, "a stop stays until it is reset", _CLOCK + _STATE),
 )
 """Checks that move nothing."""
 
-MOVING_CHECKS = (
-    _check(disengaged_arm_stands, "a disengaged arm follows nothing", moves=True),
-    _check(arm_follows, "an engaged arm goes where it is sent", moves=True),
-    _check(wrist_feels_weight, "a turned wrist feels the tool's weight", moves=True),
-    _check(nonsense_is_refused, "an arm follows no NaN", moves=True),
-    _check(stopped_arm_stands, "a stopped arm follows nothing", moves=True),
-    _check(hand_moves, "fingers initialise, open and close", moves=True),
-    _check(head_moves, "the head turns and tells when it has arrived", moves=True),
+MOVING_CHECKS = tuple(
+    _check(function, promise, needs, moves=True)
+    for function, promise, needs in (
+        (
+            disengaged_arm_stands,
+            "a disengaged arm follows nothing",
+            _MOTION + "arm.disengage arm.is_engaged",
+        ),
+        (
+            arm_follows,
+            "an engaged arm goes where it is sent",
+            _MOTION + _STATE + "arm.joint_names",
+        ),
+        (
+            wrist_feels_weight,
+            "a turned wrist feels the tool's weight",
+            _MOTION + _STATE + "sensor.read",
+        ),
+        (nonsense_is_refused, "an arm follows no NaN", _MOTION + _STATE),
+        (stopped_arm_stands, "a stopped arm follows nothing", _MOTION + _STATE),
+        (
+            hand_moves,
+            "fingers initialise, open and close",
+            _CLOCK + "arm.disengage gripper.name gripper.initialise gripper.preshape "
+            "gripper.is_initialised gripper.command gripper.read",
+        ),
+        (
+            head_moves,
+            "the head turns and tells when it has arrived",
+            _CLOCK + _HEAD + "head.move_to arm.disengage",
+        ),
+    )
 )
 """Checks that move: joints by up to 2 degrees, fingers by 2 cm, the head by 2 degrees.
 The arms must stand free, and a person at the stop."""
+
+_UNSAFE = "nothing is moved as long as a check at rest finds something"
 
 
 @checked
@@ -156,22 +242,36 @@ def check_robot(robot: Robot, *, motion: bool = False) -> Report:
     robot
         Devices of the robot; its hands are empty and touch nothing.
     motion
-        Run `MOVING_CHECKS` as well; without, nothing moves.
+        Run `MOVING_CHECKS` as well, if those at rest find nothing; without, nothing
+        moves.
 
     Returns
     -------
     Report
-        A check that fails does not keep the others from being run.
+        A check at rest that fails does not keep others from being run, but for those
+        that need what a device lacks.
 
     Raises
     ------
     InputError
         If something else than a `Robot` is given.
     """
-    passed, findings = [], []
+    passed: list[str] = []
+    findings: list[Finding] = []
+    skipped: list[Finding] = []
+    gaps: tuple[Gap, ...] = ()
     for check in (*CHECKS, *(MOVING_CHECKS if motion else ())):
+        if check.moves and findings:
+            skipped.append(Finding(check.name, _UNSAFE))
+            continue
+        if lacking := check.lacks(gaps):
+            why = f"needs {', '.join(lacking)}, see protocols_are_kept"
+            skipped.append(Finding(check.name, why))
+            continue
         problems = check(robot)
         findings += [Finding(check.name, problem) for problem in problems]
         if not problems:
             passed.append(check.name)
-    return Report(tuple(passed), tuple(findings))
+        elif check.function is protocols_are_kept:
+            gaps = gaps_of(robot)
+    return Report(tuple(passed), tuple(findings), tuple(skipped))

@@ -10,20 +10,8 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import SE3, Intrinsics
 
-from .interface import (
-    Arm,
-    Base,
-    Clock,
-    DepthCamera,
-    DepthFrame,
-    ForceSensor,
-    Gripper,
-    HandReading,
-    Head,
-    JointReading,
-    Robot,
-    WrenchReading,
-)
+from .gaps import absent, unanswered
+from .interface import DepthFrame, Robot
 
 __all__ = [
     "answers_whole",
@@ -44,55 +32,15 @@ _OLD = 0.2
 """A reading older than this is not of now [s]."""
 _FARTHEST = 50.0
 """Depths beyond this are no metres."""
-_ANSWERS: dict[Any, dict[str, type]] = {
-    Arm: {"read": JointReading},
-    ForceSensor: {"read": WrenchReading},
-    Gripper: {"read": HandReading},
-    DepthCamera: {"capture": DepthFrame},
-    Head: {"read": JointReading},
-}
-"""What a device answers, by its protocol and method."""
 _FREE_LOAD = (20.0, 5.0)
 """Load of an idle hand, at most [N, N m]."""
 
 
 def protocols_are_kept(robot: Robot) -> Iterator[str]:
     """Check that every device has what its protocol asks for, and answers so."""
-    devices: list[tuple[str, Any, Any]] = [
-        ("clock", robot.clock, Clock),
-        ("camera", robot.camera, DepthCamera),
-        ("head", robot.head, Head),
-        ("base", robot.base, Base),
-    ]
-    for name, limb in robot.limbs.items():
-        devices += [
-            (f"arm {name}", limb.arm, Arm),
-            (f"sensor {name}", limb.sensor, ForceSensor),
-            (f"gripper {name}", limb.gripper, Gripper),
-        ]
-    for name, device, protocol in devices:
-        if device is None:
-            continue
-        wanted = {w: kind for w, kind in vars(protocol).items() if w[0] != "_"}
-        missing = [w for w, kind in wanted.items() if not _has(device, w, kind)]
-        if missing:
-            yield f"{name} has no {', '.join(missing)} ({protocol.__name__})"
-        for w, kind in _ANSWERS.get(protocol, {}).items():
-            if w in missing:
-                continue
-            answer = getattr(device, w)()
-            lacks = [f for f in kind.__annotations__ if not hasattr(answer, f)]
-            if lacks:
-                yield (
-                    f"{name}: {w}() gives {type(answer).__name__} without "
-                    f"{', '.join(lacks)}; a {kind.__name__} is needed"
-                )
-
-
-def _has(device: object, name: str, kind: object) -> bool:
-    """Whether a device has a member, one that can be called if that is a method."""
-    has = hasattr(device, name)
-    return has and (isinstance(kind, property) or callable(getattr(device, name)))
+    for each in (absent, unanswered):
+        for gap in each(robot):
+            yield gap.problem
 
 
 def arms_are_named(robot: Robot) -> Iterator[str]:
