@@ -54,8 +54,9 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     """Make a function refuse arguments that are not what their annotations say.
 
     Classes, protocols with methods, unions, functions, numbers, texts and paths are
-    told apart, in tuples and sequences too; a list may stand for a tuple, and no number
-    is NaN. Arrays, and what a mapping holds, are not looked at.
+    told apart, in tuples and sequences too; a list or an array may stand for a tuple,
+    and no number is NaN. Where an array is wanted, and what a mapping holds, is not
+    looked at.
 
     Raises
     ------
@@ -75,7 +76,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         for name, value in given.arguments.items():
             allowed = kinds.get(name, ())
             if tuple in map(_holder, allowed):
-                given.arguments[name] = value = _tupled(value)
+                given.arguments[name] = value = _tupled(value, allowed)
             if fault := _fault(name, value, allowed):
                 raise fault
         return function(*given.args, **given.kwargs)
@@ -97,23 +98,33 @@ class _Items:
     kinds: tuple[tuple[Any, ...], ...]
     is_any_number: bool
 
+    def of(self, n: int) -> tuple[tuple[Any, ...], ...]:
+        """Tell what each of n items may be; anything, where there are too many."""
+        kinds = self.kinds * n if self.is_any_number else self.kinds
+        return (*kinds, *((),) * n)[:n]
+
     def fault(self, name: str, value: Any) -> InputError | None:
         """Complain about the first item that is not right, or about their number."""
         n = len(value)
         if not self.is_any_number and n != len(self.kinds):
             return InputError(name, got=f"{n} values", expected=str(len(self.kinds)))
-        kinds = self.kinds * n if self.is_any_number else self.kinds
         faults = (
             _fault(f"{name}[{i}]", item, kind)
-            for i, (item, kind) in enumerate(zip(value, kinds, strict=True))
+            for i, (item, kind) in enumerate(zip(value, self.of(n), strict=True))
         )
         return next(filter(None, faults), None)
 
 
-def _tupled(value: Any) -> Any:
-    """Return lists, and those in them, as tuples."""
-    is_list = isinstance(value, list) or type(value) is tuple
-    return tuple(map(_tupled, value)) if is_list else value
+def _tupled(value: Any, allowed: tuple[Any, ...]) -> Any:
+    """Return lists as tuples, those in them too, and arrays where one is wanted."""
+    wanted = next((kind for kind in allowed if _holder(kind) is tuple), None)
+    if wanted is not None and hasattr(value, "__array__") and np.ndim(value):
+        value = np.asarray(value).tolist()
+    if not (isinstance(value, list) or type(value) is tuple):
+        return value
+    n = len(value)
+    kinds = wanted.of(n) if isinstance(wanted, _Items) else ((),) * n
+    return tuple(map(_tupled, value, kinds))
 
 
 @cache

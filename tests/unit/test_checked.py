@@ -154,6 +154,27 @@ def test_a_list_stands_for_a_tuple_inside_another():
         span([[0, 1], 2])
 
 
+def test_an_array_stands_for_a_tuple():
+    for box in (np.array([[0.0, 1.0], [2.0, 3.0]]), (np.arange(2), [2, 3])):
+        assert span(box) == ((0, 1), (2, 3))
+    with pytest.raises(InputError, match=r"box\[0\]: got 3 values"):
+        span(np.zeros((2, 3)))
+    with pytest.raises(InputError, match="box"):
+        span(np.array(1.0))
+
+
+@checked
+def mesh(parts: tuple[FloatArray, tuple[int, ...]]) -> object:
+    """Return it."""
+    return parts
+
+
+def test_an_array_stays_one_where_one_is_wanted():
+    points, ids = mesh((np.zeros((2, 3)), np.arange(2)))
+    assert isinstance(points, np.ndarray)
+    assert ids == (0, 1)
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [

@@ -130,6 +130,37 @@ def test_a_drop_off_in_millimetres_is_refused():
         TaskSettings(drop_off={"right": (250.0, -750.0)})
 
 
+WAY = ((0.5, -0.5, -0.1), (1.5, 0.5, 1.0))
+
+
+@pytest.mark.parametrize(
+    "given", [np.array(WAY), np.array(WAY, dtype=object), list(map(np.array, WAY))]
+)
+def test_a_workspace_may_be_an_array(given):
+    settings = TaskSettings(workspace=given)
+    assert settings.workspace == WAY
+    assert settings == TaskSettings(workspace=WAY)
+    assert settings.bounds.upper == pytest.approx(np.array(WAY[1]))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (np.array(WAY).T, "got 3 values, expected 2"),
+        (np.array(WAY)[:, :2], "got 2 values, expected 3"),
+        (np.array(WAY)[::-1], "a lower corner below an upper one"),
+        (np.array(WAY) * [1, 1, np.nan], "finite"),
+        (np.array(WAY) * [1, 1, np.inf], "finite"),
+        (np.array(WAY) > 0.0, "expected a finite number"),
+        (np.array(WAY, dtype=str), "expected a finite number"),
+    ],
+)
+def test_an_array_that_is_no_workspace_is_refused(given, words):
+    with pytest.raises(InputError, match="workspace") as caught:
+        TaskSettings(workspace=given)
+    assert words in str(caught.value)
+
+
 def test_a_workspace_or_a_region_in_millimetres_is_refused():
     low, high = (450.0, -620.0, -100.0), (1900.0, 620.0, 1300.0)
     with pytest.raises(ConfigError, match=r"workspace.*divide by 1000"):
