@@ -52,6 +52,9 @@ class ServoConfig:
     max_damping: float = 0.05
     """Damping at a singular posture; larger moves the joints less, and the hand strays
     more."""
+    shared_cost: float = 30.0
+    """How much dearer than of other joints motion is of those that turn other arms,
+    too; larger turns them less, and the arm's own joints get to their limits sooner."""
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
@@ -102,6 +105,8 @@ class CartesianServo:
         self.limits, self.period = limits, period
         self.config = config or ServoConfig()
         self._least = self.config.sigma_min**2 * np.eye(6)
+        is_shared = [name in chain.shared for name in chain.joint_names]
+        self._ease = np.where(is_shared, self.config.shared_cost**-0.5, 1.0)
         most = limits.velocity * period
         gain = limits.acceleration * period * period
         self._bounds = list(
@@ -226,13 +231,15 @@ class CartesianServo:
         """Damped least-squares displacement (d,), and the smallest singular value.
 
         The singular value is only worked out below ``sigma_min``; above it is infinite.
+        It is that of a Jacobian whose shared joints count less.
         """
+        J = J * self._ease
         A = J.dot(J.T)
         # Positive definite even with sigma_min^2 taken away: far from singular.
         if dpotrf(A - self._least, clean=0)[1] == 0:
             _, x, info = dposv(A, error)
             if info == 0:
-                regular: list[float] = x.dot(J).tolist()
+                regular: list[float] = (x.dot(J) * self._ease).tolist()
                 return regular, inf
         eigenvalues, U, info = dsyevd(A)
         if info != 0:
@@ -241,8 +248,8 @@ class CartesianServo:
         sigma = sqrt(max(float(eigenvalues[0]), 0.0))
         damping = config.max_damping * max(0.0, 1.0 - sigma / config.sigma_min)
         eigenvalues = np.maximum(eigenvalues, 0.0) + damping * damping
-        damped: list[float] = (((U.T @ error) / eigenvalues) @ (U.T @ J)).tolist()
-        return damped, sigma
+        damped = ((U.T @ error) / eigenvalues) @ (U.T @ J) * self._ease
+        return damped.tolist(), sigma
 
     def limited(
         self,

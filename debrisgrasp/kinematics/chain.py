@@ -57,6 +57,8 @@ class KinematicChain:
     """Origins of the joints in base with all joints at zero [m], shape (d, 3)."""
     T_base_tip_at_zero: SE3
     """Pose of the tip with all joints at zero."""
+    shared: frozenset[str] = frozenset()
+    """Joints that move other arms, too."""
 
     def __post_init__(self) -> None:
         d = len(self.joint_names)
@@ -356,10 +358,7 @@ def _walked(
         up.pop()
         down.pop()
     T, moving = SE3.identity(), []
-    for joint, goes_down in [
-        *((j, False) for j in up),
-        *((j, True) for j in down[::-1]),
-    ]:
+    for joint, goes_down in [(j, False) for j in up] + [(j, True) for j in down[::-1]]:
         step = joint.T_parent_child(locked.get(joint.name, 0.0))
         # Walked from child to parent, the same joint turns the other way.
         axis = joint.axis if goes_down else -joint.axis

@@ -119,9 +119,16 @@ class RobotModel:
             for name in on_the_way
             if name not in spec.joints and self.tree.joints[name].kind != "fixed"
         }
-        return KinematicChain.from_tree(
+        chain = KinematicChain.from_tree(
             self.tree, self.base, spec.tip, {**held, **(locked or {})}
         )
+        others = {
+            joint
+            for other in self.arms.values()
+            if other is not spec
+            for joint in other.joints
+        }
+        return replace(chain, shared=frozenset(others.intersection(chain.joint_names)))
 
     def limits(self, arm: str, chain: KinematicChain | None = None) -> LimitFamily:
         """Limits of the joints of an arm's chain; None: those of `chain`.

@@ -73,6 +73,28 @@ def test_a_singular_posture_is_damped():
     np.testing.assert_allclose(step, np.linalg.pinv(regular) @ error, atol=1e-12)
 
 
+def test_joints_that_turn_other_arms_move_least(rng):
+    chain = ROMAN.chain("right")
+    assert chain.shared == {"torso_joint"}
+    assert not CHAIN.shared
+    limits = ROMAN.limits("right", chain).controller
+    servo = CartesianServo(chain, limits, PERIOD)
+    cost = np.where(np.arange(8) == 0, servo.config.shared_cost, 1.0)
+    n_regular = 0
+    for q in chain.sampled(20, rng=rng):
+        J = servo.kinematics.pose_and_jacobian(q.tolist())[2]
+        error = 1e-3 * rng.normal(size=6)
+        step, sigma = servo.solved(J, error.tolist())
+        if sigma < np.inf:
+            continue
+        n_regular += 1
+        np.testing.assert_allclose(J @ step, error, atol=1e-12)
+        # Of all steps that do it, the cheapest: its slope has no part that J allows.
+        null = np.linalg.svd(J)[2][6:]
+        assert np.abs(null @ (cost * step)).max() < 1e-9
+    assert n_regular > 10
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_a_joint_at_its_limit_stops_no_hand_that_the_others_can_move(seed):
     """Legs that a plan says can be done, from postures with a joint near its limit."""
