@@ -60,9 +60,11 @@ _ENOUGH = 12
 """Postures to plan to; any of them may end the motion."""
 _SOLVED, _AT_ONCE = 16, 8
 """Poses solved, and postures looked at, together; often the first few will do."""
-_LOWERED = 0.05
-"""By so much the hand should be able to go down from there [m] ..."""
-_PARTLY = 0.6
+_LOWERED = 0.12
+"""By so much the hand should be able to go down from there [m]: where an object ends
+below is mostly a guess, and what is let go over the ground falls on an end, or over ...
+"""
+_PARTLY = 0.4
 """... or by this share of it, where there is no better place."""
 
 
