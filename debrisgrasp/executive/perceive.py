@@ -291,8 +291,10 @@ def _marked(context: Context, taken: Capture) -> Capture:
         return taken
     points = taken.intrinsics.deproject(np.nan_to_num(taken.depth))
     assert taken.T_base_camera is not None
-    base = taken.T_base_camera.apply(points.reshape(-1, 3)).reshape(points.shape)
-    inside = settings.region.contains(base) & np.isfinite(taken.depth)
+    # Like the workspace, the region stays where it was when the task began.
+    T_way_camera = context.T_base_way.inverse() @ taken.T_base_camera
+    places = T_way_camera.apply(points.reshape(-1, 3)).reshape(points.shape)
+    inside = settings.region.contains(places) & np.isfinite(taken.depth)
     return replace(taken, mask=inside)
 
 

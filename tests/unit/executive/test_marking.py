@@ -113,6 +113,23 @@ def test_only_the_object_in_the_region_is_taken(handle):
     assert HANDLE.contains(seen.cloud.points[seen.is_marked]).all()
 
 
+def test_the_region_stays_where_it_was_when_the_base_has_moved(handle):
+    context, found = handle(region=HANDLE)
+    began, base = np.array(found.facts["centroid"]), context.robot.base
+    before = base.read()
+    base.drive(0.08, 0.1)
+    context.wait(1.5)
+    base.stop()
+    context.wait(1.0)
+    T_now_before = base.read().inverse() @ before
+    assert np.linalg.norm(T_now_before.p) > 0.1
+    context.stands_elsewhere(T_now_before)
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    again = np.array(select(context).facts["centroid"])
+    assert np.linalg.norm(again - T_now_before.apply(began)) < 0.03
+
+
 def test_a_region_without_an_object_is_told(handle):
     _, found = handle(region=Bounds(np.full(3, 5.0), np.array([6.0, 7.0, 8.5])))
     assert isinstance(found, FaultFound)
