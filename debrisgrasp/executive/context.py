@@ -206,6 +206,9 @@ class Context:
     n_removed: int = 0
     n_moves: int = 0
     """How often the base drove to where the arms reach better."""
+    in_vain: list[tuple[int, float]] = field(default_factory=list)
+    """How many objects were removed, and how far ahead the base stood [m], whenever no
+    other could be got."""
     T_base_way: SE3 = field(default_factory=SE3.identity)
     """Where the base stood when the task began: in that frame the workspace is."""
     known: KnownSpace = field(default_factory=KnownSpace)

@@ -12,8 +12,9 @@ from .context import Context
 
 __all__ = ["repositioned"]
 
-_BEST = 0.95
-"""Ahead of the base an arm reaches most: there an object is brought to [m]."""
+_STANDS = (0.95, 0.8, 1.1)
+"""Ahead of the base an arm reaches most in the first: there an object is brought to; in
+the others it is seen and reached otherwise [m]."""
 _LEAST, _MOST = 0.08, 0.35
 """Ways worth driving, and as far as is driven without another look [m]."""
 _FARTHEST = 0.7
@@ -33,6 +34,7 @@ _BRAKING = 1.0
 def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
     """Drive ahead or back so that the first place that this helps is reached better.
 
+    Not to where nothing could be got either, since something was removed last.
     Everything that is remembered by its place is taken along. Arms are at rest.
 
     Parameters
@@ -48,8 +50,14 @@ def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
     base = context.robot.base
     if base is None or context.n_moves >= context.settings.repositions:
         return 0.0
-    ways = [_way(context, float(place[0]) - _BEST) for place in places]
-    way = next((way for way in ways if abs(way) >= _LEAST), 0.0)
+    now = float(-context.T_base_way.p[0])
+    context.in_vain.append((context.n_removed, now))
+    stood = [at for n, at in context.in_vain if n == context.n_removed]
+    ways = [
+        _way(context, float(place[0]) - stand) for stand in _STANDS for place in places
+    ]
+    is_new = (way for way in ways if min(abs(now + way - at) for at in stood) >= _LEAST)
+    way = next(is_new, 0.0)
     if way == 0.0:
         return 0.0
     begun = base.read()

@@ -85,8 +85,9 @@ class TaskSettings:
     """Object-specific task: only what this marks is gripped, with the prototypes for
     special objects."""
     region: Bounds | None = None
-    """Object-specific task: the object of interest lies in this box, base frame."""
-    repositions: int = 4
+    """Object-specific task: the object of interest lies in this box, in the base frame
+    of when the task begins."""
+    repositions: int = 6
     """So often the base may drive, by up to 35 cm, to where the arms reach better."""
     drag_distance: float = 0.5
     """How far the base pulls what can't be lifted [m]."""

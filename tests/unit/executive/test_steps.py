@@ -227,12 +227,33 @@ def test_a_base_drives_to_where_the_arms_reach_and_takes_along_what_it_knows(pip
     assert fake.truth().violations == ()
 
 
-def test_a_base_stays_where_something_stands_before_it_or_nothing_is_gained(pipeline):
+def test_a_base_tries_other_distances_and_goes_nowhere_twice(pipeline):
+    fake, task = executive(pipeline)
+    context = task.context
+    place, stood = np.array([0.98, 0.0, 0.1]), [0.98]
+
+    def moved():
+        assert isinstance(capture(context), Done)
+        assert isinstance(segment(context), Done)
+        way = repositioned(context, [place])
+        place[0] -= way
+        stood.append(float(place[0]))
+        return way
+
+    assert moved() > 0.0
+    assert moved() < 0.0
+    assert np.allclose(stood[1:], [0.8, 1.1], atol=0.03)
+    assert moved() == 0.0
+    context.n_removed += 1  # with one less, another distance may do
+    assert moved() != 0.0
+    assert fake.truth().violations == ()
+
+
+def test_a_base_stays_where_something_stands_before_it(pipeline):
     fake, task = executive(pipeline)
     context = task.context
     assert isinstance(capture(context), Done)
     assert isinstance(segment(context), Done)
-    assert repositioned(context, [np.array([0.98, 0.0, 0.1])]) == 0.0
     n = len(context.cycle.seen.cloud.points)
     context.fallen.append(np.tile([[0.5, 0.1, 0.2]], (n // 20, 1)))
     assert repositioned(context, [np.array([1.3, 0.0, 0.1])]) == 0.0
