@@ -224,8 +224,14 @@ class Shapes:
         outline = self.outlines[label]
         if outline is None:
             return 0.0
-        beyond = points[:, :2] @ outline[:, :2].T + outline[:, 2]
-        return float(np.mean(beyond.max(axis=1) < _OVERLAP_MARGIN))
+        x, y = points[:, 0], points[:, 1]
+        # Most of what isn't over it is beyond one of the first few lines already.
+        for a, b, c in outline.tolist():
+            inside = a * x + b * y < _OVERLAP_MARGIN - c
+            x, y = x[inside], y[inside]
+            if not len(x):
+                break
+        return len(x) / len(points)
 
 
 def _outline(points: FloatArray) -> FloatArray | None:
