@@ -258,14 +258,17 @@ class Ways:
         """
         aside = np.zeros((ways.shape[1], 3)) if aside is None else aside
         spaces, index = self._hands.spaces, self._hands.space_index[which]
-        middle = (Ts[:, :3, :3] @ spaces.middle[index][..., None])[..., 0]
-        middle += Ts[:, :3, 3]
-        reach = spaces.half[index].max(initial=0.0) * np.sqrt(3.0)
-        reach += steps[-1] + np.abs(aside).max()
+        R = Ts[:, :3, :3]
+        middle = (R @ spaces.middle[index][..., None])[..., 0] + Ts[:, :3, 3]
+        half = (np.abs(R) @ spaces.half[index][..., None])[..., 0] + spaces.spacing
+        begin = middle[:, None] + aside @ R.swapaxes(1, 2)
+        end = begin + steps[-1] * ways @ R.swapaxes(1, 2)
+        lower = np.minimum(begin, end).min(axis=1) - half
+        upper = np.maximum(begin, end).max(axis=1) + half
         near = counts.copy()
-        for along, places in zip(self._points, middle.T, strict=True):
-            near &= along >= np.float32(places.min(initial=np.inf) - reach)
-            near &= along <= np.float32(places.max(initial=-np.inf) + reach)
+        for along, low, high in zip(self._points, lower.T, upper.T, strict=True):
+            near &= along >= np.float32(low.min(initial=np.inf))
+            near &= along <= np.float32(high.max(initial=-np.inf))
         points = self._points[:, near]
         found = np.empty((*ways.shape[:2], len(steps)), dtype=bool)
         n_poses = max(1, _TOGETHER // max(1, points.shape[1]))

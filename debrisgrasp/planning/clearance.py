@@ -107,11 +107,10 @@ class HandClearance:
         placed = self._placed(Ts[alive], which)
         kept = self._passing(clearance, alive, self._depth(placed, which), needed)
         alive, which, placed = alive[kept], which[kept], placed[kept]
-        depth = np.full(len(alive), -np.inf, dtype=np.float32)
-        axis = Ts[alive, :3, 2, None]
-        for retreat in self._retreats:
-            on_the_way = placed + retreat * axis
-            np.maximum(depth, self._depth(on_the_way, which), out=depth)
+        retreats = np.multiply.outer(self._retreats, Ts[alive, :3, 2])
+        on_the_way = (placed + retreats[..., None]).reshape(-1, *placed.shape[1:])
+        depths = self._depth(on_the_way, np.tile(which, len(retreats)))
+        depth = depths.reshape(len(retreats), -1).max(axis=0, initial=-np.inf)
         kept = self._passing(clearance, alive, depth, needed)
         alive, which, placed = alive[kept], which[kept], placed[kept]
         unseen = self._unseen(placed, which)

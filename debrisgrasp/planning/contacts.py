@@ -200,7 +200,7 @@ class PadContacts:
             faces = is_beside & (cosine > np.float32(_TURNED))
             is_seen = near.count(faces) >= self._config.min_points
             # On a curved face the pad comes to lie where it is turned to it most.
-            steepest = near.greatest(cosine[faces], near.pose[faces], 0.0)
+            steepest = near.greatest(np.where(faces, cosine, np.float32(0.0)), 0.0)
             angle = np.arccos(bounded(steepest, 0.0, 1.0))
             angles.append(np.where(is_seen, angle, np.nan))
             room = upper[:, 0] - (side * middle + radius)
@@ -212,7 +212,7 @@ class PadContacts:
             room[around.count(is_under) >= self._config.min_points] = -np.inf
             out = np.float32(side) * near.x
             reaches = out > end.take(near.pose)
-            farthest = near.greatest(out, near.pose, -1.0)
+            farthest = near.greatest(out, -1.0)
             is_last = out > (farthest - np.float32(SAME)).take(near.pose)
             for goes_on, left in (
                 (reaches, 0.0),
@@ -232,7 +232,7 @@ class PadContacts:
             spare += np.where(is_seen, farthest, hidden)
         over = self._overhang(near, is_behind | is_cut, width)
         slant, error = near.slant(upper[:, 2])
-        spare[near.count(near.pose >= 0) < self._config.min_points] = np.inf
+        spare[near.n_each < self._config.min_points] = np.inf
         return np.stack([*angles, *rooms, *leaning, over, slant, error, spare], axis=1)
 
     def _overhang(
@@ -252,12 +252,12 @@ class PadContacts:
         over = np.full(near.n_poses, -np.inf)
         margin = np.float32(self._config.margin)
         for along, end in ((near.y, width), (-near.y, np.zeros_like(width))):
-            last = near.greatest(along, near.pose, -np.inf)
+            last = near.greatest(along, -np.inf)
             is_last = is_open & (along > (last - np.float32(SAME)).take(near.pose))
             is_hidden = near.count(is_last) >= self._config.min_points
             short = np.where(is_hidden, -np.inf, end - margin - last)
             over = np.maximum(over, short)
-        tells = near.count(near.pose >= 0) >= self._config.min_points
+        tells = near.n_each >= self._config.min_points
         return np.where(tells, over, -np.inf)
 
     def _between(
@@ -268,25 +268,29 @@ class PadContacts:
         begin = (to_hand @ Ts[:, :3, 3:].astype(np.float32))[..., 0]
         low, n = lower.copy(), self._points.shape[1]
         low[:, 2] = 0.0
-        is_near, places = np.ones((len(Ts), n), dtype=bool), []
-        for axis in range(3):
-            place = to_hand[:, axis] @ self._points
-            is_near &= place > (low + begin)[:, axis, None]
-            is_near &= place < (upper + begin)[:, axis, None]
-            places.append(place.ravel())
-        found = np.flatnonzero(is_near)
-        ends = np.searchsorted(found, n * np.arange(len(Ts) + 1))
-        pose = np.repeat(np.arange(len(Ts)), np.diff(ends))
-        point = found - n * pose
+        least, most = low + begin, upper + begin
+        # Fingers are narrow: few points of an object are level with them.
+        y = to_hand[:, 1] @ self._points
+        found = np.flatnonzero((y > least[:, 1, None]) & (y < most[:, 1, None]))
+        pose, point = np.divmod(found, n)
+        points = self._points.take(point, axis=1)
+        x, z = (
+            np.einsum("im,im->m", to_hand[:, axis].T.take(pose, axis=1), points)
+            for axis in (0, 2)
+        )
+        is_near = (x > least[:, 0].take(pose)) & (x < most[:, 0].take(pose))
+        is_near &= (z > least[:, 2].take(pose)) & (z < most[:, 2].take(pose))
+        pose, point, x, z = pose[is_near], point[is_near], x[is_near], z[is_near]
+        y = y.ravel().take(found[is_near])
         normals = self._normals.take(point, axis=1)
         closing = to_hand[:, 0].T.take(pose, axis=1)
         axis_of_palm = to_hand[:, 2].T.take(pose, axis=1)
         return NearPads(
             pose=pose,
             point=point,
-            x=places[0].take(found) - begin[:, 0].take(pose),
-            y=places[1].take(found) - (begin + lower)[:, 1].take(pose),
-            z=places[2].take(found) - begin[:, 2].take(pose),
+            x=x - begin[:, 0].take(pose),
+            y=y - (begin + lower)[:, 1].take(pose),
+            z=z - begin[:, 2].take(pose),
             along=(closing * normals).sum(axis=0),
             facing=-(axis_of_palm * normals).sum(axis=0),
             n_poses=len(Ts),

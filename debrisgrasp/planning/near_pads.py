@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray, bounded
 
@@ -65,17 +67,33 @@ class NearPads:
             facing=self.facing[which],
         )
 
+    @property
+    def n_each(self) -> IntArray:
+        """How many points each pose has, shape (k,)."""
+        return np.bincount(self.pose, minlength=self.n_poses)
+
     def count(self, which: BoolArray) -> IntArray:
         """How many of some points (m,) each pose has, shape (k,)."""
-        return np.bincount(self.pose[which], minlength=self.n_poses)
+        return np.asarray(self._each(np.add, which, 0, np.int64))
 
-    def greatest(
-        self, values: Float32Array, pose: IntArray, initial: float
-    ) -> Float32Array:
-        """Greatest of the values of each pose, and ``initial``, shape (k,)."""
-        found = np.full(self.n_poses, initial, dtype=np.float32)
-        np.maximum.at(found, pose, values)
-        return found
+    def greatest(self, values: Float32Array, initial: float) -> Float32Array:
+        """Greatest of the values (m,) of each pose, and ``initial``, shape (k,)."""
+        found = self._each(np.maximum, values, initial, np.float32)
+        return np.asarray(np.maximum(found, np.float32(initial)))
+
+    def _each(
+        self, ufunc: np.ufunc, values: NDArray[Any], none: float, dtype: type
+    ) -> NDArray[Any]:
+        """Reduce the values (m,) of each pose; ``none`` where it has none, shape (k,).
+
+        Several times as fast as `bincount` and ``ufunc.at``, for poses ascend.
+        """
+        begin = np.searchsorted(self.pose, np.arange(self.n_poses + 1))
+        # One more, for a pose without points may begin past the last.
+        padded: NDArray[Any] = np.append(values.astype(dtype), np.asarray(none, dtype))
+        found = ufunc.reduceat(padded, begin[:-1])
+        found[begin[:-1] == begin[1:]] = none
+        return np.asarray(found)
 
     def lean(
         self, out: Float32Array, is_behind: BoolArray, width: Float32Array
@@ -113,7 +131,8 @@ class NearPads:
         return lean
 
     def _mean(self, values: Float32Array, n: IntArray) -> FloatArray:
-        return np.bincount(self.pose, values, self.n_poses) / n
+        sums: FloatArray = self._each(np.add, values, 0.0, np.float64)
+        return sums / n
 
     def slant(self, reach: Float32Array) -> tuple[FloatArray, FloatArray]:
         """How far round sides slant at the fingertips [rad], and its error, (k,) each.
@@ -127,7 +146,7 @@ class NearPads:
         reach
             How far from the palm the fingertips get [m], shape (k,).
         """
-        count = self.count(self.pose >= 0)
+        count = self.n_each
         n = np.maximum(count, 1)
         mean_z, mean_facing = self._mean(self.z, n), self._mean(self.facing, n)
         covariance = mean_z * mean_facing - self._mean(self.z * self.facing, n)
@@ -144,7 +163,7 @@ class NearPads:
         Least squares of x = middle + half width * normal. Last, whether the normals
         turn so much that this tells the side that nothing was seen of, shape (k,).
         """
-        count = np.bincount(self.pose, minlength=self.n_poses)
+        count = self.n_each
         n = np.maximum(count, 1)
         mean_x, mean_along = self._mean(self.x, n), self._mean(self.along, n)
         covariance = self._mean(self.x * self.along, n) - mean_x * mean_along
