@@ -96,6 +96,8 @@ ANSWERS: Mapping[tuple[State, str], Answer] = {
     (State.CALIB_CHECK, "plan_collision"): Answer(Action.ABORT),
     (State.SELF_TEST, "unreachable"): Answer(Action.ABORT),
     (State.RETREAT, "plan_collision"): Answer(Action.RETRY, 2, Action.NEXT),
+    # Felt out and seen to be empty, the hand takes the next; else that is a fault.
+    (State.VERIFY_RELEASE, "not_released"): Answer(Action.RETRY, 1, Action.NEXT),
     # A jammed finger that holds something is not opened by trying harder.
     (State.RELEASE, "finger_jammed"): Answer(Action.RETRY, 1),
     # In free space; later, who can't trust the sensor puts nothing down.

@@ -231,7 +231,7 @@ class Shapes:
             x, y = x[inside], y[inside]
             if not len(x):
                 break
-        return len(x) / len(points)
+        return len(x) / max(len(points), 1)
 
 
 def _outline(points: FloatArray) -> FloatArray | None:

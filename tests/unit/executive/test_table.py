@@ -55,6 +55,15 @@ def test_an_arm_that_finds_no_way_back_is_cleared_up_and_not_given_up():
     assert after.resume is State.RETREAT
 
 
+def test_a_hand_that_something_hangs_on_is_shaken_once_and_then_felt_out():
+    first = answer_to(State.VERIFY_RELEASE, "not_released")
+    assert (first.action, first.resume) == (Action.RETRY, State.RELEASE)
+    then = answer_to(State.VERIFY_RELEASE, "not_released", used=1)
+    assert (then.action, then.resume) == (Action.NEXT, State.CAPTURE)
+    assert then.is_cleared_up  # which ends as a fault where the hand does not come free
+    assert answer_to(State.RETREAT, "not_released", used=1).action is Action.ABORT
+
+
 def test_a_plan_that_fails_leads_to_the_next_object_without_another_look():
     assert answer_to(State.PLAN_GRASP, "no_grasp").resume is State.SELECT
     assert answer_to(State.LIFT, "too_heavy").resume is State.CAPTURE
