@@ -21,6 +21,11 @@ from .urdf import UrdfJoint, UrdfTree
 
 __all__ = ["RobotModel"]
 
+_ROUNDING = 1e-3
+"""What a value in a file may lie outside of a limit, as rounded ones do [rad or m]."""
+
+_DEGREES = "degrees, multiply by pi / 180"
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RobotModel:
@@ -88,6 +93,40 @@ class RobotModel:
                     raise UnknownNameError(
                         f"joint in {where} of robot {self.name}", joint, tree.joints
                     )
+        for where, values in named:
+            if not where.startswith("joints of"):
+                self._require_within_limits(where, values)
+        for arm in self.arms.values():
+            self._require_hand_beyond_joints(arm)
+
+    def _require_within_limits(self, where: str, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            joint = self.tree.joints[name]
+            # A fixed joint has no value, and one without a range none to leave.
+            if joint.kind == "fixed" or joint.upper <= joint.lower:
+                continue
+            if joint.lower - _ROUNDING <= value <= joint.upper + _ROUNDING:
+                continue
+            slides = joint.kind == "prismatic"
+            mend = "millimetres, divide by 1000" if slides else _DEGREES
+            raise ConfigError(
+                f"{name} in {where} of robot {self.name}",
+                got=value,
+                expected=f"{joint.lower:.4g} to {joint.upper:.4g} "
+                f"{'m' if slides else 'rad'}, its limits in the URDF",
+                mend=f"If these are {mend}.",
+            )
+
+    def _require_hand_beyond_joints(self, arm: ArmSpec) -> None:
+        """Refuse to leave a part of the arm out of the test against the scene."""
+        carried = self.tree.links_below(arm.hand) - {arm.hand}
+        for name in arm.joints:
+            if self.tree.joints[name].child in carried:
+                raise ConfigError(
+                    f"hand of arm {arm.name} of robot {self.name}",
+                    got=f"{arm.hand!r}, which carries joint {name} of the arm",
+                    expected="the link at which the hand begins, beyond all its joints",
+                )
 
     def arm(self, name: str) -> ArmSpec:
         """Return an arm by name, or raise `UnknownNameError` listing the arms."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from debrisgrasp._arrays import require_metres
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
@@ -107,6 +108,7 @@ def _frame(name: str, content: Any, path: Path) -> FrameSpec:
             expected="radians, at most 2 pi = 6.28",
             mend="If these are degrees, multiply by pi / 180.",
         )
+    require_metres(f"position in {reader.where}", position)
     return FrameSpec(
         name=name,
         parent=reader.text("parent"),

@@ -90,6 +90,10 @@ def test_a_frame_has_no_body(described):
         ({"parent": "link7"}, "link7.*Did you mean"),
         ({"position": [0, 0]}, "position in .*frame palm.*three numbers"),
         ({"position": [0, 0, "a"]}, "position in .*frame palm.*three numbers"),
+        (
+            {"position": [0, 0, 90]},
+            "position in .*frame palm.*If these are millimetres",
+        ),
         ({"rpy": [0, 0, 90]}, "rpy in .*frame palm.*radians"),
         ({"xyz": [0, 0, 0]}, "field 'xyz'.*frame palm"),
     ],
@@ -99,6 +103,24 @@ def test_a_wrong_frame_is_refused(described, change, message):
     wrong["palm"] = {"parent": "link6"} | change
     with pytest.raises((ConfigError, UnknownNameError), match=message):
         RobotModel.load(described(wrong))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"postures": {"zero": {"joint2": 90.0}}}, r"joint2 in posture.*degrees"),
+        ({"hand": "link3"}, r"hand of arm arm.*'link3', which carries joint joint4"),
+    ],
+)
+def test_a_wrong_arm_is_refused(described, change, message):
+    right = yaml.safe_load(described(frames()).read_text())["arms"]["arm"]
+    with pytest.raises(ConfigError, match=message):
+        RobotModel.load(described(frames(), arms={"arm": right | change}))
+
+
+def test_a_joint_that_rests_beyond_its_limits_is_refused(described):
+    with pytest.raises(ConfigError, match=r"joint1 in rest of robot row.*degrees"):
+        RobotModel.load(described(frames(), rest={"joint1": 90.0}))
 
 
 def test_a_frame_must_not_take_the_name_of_a_link(described):
