@@ -14,6 +14,9 @@ from .ground import spread_sample
 
 __all__ = ["LabelledSurface", "Shapes"]
 
+_LARGEST_NOISE = 0.02
+"""Error that a point is given at most [m]: farther away all would touch all."""
+
 _OUTLIERS = 0.02
 """Share of the cells left out at each end of a measure: flying pixels."""
 _OVERLAP_MARGIN = 0.01
@@ -95,7 +98,7 @@ class LabelledSurface:
             normals=normals,
             labels=own[first],
             height=_height(points, _spread_unlabelled(cloud, labels), ground_plane),
-            noise=noise * distance**2,
+            noise=np.minimum(noise * distance**2, _LARGEST_NOISE),
             spacing=size / np.sqrt(count),
             measured=measured,
             starts=np.searchsorted(own, np.arange(own.max(initial=0) + 2)),

@@ -104,6 +104,13 @@ def test_what_stands_beside_bears_on_nothing(solids):
     assert confidence(graph, 1, GROUND) > 0.7
 
 
+def test_what_lies_apart_far_away_does_not_touch():
+    plates = [plate((14.0, 14.3), y, spacing=0.01) for y in ((0.1, 0.4), (-0.4, -0.1))]
+    cloud = cloud_of(np.concatenate(plates), np.array([0.0, 0.0, 1.0]))
+    labels = np.repeat([1, 2], [len(points) for points in plates])
+    assert not len(support_graph(labelled(cloud, labels), cloud).contacts)
+
+
 def test_a_leaning_board_leans_and_stands_on_the_ground():
     graph = graph_of(LEANING)
     assert confidence(graph, 2, 1) > 0.5
