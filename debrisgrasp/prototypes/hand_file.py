@@ -192,8 +192,16 @@ def _preshape(name: str, fields: Fields, fingers: tuple[Finger, ...]) -> Preshap
             got="pads that move apart on the way",
             expected="joint values that close the hand from the first command on",
         )
-    largest = float(openings[0])
+    largest, least = float(openings[0]), float(openings.min())
     widths = fields.numbers("widths", 2)
+    if least > widths[0] + 1e-3 or largest - least < 1e-3:
+        raise ConfigError(
+            fields.where("closing"),
+            got=f"pads that come no nearer than {least:.3f} m along x",
+            expected=f"{widths[0]:.3f} m, the smallest of its widths",
+            mend="Fingers close along x of the hand: check axis, sign and rpy of each, "
+            "and the joint values.",
+        )
     if not 0 < widths[0] < widths[1] <= largest + 1e-3:
         raise ConfigError(
             fields.where("widths"),

@@ -20,4 +20,11 @@ def read_pose(fields: Fields) -> SE3:
     radians = fields.numbers(
         "rpy", 3, np.deg2rad(fields.numbers("rpy_deg", 3, (0,) * 3))
     )
+    if np.abs(radians).max() > 2.0 * np.pi + 1e-9:
+        raise ConfigError(
+            fields.where("rpy"),
+            got=radians.tolist(),
+            expected="radians, at most 2 pi = 6.28",
+            mend="If these are degrees, say rpy_deg instead of rpy.",
+        )
     return SE3.from_parts(so3.from_rpy(radians), fields.position())
