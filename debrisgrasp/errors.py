@@ -118,10 +118,18 @@ class UnknownNameError(InputError):
         Those that there are; of many only some are listed.
     listed_by
         Command that prints them all, if there is one.
+    mend
+        How to make another name known, if there is a way.
     """
 
     def __init__(
-        self, kind: str, name: object, known: Iterable[str], *, listed_by: str = ""
+        self,
+        kind: str,
+        name: object,
+        known: Iterable[str],
+        *,
+        listed_by: str = "",
+        mend: str = "",
     ) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
         is_number = str(name).lstrip("-").isdigit()
@@ -133,6 +141,8 @@ class UnknownNameError(InputError):
         mends = [f"Did you mean {near[0]!r}?"] if near else []
         if listed_by:
             mends.append(f"`{listed_by}` lists them.")
+        if mend:
+            mends.append(mend)
         super().__init__(
             f"unknown {kind}",
             got=repr(name),

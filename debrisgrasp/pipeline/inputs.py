@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import os
+
 from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.prototypes import FURTHER_HANDS, PrototypeLibrary, load_grippers
 
-__all__ = ["LEAST_MASS", "MOST_MASS", "arms_of", "require_limits", "robot_of"]
+__all__ = [
+    "LEAST_MASS",
+    "MOST_MASS",
+    "arms_of",
+    "library_of",
+    "require_limits",
+    "robot_of",
+]
 
 LEAST_MASS, MOST_MASS = 1e-3, 1e4
 """Less or more [kg] can only be another unit."""
@@ -68,3 +78,32 @@ def arms_of(
         for name in carried
         if arm in (None, name) and gripper in (None, carried[name])
     )
+
+
+def library_of(
+    arms: tuple[ArmReach, ...],
+    gripper: str | None,
+    *,
+    prototypes: str | os.PathLike[str] | None,
+    grippers: str | os.PathLike[str] | None,
+) -> PrototypeLibrary:
+    """Prototypes of the hands that are in use; one at least is generic."""
+    known = load_grippers(grippers)
+    library = PrototypeLibrary.load(prototypes, grippers=known).select(gripper=gripper)
+    hands = {arm.gripper for arm in arms}
+    if hands:
+        library = library.select(names=[p.name for p in library if p.gripper in hands])
+    if not len(library.select(kind="generic")):
+        used = sorted(hands) or [gripper or "any hand"]
+        unknown = sorted(hands - set(known))
+        raise ChoiceError(
+            "prototypes",
+            got=f"no generic one for {', '.join(used)}",
+            expected="at least one",
+            mend=f"No hand {unknown[0]!r} is known, only {', '.join(sorted(known))}. "
+            + FURTHER_HANDS
+            if unknown
+            else "Give a folder that has some (--prototypes), or make them with "
+            f"`debrisgrasp prototype new --gripper {used[0]}`.",
+        )
+    return library

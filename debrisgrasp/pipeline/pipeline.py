@@ -12,7 +12,6 @@ import numpy as np
 from debrisgrasp._arrays import Rng, require_range
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._stopwatch import Progress, Stopwatch
-from debrisgrasp.errors import ChoiceError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import RobotModel
@@ -24,11 +23,7 @@ from debrisgrasp.planning import (
     PlannerConfig,
     SearchResult,
 )
-from debrisgrasp.prototypes import (
-    GripperModel,
-    PrototypeLibrary,
-    load_grippers,
-)
+from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import (
     SegmentationConfig,
     SelectionPolicy,
@@ -37,7 +32,7 @@ from debrisgrasp.segmentation import (
 from debrisgrasp.settings import Settings
 
 from .advice import advice_on, is_poor
-from .inputs import arms_of, require_limits, robot_of
+from .inputs import arms_of, library_of, require_limits, robot_of
 from .notes import deadline_notes, mass_notes
 from .perception import Perception
 from .reasons import unfit
@@ -124,26 +119,15 @@ class Pipeline:
         self.config = config or PipelineConfig()
         self.robot = robot_of(robot)
         self.arms = arms_of(self.robot, arm, gripper)
-        library = PrototypeLibrary.load(
-            prototypes, grippers=load_grippers(grippers)
-        ).select(gripper=gripper)
-        if self.arms:
-            hands = {a.gripper for a in self.arms}
-            library = library.select(
-                names=[p.name for p in library if p.gripper in hands]
-            )
-        generic = library.select(kind="generic")
-        if not len(generic):
-            raise ChoiceError(
-                "prototypes",
-                got="no generic one for a hand that is in use",
-                expected="at least one",
-                mend="`debrisgrasp prototype list` shows which hand each is for.",
-            )
+        library = library_of(
+            self.arms, gripper, prototypes=prototypes, grippers=grippers
+        )
         self.grippers: Mapping[str, GripperModel] = library.grippers
         self.library = library
         self.policy: SelectionPolicy = policy or SupportAware(openings=self._openings())
-        self._generic = GraspPlanner(generic, self.config.planner)
+        self._generic = GraspPlanner(
+            library.select(kind="generic"), self.config.planner
+        )
         self._retreats = Retreats()
 
     @classmethod

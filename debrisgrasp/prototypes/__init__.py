@@ -3,7 +3,7 @@
 from .check import Finding, check
 from .coverage import CoverageMap, coverage
 from .from_mesh import surface_from_mesh
-from .gripper import GripperModel, known_grippers, load_grippers
+from .gripper import FURTHER_HANDS, GripperModel, known_grippers, load_grippers
 from .hand_poses import HandPose, around_grip, propose_hand_poses, settled
 from .library import PrototypeLibrary
 from .likeness import Likeness, duplicates, half_turns, shape_distance
@@ -15,6 +15,7 @@ from .symmetry import SpinAxis, Symmetry
 from .visibility import VisibilityTable, nearest_view
 
 __all__ = [
+    "FURTHER_HANDS",
     "CoverageMap",
     "Finding",
     "GraspPrototype",

@@ -19,7 +19,7 @@ from debrisgrasp.geometry.solids import Box, Solid, SphereSet
 from .hand_file import read_hand
 from .hand_kinematics import Finger, Preshape
 
-__all__ = ["GripperModel", "known_grippers", "load_grippers"]
+__all__ = ["FURTHER_HANDS", "GripperModel", "known_grippers", "load_grippers"]
 
 _SWEEP_STEP = 0.012
 """How far the pads may close between two positions of a sweep [m]."""
@@ -193,6 +193,10 @@ def _placed(
         gripper.opening_to_command(preshape, opening)
     )
     return tuple(finger.solids(values) for finger in gripper.fingers)
+
+
+FURTHER_HANDS = "The folder of your own hands is given as --grippers, or grippers=."
+"""How a hand that does not ship is made known."""
 
 
 def load_grippers(

@@ -17,7 +17,7 @@ from debrisgrasp._fields import MAX_LENGTH, Fields
 from debrisgrasp._files import read_yaml, write_atomic
 from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
 
-from .gripper import GripperModel
+from .gripper import FURTHER_HANDS, GripperModel
 from .pose_fields import read_pose
 from .prototype import KINDS, PrototypeDefinition
 from .shapes import SHAPES, Shape
@@ -101,7 +101,12 @@ def definition_from(
         As `read_prototype` does.
     """
     fields = Fields(content, str(source))
-    gripper = grippers[fields.choice("gripper", grippers)]
+    name = fields.text("gripper")
+    if name not in grippers:
+        raise UnknownNameError(
+            f"value in {fields.where('gripper')}", name, grippers, mend=FURTHER_HANDS
+        )
+    gripper = grippers[name]
     preshape = gripper.preshape(fields.choice("preshape", gripper.preshapes))
     width = fields.length("width", *preshape.widths)
     max_opening = float(preshape.openings[0])

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
-from debrisgrasp.errors import ConfigError
-from debrisgrasp.pipeline.inputs import require_limits
+from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
+from debrisgrasp.io import data_path
+from debrisgrasp.pipeline.inputs import library_of, require_limits
 
 
 @pytest.mark.parametrize("mass", [0.0, -1.0, 5e-4, 2e4, float("nan"), float("inf")])
@@ -17,3 +20,27 @@ def test_no_mass_in_another_unit_is_taken(mass):
 @pytest.mark.parametrize("mass", [None, 1e-3, 8, 1e4])
 def test_masses_of_debris_are_taken(mass):
     require_limits(0, None, mass)
+
+
+def library_for(hand: str, prototypes=None):
+    arm = SimpleNamespace(gripper=hand)
+    return library_of((arm,), None, prototypes=prototypes, grippers=None)
+
+
+def test_a_hand_that_is_not_known_is_named_and_where_hands_are_given():
+    with pytest.raises(ChoiceError, match=r"for my_jaw.*'my_jaw' is known.*--grippers"):
+        library_for("my_jaw")
+
+
+def test_a_hand_without_prototypes_is_named_and_how_they_are_made(tmp_path):
+    shipped = data_path("prototypes") / "cylinder_060_tip.yaml"
+    (tmp_path / shipped.name).write_bytes(shipped.read_bytes())
+    with pytest.raises(ChoiceError, match=r"for camhand.*new --gripper camhand"):
+        library_for("camhand", tmp_path)
+
+
+def test_a_prototype_of_an_unknown_hand_says_where_hands_are_given(tmp_path):
+    shipped = (data_path("prototypes") / "cylinder_060_tip.yaml").read_text()
+    (tmp_path / "mine.yaml").write_text(shipped.replace("robotiq_3f", "my_jaw"))
+    with pytest.raises(UnknownNameError, match=r"'my_jaw'.*--grippers"):
+        library_for("camhand", tmp_path)
