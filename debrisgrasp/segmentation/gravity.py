@@ -8,7 +8,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 
-__all__ = ["DominantPlane", "dominant_plane", "pose_doubt"]
+__all__ = ["DominantPlane", "dominant_plane", "pose_doubt", "viewpoint_doubt"]
 
 _N_SAMPLES = 3000
 """Points that vote."""
@@ -22,6 +22,8 @@ _MAX_STEEP = float(np.deg2rad(60))
 """Beyond this tilt the largest plane is a wall rather than a slanted ground [rad]."""
 _MAX_DROP = 0.05
 """How far below z = 0 a camera may be before its pose is doubted [m]."""
+_LOWEST_VIEW = 0.05
+"""Ground is hardly seen from less above it [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,3 +142,22 @@ def pose_doubt(
             f"the camera pose is off; {mend}"
         )
     return ""
+
+
+def viewpoint_doubt(plane: FloatArray, viewpoint: FloatArray) -> str:
+    """Say that ground can't have been seen from where the sensor is said to stand.
+
+    Parameters
+    ----------
+    plane
+        (a, b, c, d) of the ground, with a unit normal upwards, shape (4,).
+    viewpoint
+        Position of the sensor in the same frame [m], shape (3,).
+    """
+    height = float(plane[:3] @ viewpoint + plane[3])
+    if height > _LOWEST_VIEW:
+        return ""
+    return (
+        f"the sensor would be {height:.2f} m above the ground that it sees; check "
+        "the viewpoint (of a cloud: in the frame of its points) and T_base_camera"
+    )

@@ -16,7 +16,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds, PointCloud
 
-from .gravity import dominant_plane, pose_doubt
+from .gravity import dominant_plane, pose_doubt, viewpoint_doubt
 from .height_map import DEEP, HeightMap, fitted_height_map, raised_limits
 from .segmentation import GroundReport
 
@@ -178,6 +178,7 @@ def _weighed(
     return is_ground, replace(
         report,
         status="removed",
+        pose_doubt=viewpoint_doubt(plane, cloud.viewpoint),
         n_removed=n_ground,
         reason=f"level plane {1e3 * report.height:+.0f} mm from the expected height, "
         f"{inlier_share:.0%} of the points on it",

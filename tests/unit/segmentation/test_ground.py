@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,14 @@ def test_floor_goes_and_objects_stay():
     assert np.mean(is_ground[truth == 0]) > 0.999
     high = cloud.points[:, 2] > 0.02
     assert not is_ground[(truth > 0) & high].any()
+
+
+@pytest.mark.parametrize(("height", "is_doubted"), [(0.0, True), (0.2, False)])
+def test_ground_is_not_seen_from_a_viewpoint_on_it(height, is_doubted):
+    cloud = replace(pile_on(FLOOR), viewpoint=np.array([0.0, 0.0, height]))
+    _, report = find_ground(cloud, GroundConfig())
+    assert report.status == "removed"
+    assert ("viewpoint" in report.pose_doubt) == is_doubted
 
 
 def test_a_small_pile_on_a_wide_floor_is_no_reason_to_refuse():
