@@ -23,6 +23,7 @@ __all__ = ["lacks_camera", "load_camera", "read_depth_png", "read_folder"]
 
 _CAMERA_SUFFIXES = (".json", ".yaml", ".yml")
 _MILLIMETRE = 0.001
+_K_WORDS = "9 numbers, row by row: [fx, 0, cx, 0, fy, cy, 0, 0, 1]"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,9 +152,11 @@ def _read_camera(path: Path) -> _CameraFile:
     if flat is None:
         keys = ", ".join(map(str, content)) or "nothing"
         raise ConfigError(f"keys of {path}", got=keys, expected="K (or k) among them")
+    if isinstance(flat, dict):
+        raise ConfigError(f"K in {path}", got=", ".join(flat), expected=_K_WORDS)
     K = _numbers(flat, f"K in {path}")
     if K.size != 9:
-        raise ConfigError(f"K in {path}", got=f"{K.size} numbers", expected="9")
+        raise ConfigError(f"K in {path}", got=f"{K.size} numbers", expected=_K_WORDS)
     distortion = _numbers(content.get("D", content.get("d")) or [], f"D in {path}")
     if np.any(np.abs(distortion) > 1e-6):
         raise ConfigError(

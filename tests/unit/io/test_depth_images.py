@@ -84,7 +84,8 @@ def test_the_scale_of_the_camera_file_and_lower_case_keys_count(folder, info, de
     ("changes", "message"),
     [
         ({"K": None}, "width, height, D, T_base_camera"),
-        ({"K": [1.0, 2.0]}, "9"),
+        ({"K": [1.0, 2.0]}, r"2 numbers.*9 numbers.*\[fx, 0, cx, 0, fy, cy, 0, 0, 1\]"),
+        ({"K": {"fx": 600.0, "fy": 600.0}}, r"fx, fy.*9 numbers.*\[fx, 0, cx"),
         ({"K": ["a"] * 9}, "numbers"),
         ({"K": [0.0] * 9}, "K"),
         ({"D": [0.1, 0, 0, 0, 0]}, "Rectify"),
