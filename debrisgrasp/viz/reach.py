@@ -172,6 +172,12 @@ def _draw_maps(page: Page, picture: ReachPicture) -> None:
             _draw_map(axes, slot, grid[:, :, column], xs, ys, float(z), picture)
 
 
+def half_metres(low: float, high: float) -> FloatArray:
+    """Multiples of 0.5 m from low up to high."""
+    # Rounding up makes a negative zero, which prints as -0.
+    return 0.5 * np.arange(np.ceil(low / 0.5) + 0.0, high / 0.5)
+
+
 def _draw_map(
     axes: Axes,
     slot: Slot,
@@ -200,11 +206,11 @@ def _draw_map(
         interpolation="nearest",
         aspect="auto",
     )
-    for x in np.arange(np.ceil(xs[0] / 0.5) * 0.5, top, 0.5):
+    for x in half_metres(xs[0], top):
         _, v = place(x, 0.0)
         axes.plot([left, right], [v, v], color="white", linewidth=0.6)
         axes.text(left + 3, v, f"{x:g}", fontsize=7.5, color=hex_color(MUTED_INK))
-    for y in np.arange(np.ceil(ys[0] / 0.5) * 0.5, ys[-1] + half, 0.5):
+    for y in half_metres(ys[0], ys[-1] + half):
         u, _ = place(0.0, y)
         axes.plot([u, u], [upper, lower], color="white", linewidth=0.6)
     for outline in _footprint(picture.robot):

@@ -10,6 +10,7 @@ from debrisgrasp.errors import OutputError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.kinematics import APPROACHES, ReachSurvey, RobotModel
 from debrisgrasp.viz import ReachPicture, reach_html, reach_png
+from debrisgrasp.viz.reach import half_metres
 
 COUNT = sum(len(a.directions) for a in APPROACHES)
 
@@ -80,3 +81,8 @@ def test_a_page_holds_picture_and_table_and_escapes_names(
     assert "http" not in page
     with pytest.raises(OutputError):
         reach_html(tmp_path / "none" / "reach.html", picture)
+
+
+def test_lines_of_the_maps_have_no_negative_zero():
+    assert [f"{x:g}" for x in half_metres(-0.4, 1.1)] == ["0", "0.5", "1"]
+    assert [f"{x:g}" for x in half_metres(-1.0, 0.5)] == ["-1", "-0.5", "0"]
