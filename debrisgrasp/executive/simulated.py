@@ -200,8 +200,8 @@ class SimulatedTask:
         Raises
         ------
         ConfigError, UnknownNameError
-            If the robot has no such arm, or a drop-off of the site lies in the way or
-            out of reach; its file and field are named.
+            If the robot has no such arm or no camera, or a drop-off of the site lies in
+            the way or out of reach; its file and field are named.
         CaptureError
             If the file of the mask can't be read, or shows no marked object.
         """
@@ -210,6 +210,8 @@ class SimulatedTask:
         for name in self.arms:
             if name not in known:
                 raise UnknownNameError("arm", name, known)
+        if pipeline.robot is not None:
+            pipeline.robot.T_base_camera()
         reaches = {arm.name: arm for arm in pipeline.arms}
         names = self.arms or tuple(reaches)
         for name, place in site.drop_off.items():

@@ -170,6 +170,18 @@ def test_motion_names_the_site_of_an_unknown_robot(refused, tmp_path, pipe_file)
     assert "site.yaml" in message
 
 
+def test_clear_needs_a_robot_with_a_camera_before_it_writes(refused, tmp_path):
+    robot, record = tmp_path / "blind.yaml", tmp_path / "run"
+    shipped = data_path("robots") / "roman.yaml"
+    text = shipped.read_text(encoding="utf-8")
+    text = text.replace("camera: camera_depth_optical_frame\n", "")
+    urdf = shipped.with_suffix(".urdf").as_posix()
+    robot.write_text(text.replace("urdf: roman.urdf", f"urdf: {urdf}"))
+    message = refused("clear", "--objects", 1, "--robot", robot, "--record", record)
+    assert "camera of robot roman: got none" in message
+    assert not record.exists()
+
+
 @pytest.mark.parametrize("place", ["[3, 0]", "[0.0, 0.1]", "[0.9, 0.0]"])
 def test_clear_names_the_field_of_a_drop_off_before_it_writes(refused, tmp_path, place):
     site, record = tmp_path / "site.yaml", tmp_path / "run"
