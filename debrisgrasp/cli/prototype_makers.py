@@ -14,6 +14,7 @@ from debrisgrasp.errors import ConfigError, InputError, OutputError, UnknownName
 from debrisgrasp.geometry import SE3, fibonacci_sphere
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import (
+    FURTHER_HANDS,
     GraspPrototype,
     GripperModel,
     HandPose,
@@ -281,9 +282,10 @@ def _prepared(arguments: argparse.Namespace) -> GripperModel:
     if target.exists() and not arguments.force:
         raise OutputError(target, "it exists; --force replaces it")
     hands = load_grippers(arguments.grippers)
-    if arguments.gripper not in hands:
-        return GripperModel.load(arguments.gripper)  # raises and lists the known ones
-    hand = hands[arguments.gripper]
+    name = arguments.gripper
+    if name not in hands:
+        raise UnknownNameError("--gripper", name, hands, mend=FURTHER_HANDS)
+    hand = hands[name]
     if arguments.preshape is not None:
         hand.preshape(arguments.preshape)
     return hand

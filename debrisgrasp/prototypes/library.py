@@ -13,7 +13,7 @@ from debrisgrasp._files import data_path
 from debrisgrasp.errors import ChoiceError, ConfigError, OutputError, UnknownNameError
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 
-from .gripper import GripperModel, load_grippers
+from .gripper import FURTHER_HANDS, GripperModel, load_grippers
 from .prototype import (
     DEFAULT_DENSITY,
     KINDS,
@@ -142,7 +142,9 @@ class PrototypeLibrary:
             For a hand, a kind or a name that isn't in the dictionary.
         """
         if gripper is not None and gripper not in self.grippers:
-            raise UnknownNameError("gripper", gripper, self.grippers)
+            raise UnknownNameError(
+                "gripper", gripper, self.grippers, mend=FURTHER_HANDS
+            )
         if kind is not None and kind not in KINDS:
             raise UnknownNameError("kind of prototype", kind, KINDS)
         chosen = self.prototypes

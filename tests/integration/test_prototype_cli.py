@@ -148,6 +148,16 @@ def test_a_taught_pose_of_a_capture_becomes_a_prototype_that_loads(capsys):
     assert PrototypeLibrary.load("p").names == ("taught", "too_wide")
 
 
+@pytest.mark.parametrize("hand", ["my_jaw", "jaws/my_jaw.yaml"])
+def test_a_hand_that_is_not_known_is_told_before_anything_is_written(
+    capsys, folder, hand
+):
+    new = "prototype new --shape cylinder --diameter 0.06 --length 0.1 --name a --out p"
+    assert run([*new.split(), "--gripper", hand]) == 2
+    assert "--grippers" in capsys.readouterr().err
+    assert not (folder / "p").exists()
+
+
 def test_what_no_hand_spans_is_told_and_not_written(capsys, folder):
     new = (
         "prototype new --shape cylinder --diameter 0.3 --length 0.2 --name vat --out p"
