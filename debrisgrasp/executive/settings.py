@@ -34,7 +34,7 @@ class TaskSettings:
     """Arms in use; empty: all that the robot has."""
     max_removals: int | None = None
     """Stop after so many; None: when nothing that can be removed is left."""
-    max_attempts: int = 60
+    max_attempts: int = 120
     """Give up after so many tries."""
     tries: int = 3
     """At one object, before it is left."""
