@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from debrisgrasp.executive import caught
 from debrisgrasp.executive import recover as recovery
 from debrisgrasp.executive.drive import Drive, LegEnd
 from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.geometry import SE3
 from debrisgrasp.pipeline import Pipeline
 from tests.unit.executive.test_steps import executive
 
@@ -107,3 +110,32 @@ def test_what_pushes_a_hand_on_its_way_does_not_stop_it(
 
     monkeypatch.setattr(Drive, "leg", leg)
     assert caught.pushed_to(drive, np.array([0.0, 0.0, 0.04]), 40.0) is is_stopped
+
+
+@pytest.mark.parametrize(("weight", "expected"), [(60.0, "lower"), (110.0, None)])
+def test_a_weight_that_nothing_has_is_not_given_way_to(
+    pipeline, monkeypatch, weight, expected
+):
+    """A sensor that lies by a constant would have the hand press the other way."""
+    _, task = executive(pipeline)
+    context, done = task.context, []
+    limb = context.limbs["right"]
+    T = limb.pose(context.posture(limb))
+    grasp = SimpleNamespace(
+        T_base_hand=SE3.from_parts(p=[0.0, 0.0, -0.1]) @ T,
+        preshape=next(iter(limb.hand.preshapes)),
+    )
+    context.cycle.motion = SimpleNamespace(arm="right", grasp=grasp)
+
+    def lies(drive, _seconds):
+        up = T.R.T @ np.array([0.0, 0.0, -weight])
+        drive.load = (*up, 0.0, 0.0, 0.0)
+        return []
+
+    monkeypatch.setattr(Drive, "stand", lies)
+    for name in ("lower", "loosen", "back_out"):
+        monkeypatch.setattr(recovery, name, lambda *_, name=name: done.append(name))
+    found = recovery._hanging(context, "right")
+    assert done[:1] == [expected] * (expected is not None)
+    assert found.fault == ("not_released" if expected else "ratchet")
+    assert f"{weight:.0f} N" in found.message
