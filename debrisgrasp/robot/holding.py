@@ -75,7 +75,7 @@ class Hold:
     """Whether that still changes."""
     is_slipping: bool = False
     slipped: float = 0.0
-    """How far it has slipped since the grip was last looked at [m]."""
+    """How far it has slipped since it was gripped [m]."""
 
     def load(self, wanted: Mapping[int, float], way: float, share: float) -> None:
         """Let weights (body: [N]) come on, and go.

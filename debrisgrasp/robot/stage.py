@@ -40,6 +40,8 @@ _SLIP_SPEED = 0.05
 """At which a body slips out of fingers that hold it too weakly [m/s]."""
 _SLIP_CHECK = 0.004
 """After every so much of slip the grip is looked at again [m]."""
+_PAST = 0.01
+"""Slipped by so much, a body that the fingers lose is past them [m]."""
 _LIFTED = 0.005
 """Moved by so much, a held body no longer bears what lay on it as before [m]."""
 _RIDE = 0.015
@@ -317,7 +319,7 @@ class Stage:
         if self.sticky_ticks:
             return
         if grip.squeeze < _LOOSE or hand.gripper.is_wide_open:
-            self._let_go(hand, hold, has_slipped=hold.is_slipping)
+            self._let_go(hand, hold, has_slipped=hold.slipped > _PAST)
             return
         kept = 2.0 * self.friction * grip.squeeze
         _, aside, out = on_body
@@ -329,12 +331,12 @@ class Stage:
             return
         step = _SLIP_SPEED * self._config.period
         hold.p = hold.p + (step / size) * np.array([0.0, aside, out])
+        n_before = hold.slipped // _SLIP_CHECK
         hold.slipped += step
         hand.touch.hold(hold.index, self._rubble.shapes[hold.index], hold.R, hold.p)
-        if hold.slipped > _SLIP_CHECK:
-            hold.slipped = 0.0
-            if not is_enclosed(*grip.sides, self.friction):
-                self._let_go(hand, hold, has_slipped=True)
+        is_due = hold.slipped // _SLIP_CHECK > n_before
+        if is_due and not is_enclosed(*grip.sides, self.friction):
+            self._let_go(hand, hold, has_slipped=True)
 
     def _let_go(
         self, hand: HandState, hold: Hold, *, has_slipped: bool = False

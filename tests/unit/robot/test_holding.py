@@ -11,6 +11,7 @@ from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.robot.holding import is_enclosed
+from debrisgrasp.robot.settling import Settling
 from debrisgrasp.robot.springs import Spring
 from debrisgrasp.robot.touch import Touch
 from debrisgrasp.worlds import Ground, World, make_body
@@ -310,3 +311,23 @@ def test_fingers_feel_what_their_links_sweep_against(name):
         way = moves[fastest] / np.linalg.norm(moves[fastest])
         felt = touch.felt(finger + 1, here[rows][fastest], 10.0 * way)
         assert felt == pytest.approx(10.0, abs=0.5)
+
+
+def test_what_opening_fingers_lose_in_the_air_has_not_slipped_past_them(monkeypatch):
+    """Held ever less, it slides by a hair before it is lost: the hand is in its way."""
+    past, settle = [], Settling.settle
+
+    def settled(own, loose, held, passed=None):
+        past.append(passed is not None)
+        return settle(own, loose, held, passed)
+
+    monkeypatch.setattr(Settling, "settle", settled)
+    rig = Rig(
+        [beam("bar", 3.0, (0.95, -0.3, 0.0445), yaw=0.0)], place=(0.8, -0.3, 0.13)
+    )
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.05, speed=0.05)
+    rig.open()
+    assert rig.fake.truth().held == {}
+    assert past
+    assert not any(past)
