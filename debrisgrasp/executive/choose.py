@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import counted
 from debrisgrasp.motion import MotionSpace, MotionStatus, UnknownSpace
 from debrisgrasp.pipeline import (
@@ -23,6 +22,7 @@ from debrisgrasp.pipeline import (
 from debrisgrasp.planning import Grasp
 from debrisgrasp.segmentation import Segment
 
+from .aside import to_push
 from .context import Context
 from .dropoff import drop_postures, no_place, object_in_hand
 from .obstacles import room_for
@@ -58,7 +58,7 @@ def select(context: Context) -> StepResult:
     if context.settings.is_object_specific:
         return Done({"cleared": True}, State.CLEARED)
     left: dict[str, str] = {}
-    failed: dict[str, FloatArray] = {}
+    failed: list[Segment] = []
     open_: list[tuple[Segment, Triage, str]] = []
     for candidate in seen.order(context.pipeline.policy):
         segment = seen.segmentation.segment(candidate.label)
@@ -79,7 +79,7 @@ def select(context: Context) -> StepResult:
             why = why if is_done else ""
         if why:
             left[name] = why
-            failed[name] = segment.centroid
+            failed.append(segment)
             continue
         open_.append((segment, triage, candidate.reason))
     context.left = left
@@ -90,9 +90,14 @@ def select(context: Context) -> StepResult:
             *min(open_, key=lambda item: context.marks.failures(item[0].centroid)),
         )
     if failed:
-        moved = repositioned(context, list(failed.values()))
+        moved = repositioned(context, [segment.centroid for segment in failed])
         if moved:
             return Done({"moved": round(moved, 3), "left": left}, State.CAPTURE)
+        pushed = to_push(context, failed)
+        if pushed is not None:
+            triage = replace(_triage(context, seen, pushed), way=Way.PUSH, arms=())
+            words = "no hand could take what is left, and it has the shortest way out"
+            return replace(_chosen(context, pushed, triage, words), next=State.PUSH)
         return _nothing_more(context, left, len(failed))
     if seen.segmentation.ground.plane is None:
         return FaultFound("empty_cloud", "no ground was seen: nothing says it is clear")
@@ -126,9 +131,7 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
     return _chosen(context, segment, triage, "it is the marked object")
 
 
-def _chosen(
-    context: Context, segment: Segment, triage: Triage, reason: str
-) -> StepResult:
+def _chosen(context: Context, segment: Segment, triage: Triage, reason: str) -> Done:
     cycle = context.cycle
     cycle.label, cycle.triage, cycle.look = segment.label, triage, context.n_looks
     x, y, z = segment.centroid.tolist()

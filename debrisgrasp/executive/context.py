@@ -206,6 +206,10 @@ class Context:
     n_removed: int = 0
     n_moves: int = 0
     """How often the base drove to where the arms reach better."""
+    n_pushes: int = 0
+    """How often it was tried to push something aside ..."""
+    n_pushed: int = 0
+    """... and how often that came."""
     in_vain: list[tuple[int, float]] = field(default_factory=list)
     """How many objects were removed, and how far ahead the base stood [m], whenever no
     other could be got."""
@@ -239,7 +243,7 @@ class Context:
     @property
     def n_changes(self) -> int:
         """How often something changed that may let a try succeed that failed."""
-        return self.n_removed + self.n_moves
+        return self.n_removed + self.n_moves + self.n_pushed
 
     def is_in_way(self, points: FloatArray) -> BoolArray:
         """Which points (..., 3), base frame [m], lie in the workspace."""

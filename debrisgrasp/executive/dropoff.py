@@ -23,6 +23,7 @@ __all__ = [
     "may_lie",
     "no_place",
     "object_in_hand",
+    "postures_at",
     "room_below",
     "with_underside",
 ]
@@ -166,7 +167,7 @@ def drop_postures(
         goals = SE3(goals.matrix[~is_met][:most])
         for k in range(0, len(goals.p), _SOLVED):
             some = SE3(goals.matrix[k : k + _SOLVED])
-            solved = _solved(context, limb, some, q)
+            solved = postures_at(context, limb, some, q)
             rows = [pair for pair in solved if not limits.violation(pair[0])]
             for row, goal in _free(rows, is_free):
                 down = CartesianLeg.along(goal, (0.0, 0.0, -_LOWERED)).goal
@@ -293,7 +294,7 @@ def _is_met(balls: FloatArray, points_hand: FloatArray, Ts_base_hand: SE3) -> Bo
     return met
 
 
-def _solved(
+def postures_at(
     context: Context, limb: LimbState, goals: SE3, q: FloatArray
 ) -> list[tuple[FloatArray, SE3]]:
     """Postures for poses (n,) of the palm, each with its pose, nearest first."""

@@ -45,6 +45,12 @@ class Mark:
     robot moved."""
     n_stuck: int = 0
     """How often it could not be lifted."""
+    within: float = _SAME
+    """So near to it is the middle of the same object [m]."""
+    n_stayed: int = 0
+    """How often it was not pushed aside ..."""
+    why_stays: str = ""
+    """... and why."""
     is_heavy: bool = False
     """Whether it is too heavy to carry: by the scales, or because it never comes."""
     failed: list[Grasp] = field(default_factory=list)
@@ -73,7 +79,7 @@ class Marks:
     def of(self, centroid: ArrayLike) -> Mark | None:
         """Mark of the object at a place, if there is one."""
         place = np.asarray(centroid)
-        near = [m for m in self.marks if np.linalg.norm(m.centroid - place) < _SAME]
+        near = [m for m in self.marks if np.linalg.norm(m.centroid - place) < m.within]
         return min(
             near, key=lambda m: float(np.linalg.norm(m.centroid - place)), default=None
         )
@@ -139,4 +145,5 @@ class Marks:
             return ""
         counts = [(mark.tries, "tries"), (mark.searches, "searches")]
         words = ", ".join(f"{n} {what} in vain" for n, what in counts if n)
-        return f"{mark.reason} ({words})"
+        stays = f"; not pushed aside: {mark.why_stays}" if mark.n_stayed else ""
+        return f"{mark.reason} ({words}){stays}"

@@ -24,7 +24,13 @@ _NAMES = {
     Fault.OSCILLATION: "oscillation",
 }
 _SENSOR = SafetyConfig()
-_EMPTY_HANDED = (State.PREGRASP, State.SWITCH, State.APPROACH, State.CLOSE)
+_EMPTY_HANDED = (
+    State.PREGRASP,
+    State.SWITCH,
+    State.APPROACH,
+    State.CLOSE,
+    State.PUSH,
+)
 
 
 def fault_of_stop(stop: Stop, reading: Reading, state: State, arm: str) -> FaultFound:

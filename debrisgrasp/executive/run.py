@@ -18,7 +18,7 @@ from debrisgrasp.errors import DriverError
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import Robot
 
-from . import carrying, choose, closing, grasping, perceive, prepare, releasing
+from . import aside, carrying, choose, closing, grasping, perceive, prepare, releasing
 from .calibrated import calib_check
 from .context import Context, Cycle, Recorder
 from .faults import Action, fault_named
@@ -52,6 +52,7 @@ STEPS: Mapping[State, Callable[[Context], StepResult]] = {
     State.RELEASE: releasing.release,
     State.VERIFY_RELEASE: releasing.verify_release,
     State.RETREAT: releasing.retreat,
+    State.PUSH: aside.push_aside,
 }
 """What each state does."""
 _RECOVERIES = 4

@@ -89,6 +89,9 @@ class TaskSettings:
     of when the task begins."""
     repositions: int = 6
     """So often the base may drive, by up to 35 cm, to where the arms reach better."""
+    pushes: int = 12
+    """So often a closed hand may push something out of the way that no hand can hold;
+    0: never."""
     drag_distance: float = 0.5
     """How far the base pulls what can't be lifted [m]."""
     period: float = 0.004
@@ -99,7 +102,8 @@ class TaskSettings:
             require_range(f"TaskSettings.{name}", getattr(self, name), 1, 10_000)
         if self.max_removals is not None:
             require_range("TaskSettings.max_removals", self.max_removals, 1, 10_000)
-        require_range("TaskSettings.repositions", self.repositions, 0, 100)
+        for name in ("repositions", "pushes"):
+            require_range(f"TaskSettings.{name}", getattr(self, name), 0, 100)
         require_range("TaskSettings.max_dropout", self.max_dropout, 0.0, 1.0)
         for name in ("drive_over", "drop_height"):
             require_range(f"TaskSettings.{name} [m]", getattr(self, name), 0.0, 1.0)

@@ -28,6 +28,7 @@ class State(Enum):
     RELEASE = "release"
     VERIFY_RELEASE = "verify_release"
     RETREAT = "retreat"
+    PUSH = "push"
     RECOVER = "recover"
     SAFE_STOP = "safe_stop"
     ABORT = "abort"
@@ -35,4 +36,5 @@ class State(Enum):
 
 
 STAGES = tuple(list(State)[: list(State).index(State.RECOVER)])
-"""States that a removal passes, first to last; the rest are ways out of it."""
+"""States of one try, first to last; the rest are ways out of it. What no hand can hold
+is pushed instead."""

@@ -18,6 +18,7 @@ __all__ = ["ANSWERS", "FOLLOWING", "HOLDING", "Answer", "answer_to"]
 FOLLOWING: Mapping[State, State] = {
     **dict(pairwise(STAGES)),
     State.RETREAT: State.CAPTURE,
+    State.PUSH: State.RETREAT,
 }
 """The state after each one that went well; each removal begins with a new capture."""
 
@@ -36,6 +37,7 @@ _IN_THE_PILE = (
     State.APPROACH,
     State.CLOSE,
     State.VERIFY_GRASP,
+    State.PUSH,
 )
 
 

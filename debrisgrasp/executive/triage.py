@@ -41,6 +41,7 @@ class Way(Enum):
     PINCH = "pinch"
     CLAW = "claw"
     DRAG = "drag"
+    PUSH = "push aside"
     LEAVE = "leave"
 
 

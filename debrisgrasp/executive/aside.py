@@ -1,0 +1,314 @@
+"""Push out of the way what no hand can hold.
+
+A closed hand goes down beside the object, on its inner side, and moves straight to the
+nearer border of the way. It gives up where the object resists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import LegOutcome, TarePolicy
+from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.motion import MotionSpace, UnknownSpace
+from debrisgrasp.segmentation import Segment
+
+from .context import Context, LimbState
+from .drive import Drive
+from .dropoff import postures_at
+from .fingers import open_hand
+from .marks import Mark
+from .moves import CAUGHT, free_share, planned, to_rest
+from .obstacles import room_for
+from .pacing import hand_corners, widest_corners
+from .relief import relieve
+from .result import Done, FaultFound, StepResult
+from .states import State
+
+__all__ = ["push_aside", "to_push"]
+
+_STRAY = 0.05
+"""Share of an object's points that may be no part of it; all others are to go out."""
+_GAP = 0.04
+"""Between hand and object where a push begins [m]."""
+_OVER = 0.03
+"""Of the fingers over the ground, or over the lowest that was seen of the object [m].
+"""
+_LEAST, _LONGEST = 0.08, 1.0
+"""A shorter push is not worth the way there; nor one so long to the other side [m]."""
+_MOST_FORCE = 70.0
+"""Under which things slide; 8 kg on concrete take 50 N [N]."""
+_FELT = 4.0
+"""From where on a hand pushes [N]."""
+_CAME = 0.03
+"""An object that was pushed no farther stays [m]."""
+_BACK = 0.06
+"""How far a hand leaves what it has pushed, before it goes to rest [m]."""
+_TRIES = 2
+"""An object that so often did not come is left."""
+_TILTS = (0.0, 0.4, 0.8)
+"""Of the hand, forwards from straight down [rad]."""
+_ALONG = (0.0, -0.06, 0.06)
+"""Where it pushes, off the middle of the object [m]."""
+_GOALS = 8
+"""The farthest pushes of those possible to which a motion is sought ..."""
+_WORTH, _WHOLE = 0.7, 0.95
+"""... that go nearly as far as the farthest; one that goes so far is whole."""
+_EASED = 0.2
+"""Share of a limit above which a hand gives way before it leaves."""
+_WITHIN = 0.15
+"""Of where it should be by then its middle may seem to be, seen from elsewhere [m]."""
+_UP, _SHORT = 0.15, 5e-3
+"""So far the hand rises on its way to rest; a shorter leg is none [m]."""
+_STIRRED = 0.2
+"""So far around what was pushed things may have moved [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Push:
+    """How an object is to be pushed."""
+
+    limb: LimbState
+    reach: Trajectory
+    """To where it begins."""
+    way: FloatArray
+    """Of the hand from there, base frame [m], shape (3,)."""
+
+
+class _Touch:
+    """Notes where a hand on its way (3,) begins to push, and ends what is too much."""
+
+    def __init__(self, drive: Drive, way: FloatArray) -> None:
+        self._drive, self._place = drive, np.full(3, np.nan)
+        self._is_felt = drive.against(way, _FELT)
+        self._is_too_much = drive.against(way, _MOST_FORCE)
+
+    def _here(self) -> FloatArray:
+        limb = self._drive.limb
+        return limb.pose(self._drive.context.posture(limb)).p
+
+    def __call__(self, load: Wrench) -> bool:
+        if np.isnan(self._place[0]) and self._is_felt(load):
+            self._place = self._here()
+        return self._is_too_much(load)
+
+    def came(self, ahead: FloatArray) -> float:
+        """How far what it pushes came along [m]."""
+        far = float((self._here() - self._place) @ ahead)
+        return max(far, 0.0) if np.isfinite(far) else 0.0
+
+
+def to_push(context: Context, segments: Sequence[Segment]) -> Segment | None:
+    """Of objects that no hand took, the one with the shortest way out, if any."""
+    if context.n_pushes >= context.settings.pushes:
+        return None
+
+    def may_come(segment: Segment) -> bool:
+        mark = context.marks.of(segment.centroid)
+        return mark is None or mark.n_stayed < _TRIES
+
+    return min(
+        filter(may_come, segments),
+        key=lambda segment: next(_ways_out(context, segment.centroid[None]))[1],
+        default=None,
+    )
+
+
+def push_aside(context: Context) -> StepResult:
+    """Push the chosen object out of the way, as far as an arm can."""
+    cycle = context.cycle
+    assert cycle.seen is not None
+    assert cycle.is_own is not None
+    assert cycle.centroid is not None
+    own = cycle.seen.cloud.points[cycle.is_own]
+    context.n_pushes += 1
+    mark = context.marks.of(cycle.centroid)
+    assert mark is not None
+    push = _sought(context, own)
+    if isinstance(push, str):
+        return _stays(mark, push)
+    drive = Drive(context, push.limb.name)
+    fault = _taken_there(context, drive, push)
+    if fault is not None:
+        return fault
+    ahead = push.way / np.linalg.norm(push.way)
+    touch = _Touch(drive, push.way)
+    end = drive.leg(
+        push.way,
+        speed=context.settings.lift_speed,
+        tare=TarePolicy.SESSION,
+        until=touch,
+    )
+    if isinstance(end, FaultFound):
+        return end
+    came, force = touch.came(ahead), float(np.linalg.norm(drive.push()))
+    _remember(context, mark, own, came * ahead)
+    fault = _left(context, drive, -_BACK * ahead)
+    if fault is not None:
+        return fault
+    if came < _CAME:
+        is_held = end.outcome is LegOutcome.CONTACT
+        words = f"{force:.0f} N" if is_held else "the arm gets no farther"
+        return _stays(mark, f"{words} after {100 * came:.0f} cm")
+    facts = {"arm": push.limb.name, "pushed": round(came, 3), "end": end.outcome.value}
+    return Done(facts, State.RETREAT)
+
+
+def _stays(mark: Mark, why: str) -> Done:
+    """Note that an object was not pushed."""
+    mark.n_stayed += 1
+    mark.why_stays = why
+    return Done({"pushed": 0.0, "why": why}, State.RETREAT)
+
+
+def _ways_out(
+    context: Context, points: FloatArray
+) -> Iterator[tuple[FloatArray, float]]:
+    """Directions across the way (3,), and how far points (n, 3) must go there [m].
+
+    The shorter one first.
+    """
+    across = context.T_base_way.inverse().apply(points)[:, 1]
+    low, high = np.quantile(across, [_STRAY, 1.0 - _STRAY])
+    (_, right, _), (_, left, _) = context.settings.workspace
+    least = _LEAST + _GAP
+    ways = [(1.0, max(left - low, least)), (-1.0, max(high - right, least))]
+    shorter, longer = sorted(ways, key=lambda way: way[1])
+    for sign, far in (shorter, longer) if longer[1] < _LONGEST else (shorter,):
+        yield sign * context.T_base_way.R[:, 1], float(far)
+
+
+def _sought(context: Context, own: FloatArray) -> _Push | str:
+    """Find an arm that gets beside an object (n, 3) and pushes it, or say why not."""
+    space = room_for(context, context.limbs.values(), unknown=UnknownSpace.HIDDEN)
+    why = "no hand fits beside it"
+    for ahead, far in _ways_out(context, own):
+        # The arm on the side to which it goes reaches farther there.
+        side = float(np.sign(ahead[1]))
+        for limb in sorted(
+            context.limbs.values(),
+            key=lambda limb: -side * context.settings.drop_off[limb.name][1],
+        ):
+            goals = _beside(limb, own, ahead, context.T_base_way.R[:, 0])
+            begun = _begins(context, limb, goals, (far + _GAP) * ahead, space)
+            if not len(begun[0]):
+                continue
+            found = planned(context, limb, begun[0], space)
+            if isinstance(found, FaultFound):
+                why = found.message
+                continue
+            assert found.trajectory is not None
+            at = np.abs(begun[0] - found.trajectory.q[-1]).max(axis=1).argmin()
+            return _Push(limb, found.trajectory, begun[1][at])
+    return why
+
+
+def _beside(
+    limb: LimbState, own: FloatArray, ahead: FloatArray, forward: FloatArray
+) -> SE3:
+    """Poses of a closed hand behind an object (n, 3) that is to go ahead, (k,)."""
+    preshape, closed = _closed(limb)
+    corners = hand_corners(limb, preshape, closed)
+    middle = 0.5 * ((own @ forward).min() + (own @ forward).max())
+    back = float((own @ ahead).min()) - _GAP
+    bottom = max(float(own[:, 2].min()), 0.0) + _OVER
+    up = np.array([0.0, 0.0, 1.0])
+    poses = []
+    for tilt in _TILTS:
+        z = np.sin(tilt) * forward - np.cos(tilt) * up
+        side = np.cross(z, ahead)
+        for x in (ahead, -ahead, side, -side):
+            R = np.stack([x, np.cross(z, x), z], axis=1)
+            at = corners @ R.T
+            for shift in _ALONG:
+                # The fingers are what pushes, wherever the palm is then.
+                tips = at[at[:, 2] < at[:, 2].min() + _OVER]
+                p = (middle + shift - (tips @ forward).mean()) * forward
+                p = p + (back - (at @ ahead).max()) * ahead
+                poses.append(SE3.from_parts(R, p + (bottom - at[:, 2].min()) * up))
+    return SE3(np.array([pose.matrix for pose in poses]))
+
+
+def _begins(
+    context: Context, limb: LimbState, goals: SE3, way: FloatArray, space: MotionSpace
+) -> tuple[FloatArray, FloatArray]:
+    """Postures (k, d) in which a push may begin, and how far it goes there (k, 3)."""
+    q, limits = context.posture(limb), limb.limits.planner
+    solved = postures_at(context, limb, goals, q)
+    rows = np.array([row for row, _ in solved if not limits.violation(row)])
+    rows = rows.reshape(-1, len(q))
+    rows = rows[limb.planner.exact_test(space).is_free(rows)] if len(rows) else rows
+    shares: list[float] = []
+    for row in rows:
+        shares.append(free_share(limb, row, way))
+        if sum(share > _WHOLE for share in shares) == _GOALS:
+            break
+    least = max(
+        _WORTH * max(shares, default=0.0), (_LEAST + _GAP) / np.linalg.norm(way)
+    )
+    best = [i for i in np.argsort(shares)[::-1] if shares[i] >= least][:_GOALS]
+    return rows[best], np.array(shares)[best, None] * way
+
+
+def _closed(limb: LimbState) -> tuple[str, float]:
+    """Preshape and opening of a hand that pushes [m]."""
+    name, shape = next(iter(limb.hand.preshapes.items()))
+    return name, max(float(shape.openings[-1]), 0.0)
+
+
+def _taken_there(context: Context, drive: Drive, push: _Push) -> FaultFound | None:
+    """Close the hand, and go to where the push begins."""
+    fault = open_hand(drive, *_closed(push.limb))
+    if fault is not None:
+        return fault
+    corners = widest_corners(push.limb)
+    fault = drive.follow(push.reach, pace=context.cycle.speed, points=corners)
+    context.is_in_pile = push.limb.name
+    return fault
+
+
+def _remember(context: Context, mark: Mark, own: FloatArray, shift: FloatArray) -> None:
+    """Take note of where an object (n, 3) is that came by a shift (3,)."""
+    cycle = context.cycle
+    assert cycle.seen is not None
+    assert cycle.is_own is not None
+    others = cycle.seen.cloud.points[~cycle.is_own]
+    cycle.around = np.concatenate([others, own + shift])
+    ends = np.concatenate([own, own + shift])
+    context.known.stirred(Bounds.around(ends, _STIRRED))
+    mark.centroid, mark.within = mark.centroid + shift, _WITHIN
+    context.n_pushed += 1
+    mark.n_changes = context.n_changes  # others may come now, itself it is pushed on
+    if not context.is_in_way((own + shift).mean(axis=0)):
+        context.dropped.append(own + shift)
+
+
+def _left(context: Context, drive: Drive, way: FloatArray) -> FaultFound | None:
+    """Draw the hand off what it has pushed, by an offset (3,) [m], and go to rest."""
+    limb = drive.limb
+    fault = relieve(context, limb.name, _EASED)
+    if fault is not None:
+        return fault
+    for part in (way, np.array([0.0, 0.0, _UP])):
+        some = free_share(limb, context.posture(limb), part) * part
+        if np.linalg.norm(some) < _SHORT:
+            continue
+        end = drive.leg(
+            some,
+            speed=context.settings.lift_speed,
+            tare=TarePolicy.SESSION,
+            until=drive.against(some, CAUGHT),
+        )
+        if isinstance(end, FaultFound):
+            return end
+    fault = to_rest(context, limb.name)
+    if fault is None:
+        limb.limb.arm.disengage()
+        context.is_in_pile = None
+    return fault
