@@ -106,7 +106,8 @@ class CartesianServo:
         self.config = config or ServoConfig()
         self._least = self.config.sigma_min**2 * np.eye(6)
         is_shared = [name in chain.shared for name in chain.joint_names]
-        self._ease = np.where(is_shared, self.config.shared_cost**-0.5, 1.0)
+        ease = np.where(is_shared, self.config.shared_cost**-0.5, 1.0)
+        self._ease = ease / ease.max()  # with none to spare them, all count in full
         most = limits.velocity * period
         gain = limits.acceleration * period * period
         self._bounds = list(

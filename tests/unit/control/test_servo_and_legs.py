@@ -97,6 +97,18 @@ def test_joints_that_turn_other_arms_move_least(rng):
     assert n_regular > 10
 
 
+def test_where_all_joints_are_shared_none_is_dearer(rng):
+    """Two hands on one wrist: what turns one turns the other."""
+    ours = replace(CHAIN, shared=frozenset(CHAIN.joint_names))
+    J = CHAIN.jacobian(CHAIN.sampled(1, rng=rng)[0])
+    error = (1e-3 * rng.normal(size=6)).tolist()
+    found, expected = (
+        CartesianServo(chain, LIMITS, PERIOD).solved(J, error)
+        for chain in (ours, CHAIN)
+    )
+    assert found == expected
+
+
 def test_where_a_joint_is_stopped_shared_ones_do_its_part(rng):
     chain = ROMAN.chain("right")
     limits = ROMAN.limits("right", chain).controller
