@@ -235,7 +235,8 @@ class LegPlanner:
             size = max(norm(error[:3]), norm(error[3:]))
             if size < _TOLERANCE:
                 break
-            step, sigma = servo.solved(J, error)
+            # Where a joint is stopped, shared ones do what they can.
+            step, sigma = servo.solved(J, error, ease=None if stopped < 0 else 1.0)
             q = [value + d for value, d in zip(q, step, strict=True)]
             for j, value in enumerate(q):
                 if not lower[j] <= value <= upper[j]:

@@ -106,7 +106,8 @@ class CartesianServo:
         self.config = config or ServoConfig()
         self._least = self.config.sigma_min**2 * np.eye(6)
         is_shared = [name in chain.shared for name in chain.joint_names]
-        self._ease = np.where(is_shared, self.config.shared_cost**-0.5, 1.0)
+        ease = np.where(is_shared, self.config.shared_cost**-0.5, 1.0)
+        self._ease = ease / ease.max()  # with none to spare them, all count in full
         most = limits.velocity * period
         gain = limits.acceleration * period * period
         self._bounds = list(
@@ -204,8 +205,9 @@ class CartesianServo:
             free[:, rows] = 0.0
             left = goal - J[:, rows] @ list(held.values())
             step, _ = self.solved(free, left.tolist())
-            # What the damping left of it, or arms of six joints could never do it.
-            rest, _ = self.solved(free, (left - free @ step).tolist())
+            # What the damping left of it, or arms of six joints could never do it; of
+            # that shared joints do as much as others, where it takes them.
+            rest, _ = self.solved(free, (left - free @ step).tolist(), ease=1.0)
             step = [d + more for d, more in zip(step, rest, strict=True)]
             off = float(np.linalg.norm(left - free @ step) / np.linalg.norm(goal))
             if not off < _OFF:
@@ -226,20 +228,26 @@ class CartesianServo:
         return max(d, -stoppable(value - lower, gain))
 
     def solved(
-        self, J: FloatArray, error: Sequence[float]
+        self,
+        J: FloatArray,
+        error: Sequence[float],
+        *,
+        ease: FloatArray | float | None = None,
     ) -> tuple[list[float], float]:
         """Damped least-squares displacement (d,), and the smallest singular value.
 
         The singular value is only worked out below ``sigma_min``; above it is infinite.
-        It is that of a Jacobian whose shared joints count less.
+        It is that of a Jacobian whose shared joints count less, unless ``ease`` says
+        how much each joint counts (d,), or all do.
         """
-        J = J * self._ease
+        ease = self._ease if ease is None else ease
+        J = J * ease
         A = J.dot(J.T)
         # Positive definite even with sigma_min^2 taken away: far from singular.
         if dpotrf(A - self._least, clean=0)[1] == 0:
             _, x, info = dposv(A, error)
             if info == 0:
-                regular: list[float] = (x.dot(J) * self._ease).tolist()
+                regular: list[float] = (x.dot(J) * ease).tolist()
                 return regular, inf
         eigenvalues, U, info = dsyevd(A)
         if info != 0:
@@ -248,7 +256,7 @@ class CartesianServo:
         sigma = sqrt(max(float(eigenvalues[0]), 0.0))
         damping = config.max_damping * max(0.0, 1.0 - sigma / config.sigma_min)
         eigenvalues = np.maximum(eigenvalues, 0.0) + damping * damping
-        damped = ((U.T @ error) / eigenvalues) @ (U.T @ J) * self._ease
+        damped = ((U.T @ error) / eigenvalues) @ (U.T @ J) * ease
         return damped.tolist(), sigma
 
     def limited(

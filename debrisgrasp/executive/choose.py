@@ -109,7 +109,8 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
     marked = seen.is_marked
     assert marked is not None
     own = seen.segmentation.labels[marked]
-    if not (own > 0).any():
+    label = int(np.bincount(own[own > 0], minlength=1).argmax())
+    if not label or _bare_ground(context, seen, label):
         if context.n_removed:
             return Done({"cleared": True}, State.CLEARED)
         # It was never seen, so nothing says that it is gone.
@@ -120,7 +121,6 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
                 "base frame; move or widen it"
             )
         return FaultFound("empty_cloud", words)
-    label = int(np.bincount(own[own > 0]).argmax())
     segment = seen.segmentation.segment(label)
     why = context.marks.why_left(
         segment.centroid, context.n_changes, context.settings.tries
@@ -171,14 +171,20 @@ def _not_in_the_way(context: Context, seen: Perception, segment: Segment) -> str
     # Only the side towards the camera was seen: what is behind it counts, too.
     if context.is_in_way(points).mean() < _INSIDE:
         return "outside the workspace"
-    ground = seen.segmentation.ground
     is_low = _triage(context, seen, segment).way is Way.DRIVE_OVER
     least = config.min_object_points if is_low else _SPECK
     return (
-        is_ground(points, ground, config.segmentation.ground)
+        _bare_ground(context, seen, segment.label)
         or too_small(points, config.planner.scene.spacing, least)
         or ""
     )
+
+
+def _bare_ground(context: Context, seen: Perception, label: int) -> str:
+    """Why what was divided off is the ground itself, or nothing."""
+    config = context.pipeline.config.segmentation.ground
+    points = seen.cloud.points[seen.segmentation.points_of(label)]
+    return is_ground(points, seen.segmentation.ground, config) or ""
 
 
 def _triage(context: Context, seen: Perception, segment: Segment) -> Triage:

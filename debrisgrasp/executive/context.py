@@ -250,6 +250,11 @@ class Context:
         T_way_base = self.T_base_way.inverse()
         return self.settings.bounds.contains(T_way_base.apply(points))
 
+    def count_removal(self) -> None:
+        """Count the object of this cycle, which lies at the drop-off, once."""
+        self.n_removed += not self.cycle.is_removed
+        self.cycle.is_removed = True
+
     def stands_elsewhere(self, T_now_before: SE3) -> None:
         """Take note that the base moved: all that is known was seen from elsewhere."""
         self.T_base_way = T_now_before @ self.T_base_way

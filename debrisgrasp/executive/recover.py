@@ -110,6 +110,8 @@ def clear_up(context: Context) -> FaultFound | None:
                 reset_stops(context)  # caught: pulled on, it would only press harder
                 fault = felt_out(context, name)
             fault = fault or _hanging(context, name)
+            if fault is None and State.VERIFY_RELEASE in context.cycle.reached:
+                context.count_removal()  # let go at the drop-off, and off the hand now
             if fault is None and is_beside:
                 _looked(context, name)
         else:

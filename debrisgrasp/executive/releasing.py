@@ -130,8 +130,7 @@ def verify_release(context: Context) -> StepResult:
             words = f"a finger is open by {1e3 * min(openings):.0f} mm only; {words}"
         context.held = held
         return FaultFound("not_released", words, held.arm, values)
-    context.cycle.is_removed = True
-    context.n_removed += 1
+    context.count_removal()
     return Done({"weight": round(weight, 2)})
 
 

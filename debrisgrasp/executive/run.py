@@ -145,6 +145,8 @@ class Executive:
     def _run(self) -> RunEnd:
         state = State.SELF_TEST
         while True:
+            if state is State.CAPTURE and self._is_enough():
+                return RunEnd.FINISHED
             n_most = self.context.settings.max_attempts
             if len(self._attempts) >= n_most and state in STAGES:
                 self._note(State.SELECT, _given_up(self.context), Action.ABORT)
@@ -165,9 +167,11 @@ class Executive:
             if state is State.RETREAT:
                 self._forgive()
                 self._finish_attempt()
-                if self.context.n_removed == self.context.settings.max_removals:
-                    return RunEnd.FINISHED
             state = result.next or FOLLOWING[state]
+
+    def _is_enough(self) -> bool:
+        most = self.context.settings.max_removals
+        return most is not None and self.context.n_removed >= most
 
     def _enter(self, state: State) -> None:
         context = self.context

@@ -162,10 +162,10 @@ class RobotModel:
             self.tree, self.base, spec.tip, {**held, **(locked or {})}
         )
         others = {
-            joint
+            joint.name
             for other in self.arms.values()
             if other is not spec
-            for joint in other.joints
+            for joint in self.tree.joints_above(other.tip)
         }
         return replace(chain, shared=frozenset(others.intersection(chain.joint_names)))
 

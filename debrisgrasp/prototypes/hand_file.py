@@ -194,7 +194,7 @@ def _preshape(name: str, fields: Fields, fingers: tuple[Finger, ...]) -> Preshap
         )
     largest, least = float(openings[0]), float(openings.min())
     widths = fields.numbers("widths", 2)
-    if least > widths[0] + 1e-3 or largest - least < 1e-3:
+    if least > max(widths[0], 0.0) + 1e-3 or largest - least < 1e-3:
         raise ConfigError(
             fields.where("closing"),
             got=f"pads that come no nearer than {least:.3f} m along x",

@@ -17,10 +17,9 @@ def read_pose(fields: Fields) -> SE3:
         raise ConfigError(
             fields.where("rpy"), got="rpy and rpy_deg", expected="one of the two"
         )
-    radians = fields.numbers(
-        "rpy", 3, np.deg2rad(fields.numbers("rpy_deg", 3, (0,) * 3))
-    )
-    if np.abs(radians).max() > 2.0 * np.pi + 1e-9:
+    turned = np.deg2rad(fields.numbers("rpy_deg", 3, (0,) * 3))
+    radians = fields.numbers("rpy", 3, turned)
+    if "rpy" in fields and np.abs(radians).max() > 2.0 * np.pi + 1e-9:
         raise ConfigError(
             fields.where("rpy"),
             got=radians.tolist(),

@@ -260,8 +260,9 @@ def check_robot(robot: Robot, *, motion: bool = False) -> Report:
     findings: list[Finding] = []
     skipped: list[Finding] = []
     gaps: tuple[Gap, ...] = ()
+    at_rest = {check.name for check in CHECKS}
     for check in (*CHECKS, *(MOVING_CHECKS if motion else ())):
-        if check.moves and findings:
+        if check.moves and at_rest.intersection(found.check for found in findings):
             skipped.append(Finding(check.name, _UNSAFE))
             continue
         if lacking := check.lacks(gaps):

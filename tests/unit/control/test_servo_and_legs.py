@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -93,6 +95,69 @@ def test_joints_that_turn_other_arms_move_least(rng):
         null = np.linalg.svd(J)[2][6:]
         assert np.abs(null @ (cost * step)).max() < 1e-9
     assert n_regular > 10
+
+
+def test_where_all_joints_are_shared_none_is_dearer(rng):
+    """Two hands on one wrist: what turns one turns the other."""
+    ours = replace(CHAIN, shared=frozenset(CHAIN.joint_names))
+    J = CHAIN.jacobian(CHAIN.sampled(1, rng=rng)[0])
+    error = (1e-3 * rng.normal(size=6)).tolist()
+    found, expected = (
+        CartesianServo(chain, LIMITS, PERIOD).solved(J, error)
+        for chain in (ours, CHAIN)
+    )
+    assert found == expected
+
+
+def test_where_a_joint_is_stopped_shared_ones_do_its_part(rng):
+    chain = ROMAN.chain("right")
+    limits = ROMAN.limits("right", chain).controller
+    servo, n_stopped, n_damped = CartesianServo(chain, limits, PERIOD), 0, 0
+    for q in chain.sampled(400, rng=rng):
+        q = np.clip(q, limits.lower + 0.2, limits.upper - 0.2)
+        stopped = rng.integers(1, 8)
+        q[stopped] = limits.upper[stopped]
+        J = servo.kinematics.pose_and_jacobian(q.tolist())[2]
+        free = np.delete(J, stopped, axis=1)
+        error = 1e-6 * J @ rng.normal(size=8)
+        asked = servo.solved(J, error.tolist())[0]
+        is_regular = np.linalg.svd(free, compute_uv=False)[-1] > servo.config.sigma_min
+        if asked[stopped] <= 0.0 or not is_regular:
+            continue
+        n_stopped += 1
+        n_damped += servo.solved(np.insert(free, stopped, 0.0, axis=1), error)[1] < 1.0
+        goal = SE3.from_parts(
+            so3.exp(error[3:]) @ chain.fk(q).R, chain.fk(q).p + error[:3]
+        )
+        step = np.array(servo.step(servo.start(q), *parts(goal)).step)
+        assert step[stopped] == 0.0
+        assert np.linalg.norm(J @ step - error) < 1e-3 * np.linalg.norm(error)
+    assert n_stopped > 20
+    assert n_damped > 3
+
+
+def test_shared_joints_keep_no_leg_from_being_done():
+    chain = ROMAN.chain("right")
+    limits = ROMAN.limits("right", chain).controller
+    postures = np.clip(
+        chain.sampled(60, rng=np.random.default_rng(5)),
+        limits.lower + 0.02,
+        limits.upper - 0.02,
+    )
+    ways = np.random.default_rng(6).normal(size=(60, 3))
+    ways *= 0.12 / np.linalg.norm(ways, axis=1, keepdims=True)
+    n_done = {}
+    for name, one in (
+        ("dear", chain),
+        ("like others", replace(chain, shared=frozenset())),
+    ):
+        planner = LegPlanner(one, limits)
+        legs = [
+            planner.plan(q, SE3.from_parts(T.R, T.p + way))
+            for q, T, way in zip(postures, map(chain.fk, postures), ways, strict=True)
+        ]
+        n_done[name] = sum(leg.is_done for leg in legs)
+    assert n_done["dear"] >= n_done["like others"] > 0
 
 
 @pytest.mark.parametrize("seed", range(8))

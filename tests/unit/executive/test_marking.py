@@ -82,11 +82,11 @@ def test_a_capture_that_marks_nothing_is_refused(mask):
 
 @pytest.fixture(scope="module")
 def handle():
-    """Return the crate with a handle, and a way to look at it with some settings."""
+    """Return a way to look at the crate with a handle, with some settings."""
     pipeline = Pipeline()
-    world = let_down(named_scene("crate_with_handle")).world
+    crate = let_down(named_scene("crate_with_handle")).world
 
-    def looked(**settings):
+    def looked(world=crate, n_removed=0, **settings):
         fake = fake_robot(
             pipeline.robot,
             world,
@@ -98,6 +98,7 @@ def handle():
         context = Executive(fake.robot, settings, pipeline=pipeline, rng=rng).context
         assert isinstance(capture(context), Done)
         assert isinstance(segment(context), Done)
+        context.n_removed = n_removed
         return context, select(context)
 
     return looked
@@ -128,6 +129,16 @@ def test_the_region_stays_where_it_was_when_the_base_has_moved(handle):
     assert isinstance(segment(context), Done)
     again = np.array(select(context).facts["centroid"])
     assert np.linalg.norm(again - T_now_before.apply(began)) < 0.03
+
+
+@pytest.mark.parametrize("n_removed", [0, 1])
+def test_bare_ground_in_the_region_is_no_object(handle, n_removed):
+    ground = Bounds(np.array([0.6, -0.5, -0.05]), np.array([1.3, 0.3, 0.3]))
+    _, found = handle(bodies([3.0, 0.0, 0.05]), n_removed, region=ground)
+    if n_removed:
+        assert found.next is State.CLEARED
+    else:
+        assert found.fault == "empty_cloud"
 
 
 def test_a_region_without_an_object_is_told(handle):

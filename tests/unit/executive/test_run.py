@@ -99,6 +99,30 @@ def test_as_many_removals_as_asked_for_end_the_run(run):
     assert record.events[-1]["event"] == "end"
 
 
+def hanging(context):
+    context.is_in_pile = "right"
+    return FaultFound("not_released", "as asked")
+
+
+def test_what_came_off_the_hand_only_as_that_was_felt_out_is_removed_all_the_same(run):
+    settings = TaskSettings(max_removals=1, max_attempts=3)
+    result, _ = run({State.VERIFY_RELEASE: hanging}, settings)
+    assert [fault.action for fault in result.faults] == [Action.RETRY, Action.NEXT]
+    assert result.n_removed == 1
+    assert result.end is RunEnd.FINISHED
+
+
+def test_what_a_hand_lost_before_the_drop_off_is_not_removed(run):
+    def lost(context):
+        context.is_in_pile = "right"
+        return FaultFound("slip", "as asked")
+
+    settings = TaskSettings(max_removals=1, max_attempts=3)
+    result, _ = run({State.TRANSPORT: lost}, settings)
+    assert result.n_removed == 0
+    assert result.end is not RunEnd.FINISHED
+
+
 def test_the_way_is_clear_when_select_says_so(run):
     result, _ = run({State.SELECT: lambda _c: Done({}, State.CLEARED)})
     assert result.end is RunEnd.CLEARED

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -138,6 +139,18 @@ def test_the_torso_joint_adds_reach_and_can_be_locked(
         for c in (free, locked)
     ]
     assert reach[0] > reach[1]
+
+
+def test_a_trunk_that_one_arm_alone_moves_turns_the_other_all_the_same(
+    roman: RobotModel,
+) -> None:
+    left = roman.arms["left"]
+    still = replace(left, joints=left.joints[1:])
+    robot = replace(roman, arms={**roman.arms, "left": still})
+    assert robot.chain("right").shared == {"torso_joint"}
+    assert robot.chain("left").shared == frozenset()
+    alone = replace(roman, arms={"right": roman.arms["right"]})
+    assert alone.chain("right").shared == frozenset()
 
 
 def test_arms_are_found_by_gripper_and_unknown_names_list_the_known(

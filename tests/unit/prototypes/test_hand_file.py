@@ -49,6 +49,12 @@ def test_a_parallel_jaw_is_a_text_file(tmp_path: Path) -> None:
     )
 
 
+def test_degrees_may_turn_more_than_once(tmp_path: Path) -> None:
+    turned = load_text(tmp_path, JAW.replace("[0, 0, 180]", "[0, 0, 540]"))
+    pads = turned.pad_positions("parallel", 0.06)
+    assert np.allclose(pads, [[-0.03, 0, 0.07], [0.03, 0, 0.07]])
+
+
 def test_round_solids_are_understood(tmp_path: Path) -> None:
     rounded = JAW.replace(
         "palm:\n",
@@ -76,6 +82,7 @@ def test_round_solids_are_understood(tmp_path: Path) -> None:
         ("[0, 255]", "[255, 0]", r"closing.command.*rising"),
         ("slide: [0.04, 0]", "glide: [0.04, 0]", r"joint.*'glide'.*slide"),
         (", slide: [0.04, 0]", "", r"no values of slide"),
+        ("[0.001, 0.08]", "[-0.01, 0.08]", r"parallel.widths.*0 < smallest"),
         ("[0.001, 0.08]", "[0.001, 0.2]", r"parallel.widths.*0.080 m"),
         (", rpy_deg: [0, 0, 180]", "", r"parallel.closing.*no nearer.*rpy of each"),
         ("[0.04, 0]", "[0.04, 0.01]", r"parallel.closing.*no nearer than 0.020 m"),

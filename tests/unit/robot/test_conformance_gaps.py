@@ -14,6 +14,7 @@ from tests.unit.robot.test_conformance import (
     made,
     reset_is_no_method,
     silent,
+    stuck_joint,
     unnamed_reading,
     with_limb,
 )
@@ -74,6 +75,13 @@ def test_nothing_is_moved_while_a_check_at_rest_finds_something():
     assert not sent
     assert {each.check for each in report.skipped} == {c.name for c in MOVING_CHECKS}
     assert "nothing is moved" in str(report)
+
+
+def test_a_check_in_motion_that_fails_keeps_no_other_from_being_run():
+    report = check_robot(stuck_joint(made()), motion=True)
+    assert {found.check for found in report.findings} == {"arm_follows"}
+    assert report.skipped == ()
+    assert len(report.passed) == len(CHECKS) + len(MOVING_CHECKS) - 1
 
 
 def test_a_device_that_does_not_answer_keeps_no_check_at_rest_from_being_run():
