@@ -45,7 +45,7 @@ _LEAST, _LONGEST = 0.08, 1.0
 _MOST_FORCE = 70.0
 """Under which things slide; 8 kg on concrete take 50 N [N]."""
 _FELT = 4.0
-"""From where on a hand pushes [N]."""
+"""By so much more than before a hand is pushed back as it begins to push [N]."""
 _CAME = 0.03
 """An object that was pushed no farther stays [m]."""
 _BACK = 0.06
@@ -85,23 +85,29 @@ class _Touch:
     """Notes where a hand on its way (3,) begins to push, and ends what is too much."""
 
     def __init__(self, drive: Drive, way: FloatArray) -> None:
-        self._drive, self._place = drive, np.full(3, np.nan)
-        self._is_felt = drive.against(way, _FELT)
+        self._drive, self._ahead = drive, way / np.linalg.norm(way)
         self._is_too_much = drive.against(way, _MOST_FORCE)
+        self._free: float | None = None
+        self._place: FloatArray | None = None
 
     def _here(self) -> FloatArray:
         limb = self._drive.limb
         return limb.pose(self._drive.context.posture(limb)).p
 
     def __call__(self, load: Wrench) -> bool:
-        if np.isnan(self._place[0]) and self._is_felt(load):
+        push = float(self._drive.push(load) @ self._ahead)
+        if self._free is None:
+            self._free = push
+        if self._place is None and self._free - push > _FELT:
             self._place = self._here()
         return self._is_too_much(load)
 
-    def came(self, ahead: FloatArray) -> float:
+    @property
+    def came(self) -> float:
         """How far what it pushes came along [m]."""
-        far = float((self._here() - self._place) @ ahead)
-        return max(far, 0.0) if np.isfinite(far) else 0.0
+        if self._place is None:
+            return 0.0
+        return max(float((self._here() - self._place) @ self._ahead), 0.0)
 
 
 def to_push(context: Context, segments: Sequence[Segment]) -> Segment | None:
@@ -147,7 +153,7 @@ def push_aside(context: Context) -> StepResult:
     )
     if isinstance(end, FaultFound):
         return end
-    came, force = touch.came(ahead), float(np.linalg.norm(drive.push()))
+    came, force = touch.came, float(np.linalg.norm(drive.push()))
     _remember(context, mark, own, came * ahead)
     fault = _left(context, drive, -_BACK * ahead)
     if fault is not None:

@@ -28,7 +28,7 @@ from .record import NoRecord
 from .recover import clear_up, recover, reset_stops, stop_all
 from .result import Done, FaultFound, StepResult
 from .settings import TaskSettings
-from .states import STAGES, State
+from .states import State
 from .table import FOLLOWING, Answer, answer_to
 
 __all__ = ["STEPS", "Executive", "Observer"]
@@ -148,7 +148,7 @@ class Executive:
             if state is State.CAPTURE and self._is_enough():
                 return RunEnd.FINISHED
             n_most = self.context.settings.max_attempts
-            if len(self._attempts) >= n_most and state in STAGES:
+            if len(self._attempts) >= n_most and state in FOLLOWING:
                 self._note(State.SELECT, _given_up(self.context), Action.ABORT)
                 state = State.ABORT
             self._enter(state)
@@ -176,7 +176,7 @@ class Executive:
     def _enter(self, state: State) -> None:
         context = self.context
         context.state = state
-        if state in STAGES:
+        if state in FOLLOWING:
             context.cycle.reached.append(state)
         self._write("state", {"state": state.value, "time": round(context.now(), 4)})
         for observer in self._observers:

@@ -35,6 +35,6 @@ class State(Enum):
     CLEARED = "cleared"
 
 
-STAGES = tuple(list(State)[: list(State).index(State.RECOVER)])
-"""States of one try, first to last; the rest are ways out of it. What no hand can hold
-is pushed instead."""
+STAGES = tuple(list(State)[: list(State).index(State.PUSH)])
+"""States that a removal passes, first to last. What no hand can hold is pushed instead;
+the rest are ways out of a try."""

@@ -130,9 +130,11 @@ def answer_to(state: State, fault: str, used: int = 0) -> Answer:
         answer = Answer(spec.action, spec.budget, spec.then)
     if answer.budget and used >= answer.budget:
         answer = Answer(answer.then)
+    if state is State.PUSH and answer.action not in (Action.STOP, Action.ABORT):
+        answer = Answer(Action.NEXT)  # it may lie elsewhere now: only a look helps
     has_moved = state in (*_IN_THE_PILE, *HOLDING, State.RETREAT)
     if answer.action is Action.NEXT and has_moved:
         answer = replace(answer, is_cleared_up=True)
-    if answer.resume is None and state in STAGES:
+    if answer.resume is None and state in FOLLOWING:
         answer = replace(answer, resume=_default_resume(state, answer.action))
     return answer

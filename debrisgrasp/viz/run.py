@@ -36,6 +36,7 @@ _GROUPS = {
     "plan": ("select", "plan_grasp", "plan_motion"),
     "grasp": ("pregrasp", "switch", "approach", "close", "verify_grasp"),
     "carry": ("lift", "verify_hold", "transport"),
+    "push": ("push",),
     "release": ("release", "verify_release", "retreat"),
     "recover": ("recover", "safe_stop", "abort"),
 }
@@ -44,6 +45,7 @@ _COLORS = {
     "plan": "#c3b2d9",
     "grasp": "#e3a857",
     "carry": "#6fae7f",
+    "push": "#9c8468",
     "release": "#4f9aa8",
     "recover": "#c94f4f",
     "other": "#bbbbbb",

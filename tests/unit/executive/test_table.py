@@ -14,7 +14,8 @@ GOING_ON = (Action.RETRY, Action.NEXT, Action.HOLD, Action.SKIP)
 
 
 def test_every_stage_leads_to_another_and_all_are_passed_in_order():
-    assert set(FOLLOWING) == set(STAGES)
+    assert set(FOLLOWING) == {*STAGES, State.PUSH}
+    assert FOLLOWING[State.PUSH] is State.RETREAT
     state, passed = State.SELF_TEST, []
     for _ in STAGES:
         passed.append(state)
@@ -23,7 +24,7 @@ def test_every_stage_leads_to_another_and_all_are_passed_in_order():
     assert state is State.CAPTURE
 
 
-@pytest.mark.parametrize("state", STAGES)
+@pytest.mark.parametrize("state", FOLLOWING)
 def test_every_fault_has_an_answer_that_says_where_to_go_on(state):
     for fault in FAULTS:
         answer = answer_to(state, fault)
@@ -31,7 +32,7 @@ def test_every_fault_has_an_answer_that_says_where_to_go_on(state):
             assert answer.resume in STAGES
 
 
-@pytest.mark.parametrize("state", STAGES)
+@pytest.mark.parametrize("state", FOLLOWING)
 def test_every_answer_that_repeats_a_state_is_bounded(state):
     for fault in FAULTS:
         answer = answer_to(state, fault)
@@ -105,7 +106,7 @@ def test_all_answers_are_for_known_faults():
 
 
 @pytest.mark.parametrize("fault", list(Fault))
-@pytest.mark.parametrize("state", STAGES)
+@pytest.mark.parametrize("state", FOLLOWING)
 def test_whatever_control_notices_is_a_fault_of_the_table(fault, state):
     stop = Stop(fault, "torque too large", 1.0)
     found = fault_of_stop(stop, Reading(1.0, [0.0], [0.0] * 6, 1.0), state, "right")

@@ -1,0 +1,141 @@
+"""What no hand can hold is pushed out of the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.executive import Executive, TaskSettings
+from debrisgrasp.executive.aside import push_aside, to_push
+from debrisgrasp.executive.choose import select
+from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.states import State
+from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import FakeConfig, fake_robot
+from debrisgrasp.worlds import World, make_body
+
+CRATE = {"length": 0.38, "width": 0.27, "height": 0.24, "wall": 0.01}
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+def before_a_crate(pipeline, place, mass=1.4, **settings):
+    """A crate upside down that was tried in vain, as the task stands after a look."""
+    over = so3.from_rpy(np.array([np.pi, 0.0, 0.3]))
+    crate = make_body("crate", CRATE, mass)
+    low = min(solid.bounds.lower[2] for solid in crate.at(SE3.from_parts(over)).solids)
+    crate = crate.at(SE3.from_parts(over, [*place, -float(low)]))
+    fake = fake_robot(
+        pipeline.robot,
+        World((crate,)),
+        rng=np.random.default_rng(0),
+        config=FakeConfig(is_initialised=True),
+    )
+    task = Executive(
+        fake.robot,
+        TaskSettings(repositions=0, **settings),
+        pipeline=pipeline,
+        rng=np.random.default_rng(0),
+    )
+    context = task.context
+    for step in (capture, segment):
+        assert isinstance(step(context), Done)
+    mark_tried(context)
+    return fake, context
+
+
+def mark_tried(context):
+    seen = context.cycle.seen
+    for candidate in seen.order(context.pipeline.policy):
+        middle = seen.segmentation.segment(candidate.label).centroid
+        for _ in range(2):
+            context.marks.add(
+                middle,
+                FaultFound("no_grasp", "no hand spans it"),
+                context.n_changes,
+                is_search=True,
+            )
+
+
+def chosen_to_push(context):
+    found = select(context)
+    assert isinstance(found, Done)
+    assert found.next is State.PUSH
+    assert found.facts["way"] == "push aside"
+    context.state = State.PUSH
+
+
+def across(fake):
+    return float(fake.world.bodies[0].T_base_body.p[1])
+
+
+@pytest.mark.parametrize(("place", "side"), [((0.9, -0.3), -1), ((1.0, 0.2), 1)])
+def test_a_crate_upside_down_is_pushed_over_the_nearer_border(pipeline, place, side):
+    fake, context = before_a_crate(pipeline, place)
+    chosen_to_push(context)
+    done = push_aside(context)
+    assert isinstance(done, Done)
+    assert done.next is State.RETREAT
+    came = side * (across(fake) - place[1])
+    assert came > 0.3
+    assert done.facts["pushed"] == pytest.approx(came, abs=0.05)  # it slides aside
+    assert side * across(fake) > 0.6
+    truth = fake.truth()
+    assert truth.violations == ()
+    assert max(truth.peak_force.values()) < 80.0
+    assert context.is_in_pile is None
+    # Where it is remembered it is.
+    mark = context.marks.marks[0]
+    assert mark.centroid[1] == pytest.approx(across(fake), abs=0.12)
+    for limb in context.limbs.values():
+        rest = context.model.posture(limb.name, limb.rest_of)
+        assert np.allclose(
+            context.posture(limb), limb.reach.chain.vector(rest), atol=0.02
+        )
+
+
+def test_what_does_not_slide_stays_and_is_pushed_no_harder(pipeline):
+    fake, context = before_a_crate(pipeline, (0.9, -0.3), mass=40.0)
+    for n_tries in (1, 2):
+        chosen_to_push(context)
+        done = push_aside(context)
+        assert isinstance(done, Done)
+        assert done.facts["pushed"] == 0.0
+        assert context.marks.marks[0].n_stayed == n_tries
+    assert across(fake) == pytest.approx(-0.3, abs=0.02)
+    assert max(fake.truth().peak_force.values()) < 110.0
+    found = select(context)
+    assert isinstance(found, FaultFound)
+    assert found.fault == "no_grasp"
+    (why,) = context.left.values()
+    assert "not pushed aside" in why
+
+
+def test_nothing_is_pushed_that_may_not_be(pipeline):
+    fake, context = before_a_crate(pipeline, (0.9, -0.3), pushes=0)
+    found = select(context)
+    assert isinstance(found, FaultFound)
+    assert "1 object could not be taken" in found.message
+    assert across(fake) == pytest.approx(-0.3, abs=1e-3)
+
+
+def test_what_has_the_shortest_way_out_is_pushed_first(pipeline):
+    _, context = before_a_crate(pipeline, (0.9, -0.3))
+
+    class Segment:
+        def __init__(self, *centroid):
+            self.centroid = np.array(centroid)
+
+    middle, beside = Segment(1.0, 0.05, 0.2), Segment(1.0, 0.4, 0.2)
+    assert to_push(context, [middle, beside]) is beside
+    # The way may have been turned, and moved, by the base.
+    turned = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, np.pi / 2])))
+    context.T_base_way = turned
+    left, right = Segment(-0.5, 1.0, 0.2), Segment(0.1, 1.0, 0.2)
+    assert to_push(context, [left, right]) is left
+    assert to_push(context, []) is None
