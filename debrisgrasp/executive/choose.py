@@ -90,14 +90,14 @@ def select(context: Context) -> StepResult:
             *min(open_, key=lambda item: context.marks.failures(item[0].centroid)),
         )
     if failed:
-        moved = repositioned(context, [segment.centroid for segment in failed])
-        if moved:
-            return Done({"moved": round(moved, 3), "left": left}, State.CAPTURE)
         pushed = to_push(context, failed)
         if pushed is not None:
             triage = replace(_triage(context, seen, pushed), way=Way.PUSH, arms=())
-            words = "no hand could take what is left, and it has the shortest way out"
+            words = "no hand could take what is left; it has the shortest way out"
             return replace(_chosen(context, pushed, triage, words), next=State.PUSH)
+        moved = repositioned(context, [segment.centroid for segment in failed])
+        if moved:
+            return Done({"moved": round(moved, 3), "left": left}, State.CAPTURE)
         return _nothing_more(context, left, len(failed))
     if seen.segmentation.ground.plane is None:
         return FaultFound("empty_cloud", "no ground was seen: nothing says it is clear")

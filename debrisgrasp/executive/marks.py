@@ -121,10 +121,11 @@ class Marks:
             mark.centroid = T_now_before.apply(mark.centroid)
 
     def begin_anew(self) -> None:
-        """Forget how things were tried: from elsewhere grips are others."""
+        """Forget how things were tried: from elsewhere grips and pushes are others."""
         for mark in self.marks:
             mark.failed.clear()
             mark.unreached.clear()
+            mark.n_stayed = 0
 
     def failures(self, centroid: ArrayLike) -> int:
         """Tell how much came to nothing at a place."""

@@ -110,7 +110,7 @@ class Stage:
 
     @property
     def removed(self) -> tuple[str, ...]:
-        """Bodies that a hand put down far from where they were."""
+        """Bodies that a hand put down, or pushed, far from where they were."""
         return tuple(
             self._rubble.names[i] for i, is_far in self._is_far.items() if is_far
         )
@@ -351,10 +351,12 @@ class Stage:
         passed = hand if has_slipped else None
         self._settling.settle({hold.index, *hold.riders}, self._held_bodies(), passed)
         self._rubble.version += 1
-        way = self._rubble.shapes[hold.index].com - self._started[hold.index]
-        self._is_far[hold.index] = bool(
-            np.linalg.norm(way) > self._config.removed_beyond
-        )
+        self._note_far(hold.index)
+
+    def _note_far(self, body: int) -> None:
+        """Take note of whether a body is far from where it was."""
+        way = self._rubble.shapes[body].com - self._started[body]
+        self._is_far[body] = bool(np.linalg.norm(way) > self._config.removed_beyond)
 
     def _push(
         self, touched: Mapping[int, FloatArray], stiffness: Mapping[int, float]
@@ -366,6 +368,7 @@ class Stage:
             touched, lambda body: any(hand.touch.is_near(body) for hand in hands)
         )
         for push in over:
+            self._note_far(push.body)
             if push.way > _LIFTED and not self._is_held(push.body):
                 beside = self._rubble.touching(push.body)
                 self._settling.settle({push.body, *beside}, self._held_bodies())

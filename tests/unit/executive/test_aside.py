@@ -86,6 +86,7 @@ def test_a_crate_upside_down_is_pushed_over_the_nearer_border(pipeline, place, s
     assert done.facts["pushed"] == pytest.approx(came, abs=0.05)  # it slides aside
     assert side * across(fake) > 0.6
     truth = fake.truth()
+    assert truth.removed == ("crate",)
     assert truth.violations == ()
     assert max(truth.peak_force.values()) < 80.0
     assert context.is_in_pile is None
