@@ -26,6 +26,7 @@ from .aside import to_push
 from .context import Context
 from .dropoff import drop_postures, no_place, object_in_hand
 from .obstacles import room_for
+from .perceive import never_shown
 from .reposition import repositioned
 from .result import Done, FaultFound, StepResult
 from .states import State
@@ -57,7 +58,8 @@ def select(context: Context) -> StepResult:
         return _select_marked(context, seen)
     if context.settings.is_object_specific:
         return Done({"cleared": True}, State.CLEARED)
-    left: dict[str, str] = {}
+    # Of a look aside: what the one before it showed stays as well.
+    left = {} if context.cycle.gaze is None else dict(context.left)
     failed: list[Segment] = []
     open_: list[tuple[Segment, Triage, str]] = []
     for candidate in seen.order(context.pipeline.policy):
@@ -101,6 +103,10 @@ def select(context: Context) -> StepResult:
         return _nothing_more(context, left, len(failed))
     if seen.segmentation.ground.plane is None:
         return FaultFound("empty_cloud", "no ground was seen: nothing says it is clear")
+    gaze = never_shown(context)
+    if gaze is not None:
+        context.cycle.gaze = gaze
+        return Done({"looks_at": np.round(gaze, 2).tolist()}, State.CAPTURE)
     return Done({"cleared": True, "left": left}, State.CLEARED)
 
 

@@ -19,7 +19,7 @@ from debrisgrasp.control import (
     LoadModel,
     PostureKinematics,
 )
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, DepthSight
 from debrisgrasp.kinematics import ArmReach, LimitFamily, RobotModel
 from debrisgrasp.motion import MotionPlanner
 from debrisgrasp.prototypes import GripperModel
@@ -148,6 +148,8 @@ class Cycle:
     reached: list[State] = field(default_factory=list)
     capture: Capture | None = None
     seen: Perception | None = None
+    gaze: FloatArray | None = None
+    """Looked at instead of the pile, frame of the way [m], shape (3,)."""
     label: int | None = None
     look: int | None = None
     """In which the object has that label, see `Context.n_looks`."""
@@ -203,6 +205,8 @@ class Context:
     marks: Marks = field(default_factory=Marks)
     n_looks: int = 0
     """How many images of the workspace were taken; labels of objects go by them."""
+    shown: list[DepthSight] = field(default_factory=list)
+    """Captures from which it is to be seen that the way is clear."""
     n_removed: int = 0
     n_moves: int = 0
     """How often the base drove to where the arms reach better."""
@@ -272,7 +276,7 @@ class Context:
     def forget(self) -> None:
         """Forget what was seen: it was seen from elsewhere."""
         self.known = KnownSpace()
-        self.cycle.seen = self.cycle.around = self.last_seen = None
+        self.cycle.seen = self.cycle.around = self.cycle.gaze = self.last_seen = None
 
     def now(self) -> float:
         """Time by the robot's clock [s]."""
