@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,7 +94,9 @@ class Hull:
 
     def moved(self, T_new_frame: SE3) -> Hull:
         """Express the same solid in another frame, or equally: move it."""
-        return replace(self, T_frame_solid=T_new_frame @ self.T_frame_solid)
+        other = copy(self)  # the same hull, which need not be found again
+        object.__setattr__(other, "T_frame_solid", T_new_frame @ self.T_frame_solid)
+        return other
 
     def mesh(self) -> tuple[FloatArray, IntArray]:
         """Vertices (v, 3) and outward-wound triangles (f, 3)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,7 @@ def solids_of_shape(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, .
     return _mesh_hulls(shape, link, folder)
 
 
+@lru_cache(maxsize=1024)
 def _mesh_hulls(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, ...]:
     """Convex hull of every connected piece of a mesh."""
     import trimesh  # slow to load, and only robots with meshes need it
