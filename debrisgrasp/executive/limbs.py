@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray
 from debrisgrasp.control import PostureKinematics
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
-from debrisgrasp.kinematics import ArmReach
-from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.robot import Robot
 
 from .context import LimbState
@@ -25,9 +26,19 @@ _TILTS, _YAWS = (0.0, np.pi / 4.0), 8
 
 
 def limbs_of(
-    robot: Robot, settings: TaskSettings, pipeline: Pipeline
+    robot: Robot,
+    settings: TaskSettings,
+    model: RobotModel,
+    hands: Mapping[str, GripperModel],
 ) -> dict[str, LimbState]:
     """Prepare the arms that the settings name.
+
+    Parameters
+    ----------
+    model
+        Of the robot, with its hands on it.
+    hands
+        By their names.
 
     Raises
     ------
@@ -46,21 +57,20 @@ def limbs_of(
                 expected="a place (x, y) in the base frame [m]",
                 mend="Give one in TaskSettings.drop_off.",
             )
-    hands = {**load_grippers(), **pipeline.grippers}
     limbs = {}
     for name in names:
         limb = robot.limbs[name]
-        robot.model.posture(name, settings.rest or robot.model.arm(name).idle)
-        reach = ArmReach(robot.model, name)
+        model.posture(name, settings.rest or model.arm(name).idle)
+        reach = ArmReach(model, name)
         require_drop_off(reach, settings.drop_off[name])
-        limits = robot.model.limits(name, reach.chain)
+        limits = model.limits(name, reach.chain)
         require_room(limits.controller, settings.load_share)
         limbs[name] = LimbState(
             name=name,
             limb=limb,
             reach=reach,
             limits=limits,
-            hand=hands[robot.model.arm(name).gripper],
+            hand=hands[model.arm(name).gripper],
             kinematics=PostureKinematics(reach.chain),
             loads=limb.loads,
             commissioned_bias=np.array(limb.loads.bias),

@@ -9,7 +9,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.geometry import SE3, Intrinsics, Solid
 
-from .context import Context, LimbState
+from .context import Context
 from .obstacles import are_near
 
 __all__ = ["are_own", "own_body", "own_pixels"]
@@ -22,9 +22,7 @@ _NEAREST = 0.01
 """Nearer to the camera nothing is measured [m]."""
 
 
-def own_body(
-    context: Context, without: str | None = None
-) -> list[tuple[Solid, float]]:
+def own_body(context: Context, without: str | None = None) -> list[tuple[Solid, float]]:
     """Solids of the robot as it stands, and how far what is it may be from each [m].
 
     Parameters
@@ -38,16 +36,11 @@ def own_body(
     idle = frozenset[str]().union(*hands.values())
     left = hands.get(without or "", frozenset())
     # Fingers of an idle hand may stand otherwise than in the model.
-    body = [
+    return [
         (solid, _FINGERS if link in idle else _ROBOT)
         for link, solid in links
         if link not in left
     ]
-    # A URDF may end at the flange.
-    for name, limb in context.limbs.items():
-        if name != without:
-            body += [(solid, _FINGERS) for solid in _open_hand(context, limb)]
-    return body
 
 
 def are_own(
@@ -109,11 +102,3 @@ def _window(
     first = min(low * end for end in ends) * focal + center
     last = max(high * end for end in ends) * focal + center
     return slice(max(int(first), 0), max(int(last) + 2, 0))
-
-
-def _open_hand(context: Context, limb: LimbState) -> list[Solid]:
-    """Solids of the model of a hand, open, base frame."""
-    preshape, shape = next(iter(limb.hand.preshapes.items()))
-    T_base_hand = limb.pose(context.posture(limb))
-    solids = limb.hand.solids(preshape, shape.widest)
-    return [solid.moved(T_base_hand) for solid in solids]

@@ -23,7 +23,7 @@ from debrisgrasp.planning import (
     PlannerConfig,
     SearchResult,
 )
-from debrisgrasp.prototypes import GripperModel
+from debrisgrasp.prototypes import GripperModel, load_grippers
 from debrisgrasp.segmentation import (
     SegmentationConfig,
     SelectionPolicy,
@@ -32,7 +32,7 @@ from debrisgrasp.segmentation import (
 from debrisgrasp.settings import Settings
 
 from .advice import advice_on, is_poor
-from .inputs import arms_of, library_of, require_limits, robot_of
+from .inputs import arms_of, library_of, require_limits, robot_of, with_hands
 from .notes import deadline_notes, mass_notes
 from .perception import Perception
 from .reasons import unfit
@@ -117,11 +117,10 @@ class Pipeline:
         config: PipelineConfig | None = None,
     ) -> None:
         self.config = config or PipelineConfig()
-        self.robot = robot_of(robot)
+        known, model = load_grippers(grippers), robot_of(robot)
+        self.robot = None if model is None else with_hands(model, known)
         self.arms = arms_of(self.robot, arm, gripper)
-        library = library_of(
-            self.arms, gripper, prototypes=prototypes, grippers=grippers
-        )
+        library = library_of(self.arms, gripper, prototypes=prototypes, known=known)
         self.grippers: Mapping[str, GripperModel] = library.grippers
         self.library = library
         self.policy: SelectionPolicy = policy or SupportAware(openings=self._openings())

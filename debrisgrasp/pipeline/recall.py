@@ -17,6 +17,7 @@ from debrisgrasp.planning import Grasp, GraspPlan, SceneConfig
 from debrisgrasp.prototypes import GripperModel, load_grippers
 from debrisgrasp.segmentation import SegmentationConfig, region_of_interest
 
+from .inputs import with_hands
 from .perception import Perception
 from .result import PlanningResult
 from .targets import Target, choose_targets
@@ -87,7 +88,7 @@ def recall_plan(
         segmentation=found,
         is_own=seen.lifted_with(_target_of(plan, seen)),
         order=(),
-        robot=robot,
+        robot=None if robot is None else with_hands(robot, hands),
         grippers=hands,
     )
 

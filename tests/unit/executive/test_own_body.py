@@ -66,24 +66,6 @@ def test_pixels_of_the_robot_are_those_whose_points_are_near_to_it(pipeline):
     np.testing.assert_array_equal(found.ravel(), expected)
 
 
-def test_a_hand_that_the_urdf_lacks_is_of_the_robot(pipeline, monkeypatch):
-    context = context_of(pipeline, IN_VIEW)
-    links = type(context.model).links_solids
-    hands = {
-        link
-        for arm in context.model.arms.values()
-        for link in context.model.tree.links_below(arm.hand)
-    }
-    monkeypatch.setattr(
-        type(context.model),
-        "links_solids",
-        lambda *a: [(link, s) for link, s in links(*a) if link not in hands],
-    )
-    assert isinstance(capture(context), Done)
-    assert isinstance(segment(context), Done)
-    assert len(context.cycle.seen.segmentation.segments) == 1
-
-
 def test_a_robot_that_hides_the_pile_does_not_find_the_way_clear(pipeline):
     settings = TaskSettings(max_dropout=0.01)
     found = capture(context_of(pipeline, IN_VIEW, settings, noise=None))
