@@ -27,6 +27,7 @@ from .reports import (
     write_coverage,
     write_prototype_sheet,
 )
+from .site_arguments import add_grippers, add_site, site_of
 from .tables import columns
 from .values import some_path
 
@@ -71,14 +72,10 @@ def add(subparsers: Any) -> None:
             "--prototypes",
             type=some_path,
             metavar="DIR",
-            help="folder of files (default: shipped)",
+            help="folder of files (default: the site's, or shipped)",
         )
-        action.add_argument(
-            "--grippers",
-            type=some_path,
-            metavar="DIR",
-            help="folder of files of further hands",
-        )
+        add_grippers(action)
+        add_site(action)
         action.add_argument("--json", action="store_true", help="print JSON")
     add_makers(actions)
     add_learn(actions)
@@ -186,8 +183,9 @@ def run_coverage(arguments: argparse.Namespace) -> int:
 
 
 def _library(arguments: argparse.Namespace) -> PrototypeLibrary:
-    hands = load_grippers(arguments.grippers)
-    return PrototypeLibrary.load(arguments.prototypes, grippers=hands)
+    settings = site_of(arguments)
+    hands = load_grippers(settings.grippers)
+    return PrototypeLibrary.load(settings.prototypes, grippers=hands)
 
 
 def _chosen(arguments: argparse.Namespace) -> PrototypeLibrary:

@@ -17,7 +17,6 @@ from debrisgrasp.geometry import SE3, sampling, so3
 
 from .looks import CAMERA, PLACES, REST, head, head_looks, looks
 
-
 LEVEL = so3.from_rpy(np.array([-np.pi / 2, 0.0, -np.pi / 2]))
 """Orientation of a camera that looks straight ahead."""
 
