@@ -156,8 +156,12 @@ class Pipeline:
 
     def _openings(self) -> tuple[float, ...]:
         """Widest opening of each hand in use [m]."""
+        return tuple(hand.opening_range[1] for hand in self._used_hands())
+
+    def _used_hands(self) -> list[GripperModel]:
+        """Hands that prototypes are for."""
         used = {prototype.gripper for prototype in self.library}
-        return tuple(self.grippers[name].opening_range[1] for name in sorted(used))
+        return [self.grippers[name] for name in sorted(used)]
 
     @checked
     def perceive(
@@ -266,7 +270,9 @@ class Pipeline:
             ruled_out=result.ruled_out,
             passed_over=tuple(best.passed_over),
             effective_samples=result.effective_samples,
-            why_empty=None if grasps else best.why_empty(seen.segmentation),
+            why_empty=None
+            if grasps
+            else best.why_empty(seen.segmentation, self._used_hands()),
             advice=advice,
             seconds=dict(watch.seconds),
         )

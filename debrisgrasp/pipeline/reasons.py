@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import MAX_CELLS, Bounds, voxel_downsample
 from debrisgrasp.planning import PassedOver, SceneConfig
+from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import GroundConfig, GroundReport, Segmentation
 
 __all__ = ["NOT_TRIED", "is_ground", "too_large", "too_small", "unfit", "why_empty"]
@@ -78,8 +79,12 @@ def unfit(
     )
 
 
-def why_empty(segmentation: Segmentation, passed_over: Sequence[PassedOver]) -> str:
-    """One sentence for a plan without grasps."""
+def why_empty(
+    segmentation: Segmentation,
+    passed_over: Sequence[PassedOver],
+    hands: Iterable[GripperModel] = (),
+) -> str:
+    """One sentence for a plan without grasps, and one for each hand that may be why."""
     if not segmentation.segments:
         return (
             f"no object was found in the capture (ground: {segmentation.ground.reason})"
@@ -91,4 +96,6 @@ def why_empty(segmentation: Segmentation, passed_over: Sequence[PassedOver]) -> 
         reason if names == ["0"] else f"object {', '.join(names)}: {reason}"
         for reason, names in labels.items()
     )
-    return f"no object offers a grasp: {reasons}"
+    doubts = dict.fromkeys(hand.palm_doubt for hand in hands if hand.palm_doubt)
+    said = f"no object offers a grasp: {reasons}"
+    return ". ".join([said, *(doubt[0].upper() + doubt[1:] for doubt in doubts)])

@@ -292,7 +292,16 @@ def test_ik_and_reach_take_the_arm_of_the_site(run, tmp_path):
 def test_prototype_takes_hands_and_dictionary_from_the_site(run, tmp_path):
     listed = run("prototype", "list", "--site", JAW, "--json").json
     assert {prototype["gripper"] for prototype in listed} == {"jaw_140"}
-    words = ("--shape", "cylinder", "--diameter", 0.05, "--length", 0.3, "--name", "rod")
+    words = (
+        "--shape",
+        "cylinder",
+        "--diameter",
+        0.05,
+        "--length",
+        0.3,
+        "--name",
+        "rod",
+    )
     folder = ("--gripper", "jaw_140", "--out", tmp_path / "own")
     assert run("prototype", "new", *words, *folder, "--site", JAW).status == 0
 
