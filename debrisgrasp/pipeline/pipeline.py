@@ -362,7 +362,8 @@ class Pipeline:
         report, least = seen.segmentation.ground, config.min_object_points
         if not target.label:
             return None
-        return unfit(points, target.region, report, ground, grid, least)
+        chains = [arm.chain for arm in self.arms]
+        return unfit(points, target.region, report, ground, grid, least, chains)
 
     def _advice(
         self,

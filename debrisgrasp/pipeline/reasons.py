@@ -8,13 +8,24 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import MAX_CELLS, Bounds, voxel_downsample
+from debrisgrasp.kinematics import KinematicChain
 from debrisgrasp.planning import PassedOver, SceneConfig
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import GroundConfig, GroundReport, Segmentation
 
-__all__ = ["NOT_TRIED", "is_ground", "too_large", "too_small", "unfit", "why_empty"]
+__all__ = [
+    "NOT_TRIED",
+    "is_ground",
+    "too_far",
+    "too_large",
+    "too_small",
+    "unfit",
+    "why_empty",
+]
 
 NOT_TRIED = "not tried: the deadline had passed"
+_FAR = 1.5
+"""What is so far beyond the arms is not worth a search, nor advice on it [m]."""
 _MOSTLY = 0.9
 """Share of an object's points in the plane of the ground that makes it ground."""
 
@@ -44,6 +55,25 @@ def too_large(region: Bounds, config: SceneConfig) -> str | None:
     return f"too large: {cells / 1e6:.0f} million cells, at most {MAX_CELLS / 1e6:.0f}"
 
 
+def too_far(points: FloatArray, chains: Sequence[KinematicChain]) -> str | None:
+    """Reason to pass over points (n, 3) that no arm comes near to, or None.
+
+    Nor would one with a long hand, or after a short drive of the base.
+    """
+    if not chains or not len(points):
+        return None
+    for chain in chains:
+        joints = np.vstack([chain.points, chain.T_base_tip_at_zero.p])
+        slides = np.where(chain.is_revolute, 0.0, np.maximum(-chain.lower, chain.upper))
+        span = np.linalg.norm(np.diff(joints, axis=0), axis=1).sum() + slides.sum()
+        if np.linalg.norm(points - joints[0], axis=1).min() < span + _FAR:
+            return None
+    return (
+        f"more than {_FAR:g} m beyond what the arms span: is the depth in metres, and "
+        "the pose of the camera right?"
+    )
+
+
 def is_ground(
     points: FloatArray, report: GroundReport, config: GroundConfig
 ) -> str | None:
@@ -70,10 +100,12 @@ def unfit(
     ground: GroundConfig,
     scene: SceneConfig,
     least: int,
+    chains: Sequence[KinematicChain] = (),
 ) -> str | None:
     """Reason to pass over an object with points (n, 3) and region V, or None."""
     return (
         too_small(points, scene.spacing, least)
+        or too_far(points, chains)
         or too_large(region, scene)
         or is_ground(points, report, ground)
     )
