@@ -45,7 +45,7 @@ def add(subparsers: Any) -> None:
     listing.set_defaults(run=run_list)
 
     show = actions.add_parser("show", help="picture of prototypes with their hands")
-    show.add_argument("names", nargs="*", help="default: all")
+    show.add_argument("names", nargs="*", help="or a folder of them; default: all")
     show.add_argument(
         "--out",
         type=some_path,
@@ -58,7 +58,7 @@ def add(subparsers: Any) -> None:
     checking = actions.add_parser(
         "check", help="does each fit its hand? can the hand close on it?"
     )
-    checking.add_argument("names", nargs="*", help="default: all")
+    checking.add_argument("names", nargs="*", help="or a folder of them; default: all")
     checking.set_defaults(run=run_check)
 
     covering = actions.add_parser(
@@ -133,7 +133,7 @@ def run_check(arguments: argparse.Namespace) -> int:
             print(f"{name}: {finding}")
     for pair in twins:
         print(f"{pair.names[0]}: {pair}")
-    if arguments.names:
+    if arguments.names and not _folder(arguments):
         for prototype in prototypes:
             turns = ", ".join(half_turns(prototype)) or "none"
             print(f"{prototype.name}: half turns that change nothing: {turns}")
@@ -185,11 +185,21 @@ def run_coverage(arguments: argparse.Namespace) -> int:
 def _library(arguments: argparse.Namespace) -> PrototypeLibrary:
     settings = site_of(arguments)
     hands = load_grippers(settings.grippers)
-    return PrototypeLibrary.load(settings.prototypes, grippers=hands)
+    folder = _folder(arguments) or settings.prototypes
+    return PrototypeLibrary.load(folder, grippers=hands)
+
+
+def _folder(arguments: argparse.Namespace) -> Path | None:
+    """Folder, or file, that stands in the place of names; None for names."""
+    names = getattr(arguments, "names", [])
+    if len(names) != 1 or arguments.prototypes or not Path(names[0]).exists():
+        return None
+    return Path(names[0])
 
 
 def _chosen(arguments: argparse.Namespace) -> PrototypeLibrary:
-    return _library(arguments).select(names=arguments.names or None)
+    names = None if _folder(arguments) else arguments.names or None
+    return _library(arguments).select(names=names)
 
 
 def _facts(prototype: GraspPrototype) -> dict[str, object]:

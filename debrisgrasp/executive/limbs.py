@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.control import PostureKinematics
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
@@ -52,7 +53,7 @@ def limbs_of(
             raise UnknownNameError("arm", name, robot.limbs)
         if name not in settings.drop_off:
             raise InputError(
-                f"drop-off of the {name} arm",
+                f"drop-off of the {arm_called(name)}",
                 got="none",
                 expected="a place (x, y) in the base frame [m]",
                 mend="Give one in TaskSettings.drop_off.",
@@ -98,7 +99,7 @@ def require_drop_off(reach: ArmReach, place: tuple[float, float]) -> None:
     """
     if reach.robot.stands_at(place):
         raise InputError(
-            f"drop-off of the {reach.name} arm",
+            f"drop-off of the {arm_called(reach.name)}",
             got=f"({place[0]:g}, {place[1]:g}), where the robot stands",
             expected="a place beside the robot",
             mend="Put things down on the side of the arm, clear of the robot.",
@@ -111,7 +112,7 @@ def require_drop_off(reach: ArmReach, place: tuple[float, float]) -> None:
     rng = np.random.default_rng(0)  # only whether there is a posture is asked
     if not reach.solves(SE3(np.array(poses)), rng=rng).any():
         raise InputError(
-            f"drop-off of the {reach.name} arm",
+            f"drop-off of the {arm_called(reach.name)}",
             got=f"({place[0]:g}, {place[1]:g})",
             expected=f"a place that the hand reaches {_HEIGHT:g} m above the ground",
             mend="Give one nearer to the robot, on the side of the arm.",

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DebrisGraspError, DriverError
 from debrisgrasp.geometry import SE3, DepthSight, Intrinsics
 from debrisgrasp.io import Capture
@@ -384,8 +385,8 @@ def _drop_off_in_pile(context: Context) -> FaultFound | None:
         away = np.linalg.norm(points[:, :2] - place, axis=1)
         n = int(np.count_nonzero(away < _DROP_ROOM))
         if n > 50:
-            words = f"the drop-off of the {arm} arm at ({place[0]:g}, {place[1]:g}) "
-            words += f"lies in the pile: {n} points within {_DROP_ROOM:g} m of it. "
-            words += "Give a place beside the pile."
+            words = f"the drop-off of the {arm_called(arm)} at ({place[0]:g}, "
+            words += f"{place[1]:g}) lies in the pile: {n} points within "
+            words += f"{_DROP_ROOM:g} m of it. Give a place beside the pile."
             return FaultFound("plan_collision", words, arm)
     return None

@@ -22,7 +22,7 @@ _MOST_PLANES = 64
 _SAME_PLANE = 1e-6
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Hull:
     """All points between the given ones.
 
@@ -74,6 +74,11 @@ class Hull:
             ("is_exact", is_exact),
         ):
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        """Size and place: all of it would fill a screen."""
+        place = self.T_frame_solid.p.round(3).tolist()
+        return f"Hull({len(self.points)} corners, {len(self.faces)} faces, at {place})"
 
     @property
     def bounds(self) -> Bounds:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import PULL, is_pointer
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
 
@@ -56,6 +57,13 @@ def _mesh_hulls(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, ...]:
     import trimesh  # slow to load, and only robots with meshes need it
 
     path = _mesh_path(shape.file, folder)
+    if is_pointer(path):
+        raise ConfigError(
+            f"collision mesh of link {link!r}",
+            got=f"a pointer of Git LFS at {path}",
+            expected="the mesh itself",
+            mend=PULL,
+        )
     try:
         mesh = trimesh.load(path, force="mesh")
         pieces = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.kinematics import ArmReach, RobotModel, with_hand
 from debrisgrasp.prototypes import FURTHER_HANDS, GripperModel, PrototypeLibrary
@@ -83,7 +84,7 @@ def arms_of(
         )
     if arm is not None and gripper not in (None, carried[arm]):
         raise ChoiceError(
-            f"gripper of the {arm} arm",
+            f"gripper of the {arm_called(arm)}",
             got=repr(gripper),
             expected=f"{carried[arm]!r}, which it carries",
             mend="Choose the arm or the gripper; one follows from the other.",

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from debrisgrasp._stopwatch import Stopwatch
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
@@ -138,7 +139,7 @@ def _require_known(
             raise ConfigError(
                 f"{what}.gripper",
                 got=grasp.gripper,
-                expected=f"{own}, which the {grasp.arm} arm carries",
+                expected=f"{own}, which the {arm_called(grasp.arm)} carries",
             )
         joints = robot.chain(grasp.arm).joint_names
         if set(grasp.joints or ()) != set(joints):
