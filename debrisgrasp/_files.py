@@ -21,8 +21,10 @@ import yaml
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 
 __all__ = [
+    "PULL",
     "UNREADABLE_ARRAY",
     "data_path",
+    "is_pointer",
     "naming_fields",
     "read_json",
     "read_schema",
@@ -65,6 +67,37 @@ _IN_WORDS = {
 }
 """What people understand, by what NumPy's message has in it."""
 
+_POINTER = b"version https://git-lfs.github.com/spec/"
+PULL = "Run `git lfs pull` where it was cloned."
+"""How the large file itself is had."""
+
+_IN_YAML = {
+    "tab character": ("a tab", "Indent by spaces."),
+    "mapping values": (
+        "a second colon, or a line that stands too far to the right",
+        "Indent all fields of one level alike, and quote text that holds a colon.",
+    ),
+    "expected ',' or": (
+        "a bracket that is not closed",
+        "Close it, there or on a line before.",
+    ),
+    "expected ':'": ("a field without a colon", "Write `field: value`."),
+    "block end": (
+        "a line that stands at another place than those before it",
+        "Indent all entries of one level alike.",
+    ),
+    "expected key": (
+        "a line that stands at another place than those before it",
+        "Indent all entries of one level alike.",
+    ),
+    "end of stream": ("its end within quotes", "Close them, here or before."),
+    "cannot start any token": (
+        "text that begins with a character of its own meaning",
+        "Quote it, or indent by spaces if it is a tab.",
+    ),
+}
+"""What people understand, and what they may do, by what the parser's message has."""
+
 PathLike = str | os.PathLike[str]
 
 
@@ -73,6 +106,15 @@ def why_unreadable(error: BaseException) -> str:
     said = getattr(error, "strerror", None) or str(error) or type(error).__name__
     known = (words for part, words in _IN_WORDS.items() if part in said)
     return next(known, said.rstrip("."))
+
+
+def is_pointer(path: PathLike) -> bool:
+    """Whether a file is only what Git LFS left in the place of a large one."""
+    path = Path(path)
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(_POINTER)) == _POINTER
 
 
 def data_path(*parts: str) -> Path:
@@ -100,9 +142,11 @@ def read_yaml(path: PathLike) -> Any:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or str(error)
+        said = str(getattr(error, "problem", None) or error)
+        known = (words for part, words in _IN_YAML.items() if part in said)
+        got, mend = next(known, (said, ""))
         raise ConfigError(
-            f"{path}{line}", got=problem, expected="well-formed YAML"
+            f"{path}{line}", got=got, expected="well-formed YAML", mend=mend
         ) from error
     except (ValueError, RecursionError) as error:  # no date; too many brackets
         raise ConfigError(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked_fields
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.kinematics import ArmSpec, RobotModel
 
@@ -62,7 +63,7 @@ class SiteLimits:
                     f"limits.{name}",
                     got=value,
                     expected=f"at most {limits[name]:g}, the limit of the "
-                    f"{spec.name} arm of {robot.name}",
+                    f"{arm_called(spec.name)} of {robot.name}",
                     mend="A site may only lower limits; those of the robot are in its "
                     "own file.",
                 )

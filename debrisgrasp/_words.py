@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-__all__ = ["counted", "in_kilograms"]
+__all__ = ["arm_called", "counted", "in_kilograms"]
+
+
+def arm_called(name: str) -> str:
+    """Call an arm by its name, which may say already that it is one.
+
+    Examples
+    --------
+    >>> arm_called("right"), arm_called("arm"), arm_called("left_arm")
+    ('right arm', 'arm', 'left_arm')
+    """
+    return name if name.lower().endswith("arm") else f"{name} arm"
 
 
 def counted(n: int, noun: str) -> str:

@@ -15,6 +15,8 @@ from .uncertainty import WORKSPACE, WorkspaceError
 
 __all__ = ["CalibrationConfig", "Decision", "Evidence", "Finding", "decide"]
 
+_LOOKS_UP = np.deg2rad(30.0)
+"""No camera that looks at a workspace on the ground is turned up farther."""
 _FLAT = 0.01
 """Places nearer to one plane than this [m] don't tell a fit from its mirror image."""
 _FEWEST_TO_BE_FLAT = 3
@@ -190,6 +192,18 @@ def _unexplained(evidence: Evidence, config: CalibrationConfig) -> Iterator[Find
         )
 
 
+def _looking_up(evidence: Evidence) -> Iterator[Finding]:
+    elevation = float(np.arcsin(np.clip(evidence.T_base_camera.R[2, 2], -1.0, 1.0)))
+    if evidence.nominal is None and elevation > _LOOKS_UP:
+        yield Finding(
+            f"the camera comes out looking up by {np.rad2deg(elevation):.0f} degrees, "
+            "which shows no workspace on the ground",
+            "Give `position` in the base frame (x forward, y left, z up), and `point` "
+            "in the camera's optical frame (x right, y down, z forward), not in that "
+            "of a body, which has x forward",
+        )
+
+
 def _below_ground(evidence: Evidence) -> Iterator[Finding]:
     height = float(evidence.T_base_camera.p[2])
     # An upright camera's y axis points down, that of one that looks down is level.
@@ -199,6 +213,7 @@ def _below_ground(evidence: Evidence) -> Iterator[Finding]:
         and float(evidence.T_base_camera.R[2, 1]) > 0.2
     )
     if height >= 0.0 and not is_flipped:
+        yield from _looking_up(evidence)
         return
     problem = (
         f"the camera comes out {-height:.2f} m below the ground"

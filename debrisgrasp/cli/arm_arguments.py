@@ -5,7 +5,11 @@ from __future__ import annotations
 import argparse
 
 from debrisgrasp.errors import InputError, UnknownNameError
-from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.kinematics import ArmReach
+from debrisgrasp.pipeline import with_hands
+from debrisgrasp.prototypes import load_grippers
+
+from .site_arguments import add_grippers, add_site, site_of
 
 __all__ = ["add_arm", "chosen_arms"]
 
@@ -13,12 +17,12 @@ __all__ = ["add_arm", "chosen_arms"]
 def add_arm(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that choose a robot and its arms, and ``--json``."""
     parser.add_argument(
-        "--robot",
-        default="roman",
-        help="a shipped robot or a YAML file (default: roman)",
+        "--robot", help="a shipped robot or a YAML file (default: the site's, or roman)"
     )
     parser.add_argument("--arm", help="only this arm")
     parser.add_argument("--gripper", help="only arms that carry this hand")
+    add_grippers(parser)
+    add_site(parser)
     parser.add_argument(
         "--json", action="store_true", help="print JSON for machines instead of text"
     )
@@ -31,19 +35,23 @@ def chosen_arms(arguments: argparse.Namespace) -> list[ArmReach]:
     ------
     UnknownNameError
         If the robot, arm or gripper is not known; the known ones are listed.
+    ConfigError
+        If the file of the site, or of a hand, is malformed.
     """
-    if arguments.robot == "none":
+    settings = site_of(arguments)
+    robot = settings.robot_model()
+    if robot is None:
         raise InputError("robot", got="none", expected="one with an arm")
-    robot = RobotModel.load(arguments.robot)
+    robot = with_hands(robot, load_grippers(settings.grippers))
     names = tuple(robot.arms)
-    if arguments.arm is not None:
-        names = (robot.arm(arguments.arm).name,)
-    if arguments.gripper is not None:
-        carriers = robot.arms_with(arguments.gripper)
+    if settings.arm is not None:
+        names = (robot.arm(settings.arm).name,)
+    if settings.gripper is not None:
+        carriers = robot.arms_with(settings.gripper)
         names = tuple(name for name in names if name in carriers)
         if not names:
             carried = sorted(arm.gripper for arm in robot.arms.values())
             raise UnknownNameError(
-                f"gripper of {robot.name}", arguments.gripper, carried
+                f"gripper of {robot.name}", settings.gripper, carried
             )
     return [ArmReach(robot, name) for name in names]

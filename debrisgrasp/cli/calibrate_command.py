@@ -45,6 +45,7 @@ from debrisgrasp.io.observations_file import (
 from . import marker_commands
 from .calibrate_text import change_in_words, plan_table, plan_to_list, summary
 from .reports import PICTURE_FORMS, print_written, require_places
+from .site_arguments import add_site, site_of
 from .tables import columns
 from .values import some_path
 
@@ -106,7 +107,7 @@ def run_solve(arguments: argparse.Namespace) -> int:
     source = arguments.observations
     require_places([arguments.report], PICTURE_FORMS, arguments.out, source=source)
     given = load_observations(source)
-    rig = rig_of(given, source.parent, arguments.robot, arguments.fiducial)
+    rig = _rig(arguments, given, source.parent)
     previous = load_calibration(arguments.previous) if arguments.previous else None
     known = None if rig is None else Known(head=rig.head)
     if previous is not None:
@@ -165,7 +166,7 @@ def _add_choose(actions: Any) -> None:
         description="Choose postures that the camera sees and in which the robot "
         "touches nothing of itself. The way between them is not looked at.",
     )
-    _add_robot(parser, "default: roman")
+    _add_robot(parser, "default: the site's, or roman")
     parser.add_argument(
         "-n", type=int, default=8, dest="count", help="how many (default: 8)"
     )
@@ -190,7 +191,7 @@ def run_choose(arguments: argparse.Namespace) -> int:
     if arguments.seed < 0:
         raise ConfigError("--seed", got=arguments.seed, expected="0 or more")
     require_places((), (), arguments.out, source=arguments.known)
-    robot = arguments.robot or "roman"
+    robot = site_of(arguments).robot
     given = ObservationFile(rows=())
     rig = rig_of(given, Path(), robot, arguments.fiducial)
     if rig is None:
@@ -244,7 +245,7 @@ def run_watch(arguments: argparse.Namespace) -> int:
     stored = load_calibration(arguments.calibration)
     stored.require_accepted()
     given = load_observations(arguments.looks)
-    rig = rig_of(given, arguments.looks.parent, arguments.robot, arguments.fiducial)
+    rig = _rig(arguments, given, arguments.looks.parent)
     looks = observations_of(given, rig)
     _require_same_head(stored, looks.readings.shape[1])
     monitor, reports = DriftMonitor(calibration=stored), []
@@ -305,6 +306,18 @@ def _print_watched(
 def _add_robot(parser: argparse.ArgumentParser, words: str) -> None:
     parser.add_argument("--robot", help=f"a shipped robot or a YAML file; {words}")
     parser.add_argument("--fiducial", metavar="LINK", help="link that carries it")
+    add_site(parser)
+
+
+def _rig(
+    arguments: argparse.Namespace, given: ObservationFile, folder: Path
+) -> CalibrationRig | None:
+    """Rig of the arguments, the observations or, where these name none, the site."""
+    robot = arguments.robot
+    has_fiducial = arguments.fiducial is not None or given.fiducial is not None
+    if arguments.site is not None and given.robot is None and has_fiducial:
+        robot = site_of(arguments).robot
+    return rig_of(given, folder, robot, arguments.fiducial)
 
 
 def _require_same_head(stored: StoredCalibration, n_joints: int) -> None:

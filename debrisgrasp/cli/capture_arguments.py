@@ -14,7 +14,7 @@ from debrisgrasp.pipeline.inputs import LEAST_MASS, MOST_MASS
 from debrisgrasp.settings import Settings
 
 from .policy_arguments import add_policy, policy_of
-from .site_arguments import add_site, site_of
+from .site_arguments import add_grippers, add_site, site_of
 from .values import add_region, number, region_of, seed, some_path
 
 __all__ = [
@@ -97,12 +97,7 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
     search.add_argument(
         "--prototypes", type=some_path, metavar="DIR", help="folder of prototype files"
     )
-    search.add_argument(
-        "--grippers",
-        type=some_path,
-        metavar="DIR",
-        help="folder of files of further hands",
-    )
+    add_grippers(search)
     add_region(search, "seek grasps only in this box")
     search.add_argument(
         "--object", type=int, metavar="N", help="seek grasps only on this object"

@@ -14,6 +14,7 @@ import numpy as np
 
 import debrisgrasp
 from debrisgrasp._files import data_path, write_atomic
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DebrisGraspError, InputError
 from debrisgrasp.executive import TaskSettings, require_drop_off
 from debrisgrasp.geometry import SE3, so3
@@ -159,7 +160,7 @@ def self_test(settings: Settings) -> Iterator[Finding]:
         return
     best = plan.grasps[0]
     text = f"{len(plan.grasps)} grasps in {spent:.2f} s; best: {best.prototype}, "
-    arm = "floating hand" if best.arm is None else f"{best.arm} arm"
+    arm = "floating hand" if best.arm is None else f"{arm_called(best.arm)}"
     yield Finding("plan", "ok", text + f"Q {best.Q:.2f}, {arm}")
 
 
@@ -200,7 +201,7 @@ def site(settings: Settings) -> Iterator[Finding]:
         for arm in pipeline.arms:
             limits = robot.limits(arm.name).controller
             yield Finding(
-                f"limits of {arm.name} arm",
+                f"limits of {arm_called(arm.name)}",
                 "ok",
                 f"{limits.force:g} N, {limits.torque:g} N m, joints up to "
                 f"{limits.velocity.max():.2f} rad/s, hand "
@@ -233,7 +234,7 @@ def _drop_off(
     name: str, place: tuple[float, float], arms: Mapping[str, ArmReach]
 ) -> Finding:
     """Tell whether `clear` takes it, and how high a palm that points down can be."""
-    what, where = f"drop-off of {name} arm", ", ".join(f"{x:g}" for x in place)
+    what, where = f"drop-off of {arm_called(name)}", ", ".join(f"{x:g}" for x in place)
     try:
         TaskSettings(drop_off={name: place})
         if name not in arms:

@@ -13,6 +13,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_metres
 from debrisgrasp._files import UNREADABLE_ARRAY, why_unreadable
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import read_json
@@ -156,7 +157,9 @@ def _table(answers: Sequence[dict[str, Any]]) -> str:
     header = ["pose", "arm", "status", "off [mm]", "off [mrad]", "robot touches"]
     names = {a["arm"]: ", ".join(a["joints"]) for a in answers}
     text = columns([*header, "joints [rad or m]"], lines)
-    return text + "".join(f"\njoints of the {k} arm: {v}" for k, v in names.items())
+    return text + "".join(
+        f"\njoints of the {arm_called(k)}: {v}" for k, v in names.items()
+    )
 
 
 def _poses(words: Sequence[str]) -> tuple[FloatArray, list[str | None]]:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from debrisgrasp._words import arm_called
 from debrisgrasp.executive.context import Recorder
 from debrisgrasp.io import Capture
 
@@ -57,5 +58,5 @@ class ToldRun:
 def _fate(facts: Mapping[str, object]) -> str:
     words = f"attempt {facts['number']}: {'' if facts['removed'] else 'not '}removed"
     if facts["prototype"]:
-        words += f", {facts['prototype']} with the {facts['arm']} arm"
+        words += f", {facts['prototype']} with the {arm_called(str(facts['arm']))}"
     return words

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from debrisgrasp import api
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io.motion_json import motion_to_dict, save_motion
 from debrisgrasp.motion import UnknownSpace
@@ -124,7 +125,7 @@ def _summary(result: PlanningResult, found: GraspMotions) -> str:
     grasp = chosen.grasp
     lines.append(
         f"grasp {chosen.index + 1} of {len(result.plan.grasps)}: {grasp.prototype} on "
-        f"object {grasp.object_label}, {chosen.arm} arm\n"
+        f"object {grasp.object_label}, {arm_called(chosen.arm)}\n"
     )
     rows = [
         [name, f"{motion.duration:.2f}", str(len(motion.times))]
@@ -152,7 +153,7 @@ def _draw(result: PlanningResult, found: GraspMotions, path: Path) -> None:
         chosen.arm,
         [
             MotionTrack(
-                label=f"{chosen.arm} arm",
+                label=f"{arm_called(chosen.arm)}",
                 trajectories=tuple(pieces.values()),
                 limits=robot.limits(chosen.arm).planner,
             )

@@ -27,6 +27,7 @@ from .reports import (
     write_coverage,
     write_prototype_sheet,
 )
+from .site_arguments import add_grippers, add_site, site_of
 from .tables import columns
 from .values import some_path
 
@@ -44,7 +45,7 @@ def add(subparsers: Any) -> None:
     listing.set_defaults(run=run_list)
 
     show = actions.add_parser("show", help="picture of prototypes with their hands")
-    show.add_argument("names", nargs="*", help="default: all")
+    show.add_argument("names", nargs="*", help="or a folder of them; default: all")
     show.add_argument(
         "--out",
         type=some_path,
@@ -57,7 +58,7 @@ def add(subparsers: Any) -> None:
     checking = actions.add_parser(
         "check", help="does each fit its hand? can the hand close on it?"
     )
-    checking.add_argument("names", nargs="*", help="default: all")
+    checking.add_argument("names", nargs="*", help="or a folder of them; default: all")
     checking.set_defaults(run=run_check)
 
     covering = actions.add_parser(
@@ -71,14 +72,10 @@ def add(subparsers: Any) -> None:
             "--prototypes",
             type=some_path,
             metavar="DIR",
-            help="folder of files (default: shipped)",
+            help="folder of files (default: the site's, or shipped)",
         )
-        action.add_argument(
-            "--grippers",
-            type=some_path,
-            metavar="DIR",
-            help="folder of files of further hands",
-        )
+        add_grippers(action)
+        add_site(action)
         action.add_argument("--json", action="store_true", help="print JSON")
     add_makers(actions)
     add_learn(actions)
@@ -136,7 +133,7 @@ def run_check(arguments: argparse.Namespace) -> int:
             print(f"{name}: {finding}")
     for pair in twins:
         print(f"{pair.names[0]}: {pair}")
-    if arguments.names:
+    if arguments.names and not _folder(arguments):
         for prototype in prototypes:
             turns = ", ".join(half_turns(prototype)) or "none"
             print(f"{prototype.name}: half turns that change nothing: {turns}")
@@ -186,12 +183,23 @@ def run_coverage(arguments: argparse.Namespace) -> int:
 
 
 def _library(arguments: argparse.Namespace) -> PrototypeLibrary:
-    hands = load_grippers(arguments.grippers)
-    return PrototypeLibrary.load(arguments.prototypes, grippers=hands)
+    settings = site_of(arguments)
+    hands = load_grippers(settings.grippers)
+    folder = _folder(arguments) or settings.prototypes
+    return PrototypeLibrary.load(folder, grippers=hands)
+
+
+def _folder(arguments: argparse.Namespace) -> Path | None:
+    """Folder, or file, that stands in the place of names; None for names."""
+    names = getattr(arguments, "names", [])
+    if len(names) != 1 or arguments.prototypes or not Path(names[0]).exists():
+        return None
+    return Path(names[0])
 
 
 def _chosen(arguments: argparse.Namespace) -> PrototypeLibrary:
-    return _library(arguments).select(names=arguments.names or None)
+    names = None if _folder(arguments) else arguments.names or None
+    return _library(arguments).select(names=names)
 
 
 def _facts(prototype: GraspPrototype) -> dict[str, object]:

@@ -8,9 +8,9 @@ from typing import Any
 
 from debrisgrasp._files import require_folder
 from debrisgrasp.errors import OutputError
-from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.workbench import LearnConfig, learn, load_records
 
+from .site_arguments import add_grippers, add_site, hands_of
 from .tables import columns
 from .values import number, some_path
 
@@ -54,9 +54,8 @@ def add_learn(actions: Any) -> None:
         metavar="SHARE",
         help="share of them that must have held (default: %(default)s)",
     )
-    learning.add_argument(
-        "--grippers", type=some_path, metavar="DIR", help="folder of further hands"
-    )
+    add_grippers(learning)
+    add_site(learning)
     learning.add_argument("--json", action="store_true", help="print JSON")
     learning.set_defaults(run=run_learn)
 
@@ -72,7 +71,7 @@ def run_learn(arguments: argparse.Namespace) -> int:
         least_rate=arguments.least_rate,
     )
     records = [each for folder in arguments.runs for each in load_records(folder)]
-    learned = learn(records, load_grippers(arguments.grippers), config)
+    learned = learn(records, hands_of(arguments), config)
     learned.library.save(arguments.out)
     header = ["prototype", "hand", "preshape", "grasps", "held", "rate"]
     rows = [

@@ -23,7 +23,6 @@ from debrisgrasp.prototypes import (
     around_grip,
     check,
     duplicates,
-    load_grippers,
     propose_hand_poses,
     prototype_of_shape,
     require_name,
@@ -38,6 +37,7 @@ from debrisgrasp.workbench import (
 )
 
 from .capture_arguments import add_capture, load_capture
+from .site_arguments import add_grippers, add_site, hands_of, site_of
 from .tables import columns
 from .values import add_region, number, region_of, some_path
 
@@ -108,15 +108,13 @@ def add_makers(actions: Any) -> None:
         metavar="NAME=VALUE,...",
         help="joint values of the arm that stands at the grasp, rad",
     )
-    recording.add_argument("--robot", default="roman", help="default: roman")
+    recording.add_argument("--robot", help="default: the site's, or roman")
     recording.add_argument("--arm", help="default: the arm that carries the hand")
     recording.set_defaults(run=run_record)
 
     for action in (new, mesh, recording):
         action.add_argument("--name", required=True, help="a-z, 0-9 and _")
-        action.add_argument(
-            "--gripper", default="robotiq_3f", help="hand (default: robotiq_3f)"
-        )
+        action.add_argument("--gripper", help="default: the site's, or robotiq_3f")
         action.add_argument("--preshape", help="of the fingers; default: what fits")
         action.add_argument(
             "--out",
@@ -136,10 +134,9 @@ def add_makers(actions: Any) -> None:
             help="sought on every object, or only where a mask or region is given",
         )
         action.add_argument("--description", default="", help="a line for its file")
-        action.add_argument(
-            "--grippers", type=some_path, metavar="DIR", help="folder of further hands"
-        )
+        add_grippers(action)
         if action is not recording:
+            add_site(action)
             action.add_argument("--json", action="store_true", help="print JSON")
     for action in (mesh, recording):
         action.add_argument(
@@ -255,7 +252,7 @@ def run_record(arguments: argparse.Namespace) -> int:
     if arguments.pose is not None:
         pose = parse_hand_pose(arguments.pose)
     if arguments.joints is not None:
-        robot = RobotModel.load(arguments.robot)
+        robot = RobotModel.load(site_of(arguments).robot)
         joints = _joints(arguments.joints)
         pose = taught_by_joints(robot, arguments.arm, joints, gripper.name)
     made = record(
@@ -281,8 +278,8 @@ def _prepared(arguments: argparse.Namespace) -> GripperModel:
     target = arguments.out / f"{arguments.name}.yaml"
     if target.exists() and not arguments.force:
         raise OutputError(target, "it exists; --force replaces it")
-    hands = load_grippers(arguments.grippers)
-    name = arguments.gripper
+    hands = hands_of(arguments)
+    name = site_of(arguments).gripper or "robotiq_3f"
     if name not in hands:
         raise UnknownNameError("--gripper", name, hands, mend=FURTHER_HANDS)
     hand = hands[name]
@@ -340,7 +337,7 @@ def _finish(
         files = write_new_prototype(
             definition, arguments.out / f"{definition.name}.yaml", force=arguments.force
         )
-    hands = load_grippers(arguments.grippers)
+    hands = hands_of(arguments)
     own, twins = PrototypeLibrary.build([definition], hands)[definition.name], []
     if files:
         library = PrototypeLibrary.load(arguments.out, grippers=hands)

@@ -117,9 +117,9 @@ def _placement_rows(placements: Sequence[BasePlacement]) -> list[list[str]]:
     shown += [p for p in placements[_N_PLACEMENTS:] if not p.travel]
     rows += [
         [
-            f"{p.x:.2f}",
-            f"{p.y:.2f}",
-            f"{np.rad2deg(p.yaw):.0f}",
+            f"{p.x:z.2f}",
+            f"{p.y:z.2f}",
+            f"{np.rad2deg(p.yaw):z.0f}",
             f"{100 * p.share:.0f} %",
             f"{p.travel:.2f}",
             "" if p.travel else "where it stands",

@@ -9,11 +9,12 @@ from typing import Any
 
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import parse_camera_pose
+from debrisgrasp.prototypes import GripperModel, load_grippers
 from debrisgrasp.settings import Settings
 
 from .values import some_path
 
-__all__ = ["add_site", "site_of"]
+__all__ = ["add_grippers", "add_site", "hands_of", "site_of"]
 
 _PLAIN = ("robot", "arm", "gripper", "policy", "priority_point", "seed", "deadline")
 _PATHS = ("grippers", "prototypes")
@@ -28,6 +29,27 @@ def add_site(parser: argparse.ArgumentParser) -> None:
         help="settings that stay the same from capture to capture; other arguments go "
         "before them",
     )
+
+
+def add_grippers(parser: Any) -> None:
+    """Add ``--grippers`` to a parser, or to a group of its arguments."""
+    parser.add_argument(
+        "--grippers",
+        type=some_path,
+        metavar="DIR",
+        help="folder of files of further hands",
+    )
+
+
+def hands_of(arguments: argparse.Namespace) -> dict[str, GripperModel]:
+    """Load the shipped hands, and those of the arguments or of the site.
+
+    Raises
+    ------
+    ConfigError
+        As `site_of` and `load_grippers` do.
+    """
+    return load_grippers(site_of(arguments).grippers)
 
 
 def site_of(arguments: argparse.Namespace) -> Settings:

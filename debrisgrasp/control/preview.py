@@ -152,7 +152,7 @@ def _place(p: FloatArray, axes: FloatArray) -> str:
         x, y, z = 1000 * p
         words = (
             f"The hand yields about a pivot {1000 * distance:.0f} mm away, at "
-            f"({x:.0f}, {y:.0f}, {z:.0f}) mm from it in the axes of base."
+            f"({x:z.0f}, {y:z.0f}, {z:z.0f}) mm from it in the axes of base."
         )
     if np.allclose(axes, np.eye(3), atol=1e-6):
         return words

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.calibration import DriftMonitor, DriftReport, Head, Observations
 from debrisgrasp.geometry import DepthSight, Solid
 from debrisgrasp.io import Capture
@@ -164,7 +165,7 @@ def _compared(
             seen.append(T_base_camera.inverse().apply(hand + found))
             readings.append([] if head is None else list(head.read().q))
     if found is None:  # as captures are taken
-        words = f"the hand of the {limb.name} arm is not seen where it must be"
+        words = f"the hand of the {arm_called(limb.name)} is not seen where it must be"
         return FaultFound("fiducial_lost", words, limb.name)
     looks = Observations(
         points_base=np.tile(hand, (len(seen), 1)),

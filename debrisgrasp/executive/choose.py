@@ -207,7 +207,7 @@ def _triage(context: Context, seen: Perception, segment: Segment) -> Triage:
         {name: limb.hand for name, limb in context.limbs.items()},
         context.settings,
         is_too_heavy=mark is not None and mark.is_heavy,
-        can_drag=context.robot.base is not None,
+        can_drag=context.base is not None,
     )
 
 

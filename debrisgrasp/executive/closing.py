@@ -217,7 +217,7 @@ def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
     openings = tuple(drive.fingers().openings)
     travel = held.grip.travel(first.held_openings, openings)
     if travel > _SQUEEZED:
-        words = f"squeezing closed the fingers by {1e3 * travel:.0f} mm"
+        words = f"squeezing closed the fingers by {1e3 * travel:z.0f} mm"
         return FaultFound("empty_grip", words, held.arm, {"travel": travel})
     held.state = first._replace(held_openings=openings)
     return Done({"openings": [round(x, 4) for x in openings]})
@@ -248,7 +248,7 @@ def verify_grasp(context: Context) -> StepResult:
     travel = held.grip.travel(before, fingers.openings)
     least = held.grip.weakest(fingers.forces)
     if travel > held.grip.config.slip_travel or least < 1.0:
-        words = f"closed by {1e3 * travel:.1f} mm more, the weaker side feels "
+        words = f"closed by {1e3 * travel:z.1f} mm more, the weaker side feels "
         words += f"{least:.1f} N"
         return FaultFound("empty_grip", words, held.arm)
     limb = context.limbs[held.arm]

@@ -23,7 +23,7 @@ from debrisgrasp.geometry import SE3, DepthSight
 from debrisgrasp.kinematics import ArmReach, LimitFamily, RobotModel
 from debrisgrasp.motion import MotionPlanner
 from debrisgrasp.prototypes import GripperModel
-from debrisgrasp.robot import Arm, Head, Limb, Robot
+from debrisgrasp.robot import Arm, Base, Head, Limb, Robot
 
 from .known import KnownSpace
 from .marks import Marks
@@ -277,6 +277,11 @@ class Context:
         """Forget what was seen: it was seen from elsewhere."""
         self.known = KnownSpace()
         self.cycle.seen = self.cycle.around = self.cycle.gaze = self.last_seen = None
+
+    @property
+    def base(self) -> Base | None:
+        """What drives; None: the robot stands fast."""
+        return self.robot.base if self.model.drives else None
 
     def now(self) -> float:
         """Time by the robot's clock [s]."""

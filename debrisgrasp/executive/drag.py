@@ -37,7 +37,7 @@ def drag(context: Context) -> StepResult:
 
     The arm gives way to what resists; the base goes only as long as the hand bears it.
     """
-    held, base = context.held, context.robot.base
+    held, base = context.held, context.base
     assert held is not None
     if base is None:
         return FaultFound("too_heavy", "there is no base to drag with", held.arm)
@@ -123,7 +123,7 @@ def _noted(context: Context, base: Base, before: SE3) -> SE3:
 
 def drive_back(context: Context) -> FaultFound | None:
     """Bring the base back to where it was before it dragged something."""
-    base, moved = context.robot.base, context.dragged
+    base, moved = context.base, context.dragged
     if base is None or moved is None:
         return None
     begun = base.read()

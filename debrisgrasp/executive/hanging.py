@@ -22,7 +22,7 @@ from debrisgrasp.io import Capture
 
 from .context import Context, Held
 from .dropoff import with_underside
-from .obstacles import are_near
+from .own_body import are_own
 from .perceive import image, is_close, look_towards, sight_of
 from .result import FaultFound
 
@@ -30,10 +30,6 @@ __all__ = ["looked_after", "looked_at"]
 
 _MOVED = 0.025
 """Depth that changed by less is noise [m]."""
-_ROBOT = 0.02
-"""What is so near to the robot is the robot [m]."""
-_FINGERS = 0.06
-"""The same of an idle hand [m]."""
 _CELL = 0.01
 """Spacing of the points of what hangs in a hand [m]."""
 _TOGETHER = 0.03
@@ -88,7 +84,7 @@ def looked_at(context: Context, held: Held) -> int:
     is_near = _near(old[is_own], points, _TOGETHER)
     is_new = ~(np.abs(gap) <= _MOVED) | is_near  # without depth before: new
     grasp, is_robot = motion.grasp, np.zeros(len(points), dtype=bool)
-    is_robot[is_new] = _is_robot(
+    is_robot[is_new] = are_own(
         context, held.arm, grasp.preshape, grasp.width, points[is_new]
     )
     points, gap, is_new = points[~is_robot], gap[~is_robot], is_new[~is_robot]
@@ -180,7 +176,7 @@ def _lying(
     points, sight = _cloud(taken)
     is_near = (_away(points, place) < _BESIDE) & (points[:, 2] > _LOW)
     points = points[is_near & ~context.is_in_way(points)]
-    points = points[~_is_robot(context, arm, preshape, opening, points)]
+    points = points[~are_own(context, arm, preshape, opening, points)]
     part, cells = _parts(points)
     points = points[cells[part] >= _FEW]
 
@@ -189,7 +185,7 @@ def _lying(
 
     # Nor does anything lie where the robot stands.
     left = [
-        body[~_is_robot(context, arm, preshape, opening, body)]
+        body[~are_own(context, arm, preshape, opening, body)]
         for body in map(still, context.dropped)
     ]
     context.dropped[:] = [body for body in left if len(body)]
@@ -268,22 +264,3 @@ def _parts(points: FloatArray) -> tuple[IntArray, IntArray]:
     links = coo_array((np.ones(len(a)), (a, b)), shape=(len(kept),) * 2)
     part = connected_components(links, directed=False)[1]
     return part[tree.query(points)[1]], np.bincount(part)
-
-
-def _is_robot(
-    context: Context, arm: str, preshape: str, opening: float, points: FloatArray
-) -> BoolArray:
-    """Which points (n, 3) are of the robot as it stands, a hand open so far, (n,)."""
-    model, limb, tree = context.model, context.limbs[arm], context.model.tree
-    links = model.links_solids(context.joint_values())
-    hands = {name: tree.links_below(model.arm(name).hand) for name in context.limbs}
-    idle = frozenset[str]().union(*hands.values())
-    T_base_hand = limb.pose(context.posture(limb))
-    # Fingers may read a bit beyond their range.
-    opening = min(opening, limb.hand.preshape(preshape).widest)
-    solids = limb.hand.solids(preshape, opening)
-    rigid = [solid.moved(T_base_hand) for solid in solids]
-    rigid += [solid for link, solid in links if link not in idle]
-    # Fingers of an idle hand may stand otherwise than in the model.
-    loose = [s for link, s in links if link in idle and link not in hands[arm]]
-    return are_near(points, rigid, _ROBOT) | are_near(points, loose, _FINGERS)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.control import PostureKinematics
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
-from debrisgrasp.kinematics import ArmReach
-from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.robot import Robot
 
 from .context import LimbState
@@ -25,9 +27,19 @@ _TILTS, _YAWS = (0.0, np.pi / 4.0), 8
 
 
 def limbs_of(
-    robot: Robot, settings: TaskSettings, pipeline: Pipeline
+    robot: Robot,
+    settings: TaskSettings,
+    model: RobotModel,
+    hands: Mapping[str, GripperModel],
 ) -> dict[str, LimbState]:
     """Prepare the arms that the settings name.
+
+    Parameters
+    ----------
+    model
+        Of the robot, with its hands on it.
+    hands
+        By their names.
 
     Raises
     ------
@@ -41,26 +53,25 @@ def limbs_of(
             raise UnknownNameError("arm", name, robot.limbs)
         if name not in settings.drop_off:
             raise InputError(
-                f"drop-off of the {name} arm",
+                f"drop-off of the {arm_called(name)}",
                 got="none",
                 expected="a place (x, y) in the base frame [m]",
                 mend="Give one in TaskSettings.drop_off.",
             )
-    hands = {**load_grippers(), **pipeline.grippers}
     limbs = {}
     for name in names:
         limb = robot.limbs[name]
-        robot.model.posture(name, settings.rest or robot.model.arm(name).idle)
-        reach = ArmReach(robot.model, name)
+        model.posture(name, settings.rest or model.arm(name).idle)
+        reach = ArmReach(model, name)
         require_drop_off(reach, settings.drop_off[name])
-        limits = robot.model.limits(name, reach.chain)
+        limits = model.limits(name, reach.chain)
         require_room(limits.controller, settings.load_share)
         limbs[name] = LimbState(
             name=name,
             limb=limb,
             reach=reach,
             limits=limits,
-            hand=hands[robot.model.arm(name).gripper],
+            hand=hands[model.arm(name).gripper],
             kinematics=PostureKinematics(reach.chain),
             loads=limb.loads,
             commissioned_bias=np.array(limb.loads.bias),
@@ -88,7 +99,7 @@ def require_drop_off(reach: ArmReach, place: tuple[float, float]) -> None:
     """
     if reach.robot.stands_at(place):
         raise InputError(
-            f"drop-off of the {reach.name} arm",
+            f"drop-off of the {arm_called(reach.name)}",
             got=f"({place[0]:g}, {place[1]:g}), where the robot stands",
             expected="a place beside the robot",
             mend="Put things down on the side of the arm, clear of the robot.",
@@ -101,7 +112,7 @@ def require_drop_off(reach: ArmReach, place: tuple[float, float]) -> None:
     rng = np.random.default_rng(0)  # only whether there is a posture is asked
     if not reach.solves(SE3(np.array(poses)), rng=rng).any():
         raise InputError(
-            f"drop-off of the {reach.name} arm",
+            f"drop-off of the {arm_called(reach.name)}",
             got=f"({place[0]:g}, {place[1]:g})",
             expected=f"a place that the hand reaches {_HEIGHT:g} m above the ground",
             mend="Give one nearer to the robot, on the side of the arm.",

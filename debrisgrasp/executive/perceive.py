@@ -9,14 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DebrisGraspError, DriverError
-from debrisgrasp.geometry import SE3, DepthSight
+from debrisgrasp.geometry import SE3, DepthSight, Intrinsics
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import mask_notes
 from debrisgrasp.robot import DepthFrame
 
 from .context import Context
 from .known import KnownSpace
+from .own_body import own_body, own_pixels
 from .result import Done, FaultFound, StepResult
 
 __all__ = [
@@ -76,6 +78,10 @@ def capture(context: Context) -> StepResult:
     taken = image(context, f"capture_{look:03d}", head)
     if isinstance(taken, FaultFound):
         return taken
+    is_own = _own(context, taken)
+    if isinstance(is_own, FaultFound):
+        return is_own
+    taken = replace(taken, depth=np.where(is_own, np.nan, np.asarray(taken.depth)))
     sight = sight_of(taken)
     if context.known.is_contradicted(_measured(context, taken, sight)):
         logger.info("look %d shows other things than those before it", look)
@@ -87,7 +93,28 @@ def capture(context: Context) -> StepResult:
     context.cycle.capture, context.n_looks = taken, look
     context.record.keep(taken, taken.name)
     share = float(np.mean(np.isfinite(np.asarray(taken.depth))))
-    return Done({"look": look, "measured_share": round(share, 4)})
+    facts: dict[str, object] = {"look": look, "measured_share": round(share, 4)}
+    n_own = int(np.count_nonzero(is_own))
+    return Done({**facts, "removed_points": {"robot": n_own}} if n_own else facts)
+
+
+def _own(context: Context, taken: Capture) -> BoolArray | FaultFound:
+    """Pixels that show the robot itself, shape (h, w), unless they hide too much."""
+    assert taken.intrinsics is not None
+    assert taken.T_base_camera is not None
+    camera, T_base_camera = taken.intrinsics, taken.T_base_camera
+    is_own = own_pixels(
+        np.asarray(taken.depth), camera, T_base_camera, own_body(context)
+    )
+    if not is_own.any():
+        return is_own
+    inside = _on_ground(camera, T_base_camera, context.is_in_way)
+    hidden = float(is_own[inside].mean())
+    if hidden > context.settings.max_dropout:
+        words = f"the robot itself hides {100 * hidden:.0f} % of the workspace; its "
+        words += "arms must rest (`idle`) where the camera doesn't see them"
+        return FaultFound("depth_dropout", words, None, {"hidden_share": hidden})
+    return is_own
 
 
 def never_shown(context: Context) -> FloatArray | None:
@@ -281,7 +308,7 @@ def _wrong_image(
         words = f"{depth.shape} pixels, expected {(camera.height, camera.width)}"
         return FaultFound("stale_cloud", words)
     is_measured = np.isfinite(depth) & (depth > 0.0)
-    inside = _on_ground(frame, T_base_camera, is_wanted)
+    inside = _on_ground(camera, T_base_camera, is_wanted)
     share = float(is_measured[inside].mean()) if inside.any() else 0.0
     values = {"measured_share": share}
     if share < _LEAST_SEEN:
@@ -295,10 +322,11 @@ def _wrong_image(
 
 
 def _on_ground(
-    frame: DepthFrame, T_base_camera: SE3, is_wanted: Callable[[FloatArray], BoolArray]
+    camera: Intrinsics,
+    T_base_camera: SE3,
+    is_wanted: Callable[[FloatArray], BoolArray],
 ) -> BoolArray:
     """Pixels that look at the ground that is wanted, shape (h, w)."""
-    camera = frame.intrinsics
     rays = camera.deproject(np.ones((camera.height, camera.width)))
     rays = T_base_camera.rotate(rays.reshape(-1, 3))
     eye = T_base_camera.p
@@ -390,8 +418,8 @@ def _drop_off_in_pile(context: Context) -> FaultFound | None:
         away = np.linalg.norm(points[:, :2] - place, axis=1)
         n = int(np.count_nonzero(away < _DROP_ROOM))
         if n > 50:
-            words = f"the drop-off of the {arm} arm at ({place[0]:g}, {place[1]:g}) "
-            words += f"lies in the pile: {n} points within {_DROP_ROOM:g} m of it. "
-            words += "Give a place beside the pile."
+            words = f"the drop-off of the {arm_called(arm)} at ({place[0]:g}, "
+            words += f"{place[1]:g}) lies in the pile: {n} points within "
+            words += f"{_DROP_ROOM:g} m of it. Give a place beside the pile."
             return FaultFound("plan_collision", words, arm)
     return None

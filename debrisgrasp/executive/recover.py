@@ -8,6 +8,7 @@ from math import dist
 import numpy as np
 
 from debrisgrasp._physics import GRAVITY
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3, Bounds
 
@@ -213,7 +214,7 @@ def stop_all(context: Context) -> list[str]:
         try:
             limb.limb.arm.stop()
         except Exception as error:  # noqa: BLE001 - the others must still be stopped
-            silent.append(f"{name} arm: {error}")
+            silent.append(f"{arm_called(name)}: {error}")
     if context.robot.base is not None:
         try:
             context.robot.base.stop()

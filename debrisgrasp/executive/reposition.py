@@ -47,7 +47,7 @@ def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
     float
         How far the base went ahead [m]; 0 if that helps none, or may not be.
     """
-    base = context.robot.base
+    base = context.base
     if base is None or context.n_moves >= context.settings.repositions:
         return 0.0
     now = float(-context.T_base_way.p[0])

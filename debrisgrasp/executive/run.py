@@ -15,7 +15,8 @@ from debrisgrasp._arrays import Rng
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.control import FaultClass
 from debrisgrasp.errors import DriverError
-from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.pipeline import Pipeline, with_hands
+from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.robot import Robot
 
 from . import aside, carrying, choose, closing, grasping, perceive, prepare, releasing
@@ -108,11 +109,13 @@ class Executive:
     ) -> None:
         settings = settings or TaskSettings()
         pipeline = pipeline or Pipeline(robot=robot.model)
-        limbs = limbs_of(robot, settings, pipeline)
-        robot.model.joint_values(settings.look)
+        hands = {**load_grippers(), **pipeline.grippers}
+        model = with_hands(robot.model, hands)
+        limbs = limbs_of(robot, settings, model, hands)
+        model.joint_values(settings.look)
         self.context = Context(
             robot=robot,
-            model=robot.model,
+            model=model,
             settings=settings,
             pipeline=pipeline,
             record=record or NoRecord(),

@@ -229,7 +229,7 @@ class Senses:
             and held.grip.weakest(fingers.forces) >= _STILL_FELT
         ):
             return ""
-        return f"the load jumped as the fingers closed by {1e3 * travel:.0f} mm"
+        return f"the load jumped as the fingers closed by {1e3 * travel:z.0f} mm"
 
 
 def mean_wrench(readings: list[Reading]) -> FloatArray:

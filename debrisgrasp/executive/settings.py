@@ -9,6 +9,7 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray, frozen, require_metres, require_range
 from debrisgrasp._checked import checked_fields
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
@@ -134,7 +135,7 @@ class TaskSettings:
             self._require_place(arm, place)
 
     def _require_place(self, arm: str, place: tuple[float, float]) -> None:
-        what = f"drop-off of the {arm} arm"
+        what = f"drop-off of the {arm_called(arm)}"
         require_metres(what, frozen(place, what, (2,)))
         (x0, y0, _), (x1, y1, _) = self.workspace
         if x0 <= place[0] <= x1 and y0 <= place[1] <= y1:

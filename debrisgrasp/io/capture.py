@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, sealed
 from debrisgrasp._checked import checked, checked_fields
-from debrisgrasp._files import write_atomic
+from debrisgrasp._files import PULL, is_pointer, write_atomic
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import (
     SE3,
@@ -235,6 +235,10 @@ def _read(path: Path, camera_file: str | os.PathLike[str] | None) -> CaptureFiel
     if not path.exists():
         raise CaptureError(
             "capture", got="no such file or folder", expected="an existing path"
+        )
+    if is_pointer(path):
+        raise CaptureError(
+            "capture", got="a pointer of Git LFS", expected="the file itself", mend=PULL
         )
     camera = None if camera_file is None else Path(camera_file)
     if path.is_dir():

@@ -6,6 +6,7 @@ from .following import follow
 from .ik import solve, solve_distinct
 from .ik_types import Freedom, IkConfig, IkResult, IkStatus
 from .limits import DeflectionLimits, LimitFamily, LimitSet
+from .mounted import with_hand
 from .nearest import solve_nearest
 from .placement import BasePlacement, PlacementConfig, base_placements
 from .posture import PostureCost, dexterity
@@ -67,4 +68,5 @@ __all__ = [
     "solve_distinct",
     "solve_nearest",
     "survey_reach",
+    "with_hand",
 ]

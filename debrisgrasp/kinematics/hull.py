@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +22,7 @@ _MOST_PLANES = 64
 _SAME_PLANE = 1e-6
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Hull:
     """All points between the given ones.
 
@@ -74,6 +75,11 @@ class Hull:
         ):
             object.__setattr__(self, name, value)
 
+    def __repr__(self) -> str:
+        """Size and place: all of it would fill a screen."""
+        place = self.T_frame_solid.p.round(3).tolist()
+        return f"Hull({len(self.points)} corners, {len(self.faces)} faces, at {place})"
+
     @property
     def bounds(self) -> Bounds:
         """Smallest axis-aligned box around the solid."""
@@ -93,7 +99,9 @@ class Hull:
 
     def moved(self, T_new_frame: SE3) -> Hull:
         """Express the same solid in another frame, or equally: move it."""
-        return replace(self, T_frame_solid=T_new_frame @ self.T_frame_solid)
+        other = copy(self)  # the same hull, which need not be found again
+        object.__setattr__(other, "T_frame_solid", T_new_frame @ self.T_frame_solid)
+        return other
 
     def mesh(self) -> tuple[FloatArray, IntArray]:
         """Vertices (v, 3) and outward-wound triangles (f, 3)."""

@@ -162,8 +162,9 @@ def base_placements(
     places = _around(places[_distinct(places, share, config.n_proven, config)], config)
     places = places[np.isfinite(judge.predicted(places, few))]
     share = judge.reached(places, few, rng).mean(axis=1)
-    chosen = _distinct(places, share, config.n_proven, config)
-    places = np.concatenate([np.zeros((1, 3)), places[chosen]])
+    chosen = places[_distinct(places, share, config.n_proven, config)]
+    elsewhere = chosen[_travel(chosen, config) > 0.0]
+    places = np.concatenate([np.zeros((1, 3)), elsewhere])
     every = np.arange(len(T))
     predicted = judge.predicted(places, every)
     is_reached = judge.reached(places, every, rng)
@@ -243,17 +244,28 @@ class _Judge:
             asked = np.intersect1d(mine, rows)
             place, column = np.nonzero(~is_reached[:, asked])
             pose = asked[column]
+            T = SE3(to_placed[place] @ self._T[pose])
             found = solve(
                 arm.chain,
-                SE3(to_placed[place] @ self._T[pose]),
+                T,
                 reach_map=arm.reach_map,
                 rng=rng,
                 config=replace(arm.config.ik, attempts=8),
             )
             solved = np.flatnonzero(found.is_solved)
-            free = solved[~arm.collision.hits_itself(found.q[solved])]
+            hits = arm.collision.hits_itself(found.q[solved])
+            if hits.any():
+                # Where one posture touches the robot another may not.
+                others = arm.reach(T[solved[hits]], _nothing, rng=rng)
+                hits[hits] = ~others.is_reached
+            free = solved[~hits]
             is_reached[place[free], pose[free]] = True
         return is_reached[:, rows]
+
+
+def _nothing(points: FloatArray) -> FloatArray:
+    """Distance of points (..., 3) from obstacles where there are none [m]."""
+    return np.full(points.shape[:-1], np.inf)
 
 
 def _grid(reach: float, step: float, turn: float) -> FloatArray:

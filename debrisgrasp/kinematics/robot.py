@@ -42,6 +42,8 @@ class RobotModel:
     """Values of the joints that no arm moves [rad or m]."""
     ignored_collisions: frozenset[frozenset[str]]
     """Pairs of links that are not tested against each other."""
+    drives: bool = True
+    """Whether the base can drive; an arm on a table can't."""
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> RobotModel:
@@ -63,6 +65,7 @@ class RobotModel:
             tree=_with_frames(UrdfTree.load(urdf), file.frames),
             base=file.base,
             camera=file.camera,
+            drives=file.drives,
             arms=file.arms,
             rest=file.rest,
             ignored_collisions=file.ignored_collisions,

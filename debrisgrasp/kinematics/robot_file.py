@@ -59,6 +59,7 @@ class RobotFile:
     urdf: str
     base: str
     camera: str | None
+    drives: bool
     rest: Mapping[str, float]
     frames: tuple[FrameSpec, ...]
     arms: Mapping[str, ArmSpec]
@@ -73,6 +74,7 @@ class RobotFile:
             "urdf",
             "base",
             "camera",
+            "drives",
             "rest",
             "frames",
             "arms",
@@ -87,6 +89,7 @@ class RobotFile:
             urdf=reader.text("urdf"),
             base=reader.text("base"),
             camera=reader.text("camera") if reader.has("camera") else None,
+            drives=reader.flag("drives") if reader.has("drives") else True,
             rest=reader.numbers("rest") if reader.has("rest") else {},
             frames=tuple(_frame(str(name), frames[name], path) for name in frames),
             arms={name: _arm(str(name), arms[name], path) for name in arms},
@@ -191,6 +194,9 @@ class _Reader:
 
     def text(self, field: str) -> str:
         return str(self._get(field, str, "a name"))
+
+    def flag(self, field: str) -> bool:
+        return bool(self._get(field, bool, "true or false"))
 
     def mapping(self, field: str) -> dict[str, Any]:
         return dict(self._get(field, dict, "a mapping"))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import PULL, is_pointer
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
 
@@ -49,11 +51,19 @@ def solids_of_shape(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, .
     return _mesh_hulls(shape, link, folder)
 
 
+@lru_cache(maxsize=1024)
 def _mesh_hulls(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, ...]:
     """Convex hull of every connected piece of a mesh."""
     import trimesh  # slow to load, and only robots with meshes need it
 
     path = _mesh_path(shape.file, folder)
+    if is_pointer(path):
+        raise ConfigError(
+            f"collision mesh of link {link!r}",
+            got=f"a pointer of Git LFS at {path}",
+            expected="the mesh itself",
+            mend=PULL,
+        )
     try:
         mesh = trimesh.load(path, force="mesh")
         pieces = [

@@ -2,6 +2,7 @@
 
 from .executable import GraspMotions, first_executable
 from .grasp_chain import GraspMotion, MotionsConfig
+from .inputs import with_hands
 from .notes import mask_notes, pose_notes
 from .passage import Passage
 from .perception import Perception, motion_space
@@ -30,4 +31,5 @@ __all__ = [
     "pose_notes",
     "recall_plan",
     "too_small",
+    "with_hands",
 ]

@@ -19,7 +19,7 @@ from debrisgrasp._arrays import FloatArray, Rng
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError
-from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.kinematics import ArmReach, RobotModel, with_hand
 from debrisgrasp.motion import MotionSpace
 from debrisgrasp.planning import GraspPlan
 
@@ -131,9 +131,12 @@ def first_executable(
             continue
         key = grasp.arm, grasp.preshape, grasp.opening
         if key not in chains:
-            fingers = {} if passage is None else passage.finger_joints(grasp)
+            fingers, opened = {}, robot
+            if passage is not None:
+                fingers = passage.finger_joints(grasp)
+                opened = with_hand(robot, grasp.arm, passage.hand_solids(grasp))
             held = _on_robot(fingers, robot, grasp.arm)
-            arm = ArmReach(robot, grasp.arm, present=present, locked=held)
+            arm = ArmReach(opened, grasp.arm, present=present, locked=held)
             ways = (known or {}).get(grasp.arm)
             chains[key] = GraspChain(arm, space, passage, config, ways)
         watch.report("motion", index / len(plan.grasps))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
-from debrisgrasp.kinematics import ArmReach, RobotModel
-from debrisgrasp.prototypes import FURTHER_HANDS, PrototypeLibrary, load_grippers
+from debrisgrasp.kinematics import ArmReach, RobotModel, with_hand
+from debrisgrasp.prototypes import FURTHER_HANDS, GripperModel, PrototypeLibrary
 
 __all__ = [
     "LEAST_MASS",
@@ -15,6 +17,7 @@ __all__ = [
     "library_of",
     "require_limits",
     "robot_of",
+    "with_hands",
 ]
 
 LEAST_MASS, MOST_MASS = 1e-3, 1e4
@@ -26,6 +29,19 @@ def robot_of(robot: str | RobotModel) -> RobotModel | None:
     if isinstance(robot, RobotModel):
         return robot
     return None if robot == "none" else RobotModel.load(robot)
+
+
+def with_hands(robot: RobotModel, grippers: Mapping[str, GripperModel]) -> RobotModel:
+    """Return the robot with the hands that its URDF lacks, open.
+
+    Links of a hand that is not there would touch nothing, and nobody would see it.
+    """
+    for name, arm in robot.arms.items():
+        if arm.gripper in grippers:
+            hand = grippers[arm.gripper]
+            preshape, shape = next(iter(hand.preshapes.items()))
+            robot = with_hand(robot, name, hand.solids(preshape, shape.widest))
+    return robot
 
 
 def require_limits(seed: int, deadline: float | None, mass: float | None) -> None:
@@ -68,7 +84,7 @@ def arms_of(
         )
     if arm is not None and gripper not in (None, carried[arm]):
         raise ChoiceError(
-            f"gripper of the {arm} arm",
+            f"gripper of the {arm_called(arm)}",
             got=repr(gripper),
             expected=f"{carried[arm]!r}, which it carries",
             mend="Choose the arm or the gripper; one follows from the other.",
@@ -85,10 +101,9 @@ def library_of(
     gripper: str | None,
     *,
     prototypes: str | os.PathLike[str] | None,
-    grippers: str | os.PathLike[str] | None,
+    known: Mapping[str, GripperModel],
 ) -> PrototypeLibrary:
     """Prototypes of the hands that are in use; one at least is generic."""
-    known = load_grippers(grippers)
     library = PrototypeLibrary.load(prototypes, grippers=known).select(gripper=gripper)
     hands = {arm.gripper for arm in arms}
     if hands:

@@ -61,6 +61,10 @@ class Passage:
         gripper = self._grippers[grasp.gripper]
         return gripper.joint_values(grasp.preshape, grasp.opening)
 
+    def hand_solids(self, grasp: Grasp) -> tuple[Solid, ...]:
+        """Solids of the open hand, palm frame."""
+        return self._grippers[grasp.gripper].solids(grasp.preshape, grasp.opening)
+
     def approach_fault(self, grasp: Grasp, Ts_base_hand: SE3) -> str:
         """Say where the open hand hits a neighbour on palm poses (n,), or nothing."""
         share = self._first_hit(grasp, grasp.opening, Ts_base_hand)

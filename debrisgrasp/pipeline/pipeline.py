@@ -23,7 +23,7 @@ from debrisgrasp.planning import (
     PlannerConfig,
     SearchResult,
 )
-from debrisgrasp.prototypes import GripperModel
+from debrisgrasp.prototypes import GripperModel, load_grippers
 from debrisgrasp.segmentation import (
     SegmentationConfig,
     SelectionPolicy,
@@ -32,7 +32,7 @@ from debrisgrasp.segmentation import (
 from debrisgrasp.settings import Settings
 
 from .advice import advice_on, is_poor
-from .inputs import arms_of, library_of, require_limits, robot_of
+from .inputs import arms_of, library_of, require_limits, robot_of, with_hands
 from .notes import deadline_notes, mass_notes
 from .perception import Perception
 from .reasons import unfit
@@ -117,11 +117,10 @@ class Pipeline:
         config: PipelineConfig | None = None,
     ) -> None:
         self.config = config or PipelineConfig()
-        self.robot = robot_of(robot)
+        known, model = load_grippers(grippers), robot_of(robot)
+        self.robot = None if model is None else with_hands(model, known)
         self.arms = arms_of(self.robot, arm, gripper)
-        library = library_of(
-            self.arms, gripper, prototypes=prototypes, grippers=grippers
-        )
+        library = library_of(self.arms, gripper, prototypes=prototypes, known=known)
         self.grippers: Mapping[str, GripperModel] = library.grippers
         self.library = library
         self.policy: SelectionPolicy = policy or SupportAware(openings=self._openings())
@@ -157,8 +156,12 @@ class Pipeline:
 
     def _openings(self) -> tuple[float, ...]:
         """Widest opening of each hand in use [m]."""
+        return tuple(hand.opening_range[1] for hand in self._used_hands())
+
+    def _used_hands(self) -> list[GripperModel]:
+        """Hands that prototypes are for."""
         used = {prototype.gripper for prototype in self.library}
-        return tuple(self.grippers[name].opening_range[1] for name in sorted(used))
+        return [self.grippers[name] for name in sorted(used)]
 
     @checked
     def perceive(
@@ -267,7 +270,9 @@ class Pipeline:
             ruled_out=result.ruled_out,
             passed_over=tuple(best.passed_over),
             effective_samples=result.effective_samples,
-            why_empty=None if grasps else best.why_empty(seen.segmentation),
+            why_empty=None
+            if grasps
+            else best.why_empty(seen.segmentation, self._used_hands()),
             advice=advice,
             seconds=dict(watch.seconds),
         )
@@ -357,7 +362,8 @@ class Pipeline:
         report, least = seen.segmentation.ground, config.min_object_points
         if not target.label:
             return None
-        return unfit(points, target.region, report, ground, grid, least)
+        chains = [arm.chain for arm in self.arms]
+        return unfit(points, target.region, report, ground, grid, least, chains)
 
     def _advice(
         self,

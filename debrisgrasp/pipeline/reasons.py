@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import MAX_CELLS, Bounds, voxel_downsample
+from debrisgrasp.kinematics import KinematicChain
 from debrisgrasp.planning import PassedOver, SceneConfig
+from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import GroundConfig, GroundReport, Segmentation
 
-__all__ = ["NOT_TRIED", "is_ground", "too_large", "too_small", "unfit", "why_empty"]
+__all__ = [
+    "NOT_TRIED",
+    "is_ground",
+    "too_far",
+    "too_large",
+    "too_small",
+    "unfit",
+    "why_empty",
+]
 
 NOT_TRIED = "not tried: the deadline had passed"
+_FAR = 1.5
+"""What is so far beyond the arms is not worth a search, nor advice on it [m]."""
 _MOSTLY = 0.9
 """Share of an object's points in the plane of the ground that makes it ground."""
 
@@ -43,6 +55,25 @@ def too_large(region: Bounds, config: SceneConfig) -> str | None:
     return f"too large: {cells / 1e6:.0f} million cells, at most {MAX_CELLS / 1e6:.0f}"
 
 
+def too_far(points: FloatArray, chains: Sequence[KinematicChain]) -> str | None:
+    """Reason to pass over points (n, 3) that no arm comes near to, or None.
+
+    Nor would one with a long hand, or after a short drive of the base.
+    """
+    if not chains or not len(points):
+        return None
+    for chain in chains:
+        joints = np.vstack([chain.points, chain.T_base_tip_at_zero.p])
+        slides = np.where(chain.is_revolute, 0.0, np.maximum(-chain.lower, chain.upper))
+        span = np.linalg.norm(np.diff(joints, axis=0), axis=1).sum() + slides.sum()
+        if np.linalg.norm(points - joints[0], axis=1).min() < span + _FAR:
+            return None
+    return (
+        f"more than {_FAR:g} m beyond what the arms span: is the depth in metres, and "
+        "the pose of the camera right?"
+    )
+
+
 def is_ground(
     points: FloatArray, report: GroundReport, config: GroundConfig
 ) -> str | None:
@@ -69,17 +100,23 @@ def unfit(
     ground: GroundConfig,
     scene: SceneConfig,
     least: int,
+    chains: Sequence[KinematicChain] = (),
 ) -> str | None:
     """Reason to pass over an object with points (n, 3) and region V, or None."""
     return (
         too_small(points, scene.spacing, least)
+        or too_far(points, chains)
         or too_large(region, scene)
         or is_ground(points, report, ground)
     )
 
 
-def why_empty(segmentation: Segmentation, passed_over: Sequence[PassedOver]) -> str:
-    """One sentence for a plan without grasps."""
+def why_empty(
+    segmentation: Segmentation,
+    passed_over: Sequence[PassedOver],
+    hands: Iterable[GripperModel] = (),
+) -> str:
+    """One sentence for a plan without grasps, and one for each hand that may be why."""
     if not segmentation.segments:
         return (
             f"no object was found in the capture (ground: {segmentation.ground.reason})"
@@ -91,4 +128,6 @@ def why_empty(segmentation: Segmentation, passed_over: Sequence[PassedOver]) -> 
         reason if names == ["0"] else f"object {', '.join(names)}: {reason}"
         for reason, names in labels.items()
     )
-    return f"no object offers a grasp: {reasons}"
+    doubts = dict.fromkeys(hand.palm_doubt for hand in hands if hand.palm_doubt)
+    said = f"no object offers a grasp: {reasons}"
+    return ". ".join([said, *(doubt[0].upper() + doubt[1:] for doubt in doubts)])

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from debrisgrasp._stopwatch import Stopwatch
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
@@ -17,6 +18,7 @@ from debrisgrasp.planning import Grasp, GraspPlan, SceneConfig
 from debrisgrasp.prototypes import GripperModel, load_grippers
 from debrisgrasp.segmentation import SegmentationConfig, region_of_interest
 
+from .inputs import with_hands
 from .perception import Perception
 from .result import PlanningResult
 from .targets import Target, choose_targets
@@ -87,7 +89,7 @@ def recall_plan(
         segmentation=found,
         is_own=seen.lifted_with(_target_of(plan, seen)),
         order=(),
-        robot=robot,
+        robot=None if robot is None else with_hands(robot, hands),
         grippers=hands,
     )
 
@@ -137,7 +139,7 @@ def _require_known(
             raise ConfigError(
                 f"{what}.gripper",
                 got=grasp.gripper,
-                expected=f"{own}, which the {grasp.arm} arm carries",
+                expected=f"{own}, which the {arm_called(grasp.arm)} carries",
             )
         joints = robot.chain(grasp.arm).joint_names
         if set(grasp.joints or ()) != set(joints):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from debrisgrasp.planning import PassedOver, SearchResult
+from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import Segmentation
 
 from .reasons import why_empty
@@ -97,9 +99,11 @@ class BestSoFar:
             reason = f"{_no_better(self.target)} (score {score:.2f})"
             self.pass_over(target, reason)
 
-    def why_empty(self, segmentation: Segmentation) -> str:
-        """One sentence for a plan without grasps."""
-        return why_empty(segmentation, self.passed_over)
+    def why_empty(
+        self, segmentation: Segmentation, hands: Iterable[GripperModel]
+    ) -> str:
+        """Say why a plan with some hands has no grasps."""
+        return why_empty(segmentation, self.passed_over, hands)
 
     def pass_over(self, target: Target, reason: str) -> None:
         """Note why an object is not the one."""

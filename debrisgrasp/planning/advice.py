@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
-from debrisgrasp._words import in_kilograms
+from debrisgrasp._words import arm_called, in_kilograms
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.prototypes import GraspPrototype, GripperModel, PrototypeLibrary
 
@@ -185,7 +185,7 @@ class Advisor:
                 yield Advice(
                     kind="arm",
                     text=f"{len(taken)} of {len(Ts)} out of reach free up for the "
-                    f"{arm.name} arm{with_hand}",
+                    f"{arm_called(arm.name)}{with_hand}",
                     freed=len(taken),
                     of=len(Ts),
                 )

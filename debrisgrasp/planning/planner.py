@@ -9,6 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray, Rng
+from debrisgrasp._words import arm_called
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import PrototypeLibrary
 
@@ -231,10 +232,10 @@ class GraspPlanner:
 
     def _note_stiff(self, grasps: Sequence[Grasp], ledger: Ledger) -> None:
         """Note grasps in which the arm can't give way."""
-        for name in dict.fromkeys(grasp.arm for grasp in grasps):
+        for name in dict.fromkeys(grasp.arm for grasp in grasps if grasp.arm):
             stiff = [grasp for grasp in grasps if grasp.arm == name]
             every = np.ones(len(stiff), dtype=bool)
-            ledger.add(f"{name} arm: {_STIFF}", *self._placed(stiff), every)
+            ledger.add(f"{arm_called(name)}: {_STIFF}", *self._placed(stiff), every)
 
     def _rank(
         self,
@@ -320,7 +321,7 @@ class GraspPlanner:
         reasons = np.array(answer.reasons, dtype=object)
         for reason in dict.fromkeys(r for r in answer.reasons if r):
             ledger.add(
-                f"{arm.name} arm: {reason}",
+                f"{arm_called(arm.name)}: {reason}",
                 found.Ts,
                 found.prototype,
                 reasons == reason,
@@ -347,7 +348,9 @@ class GraspPlanner:
         """Leave out what an arm can't carry."""
         heavy = loads.is_too_heavy
         by = loads.demand[:, 0]
-        ledger.add(f"{arm.name} arm: too heavy", found.Ts, found.prototype, heavy, by)
+        ledger.add(
+            f"{arm_called(arm.name)}: too heavy", found.Ts, found.prototype, heavy, by
+        )
         return found[~heavy], loads[~heavy]
 
     def _grasp(self, found: Modes, loads: Loads, index: int) -> Grasp:

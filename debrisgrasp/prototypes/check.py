@@ -59,13 +59,13 @@ class Finding:
 def check(prototype: GraspPrototype, gripper: GripperModel) -> tuple[Finding, ...]:
     """List what is wrong with a prototype; an empty list is a sound one.
 
-    The open hand must not reach into the shape, neither where it closes nor on the
-    straight way there; it must be open wider than it closes, and no wider than it can;
-    and on closing the fingers of both sides must come to rest on the shape at about its
-    ``width``, where it faces them. Of a surface that one camera saw, one side is
-    enough.
+    The palm frame of the hand must be where its palm and pads say. The open hand must
+    not reach into the shape, neither where it closes nor on the straight way there; it
+    must be open wider than it closes, and no wider than it can; and on closing the
+    fingers of both sides must come to rest on the shape at about its ``width``, where
+    it faces them. Of a surface that one camera saw, one side is enough.
     """
-    problems = []
+    problems = [gripper.palm_doubt] if gripper.palm_doubt else []
     depth, where = _penetration(prototype, gripper)
     if depth > PENETRATION_TOLERANCE:
         problems.append(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._files import PULL, is_pointer
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 
@@ -82,6 +83,9 @@ def _loaded(path: Path) -> Any:
         )
     if not path.is_file():
         raise ConfigError(str(path), got="no such file", expected="a mesh")
+    if is_pointer(path):
+        got = "a pointer of Git LFS"
+        raise ConfigError(str(path), got=got, expected="the mesh itself", mend=PULL)
     trimesh = import_module("trimesh")  # slow to load
     try:
         mesh = trimesh.load(path, force="mesh")

@@ -21,6 +21,8 @@ from .hand_kinematics import Finger, Preshape
 
 __all__ = ["FURTHER_HANDS", "GripperModel", "known_grippers", "load_grippers"]
 
+_OUT = 0.01
+"""A palm that stands out of its frame by more than this is in the objects [m]."""
 _SWEEP_STEP = 0.012
 """How far the pads may close between two positions of a sweep [m]."""
 
@@ -75,6 +77,27 @@ class GripperModel:
         low = max(float(shape.openings[-1]) for shape in self.preshapes.values())
         high = min(float(shape.openings[0]) for shape in self.preshapes.values())
         return max(low, 0.0), high
+
+    @property
+    def palm_doubt(self) -> str:
+        """What speaks against the palm frame, in words; empty if nothing does.
+
+        The palm ends where that frame is, and the pads are in front of it.
+        """
+        out = max((float(solid.bounds.upper[2]) for solid in self.palm), default=0.0)
+        ahead = max(
+            float(self.pad_positions(name, shape.widest)[:, 2].max())
+            for name, shape in self.preshapes.items()
+        )
+        found = [f"all pads lie {-1e3 * ahead:.0f} mm behind"] if ahead < 0.0 else []
+        if out > _OUT:
+            found.append(f"the palm reaches {1e3 * out:.0f} mm in front of")
+        if not found:
+            return ""
+        return (
+            f"{' and '.join(found)} the palm frame of {self.name}: is that turned, or "
+            "elsewhere? Its origin lies on the palm face, z points out of the palm"
+        )
 
     def opening_to_command(self, preshape: str, opening: float) -> float:
         """Return the closing command at which the pads are ``opening`` [m] apart.

@@ -193,6 +193,10 @@ def _files(path: Path) -> list[Path]:
     files = sorted([*path.glob("*.yaml"), *path.glob("*.yml")])
     if not files:
         raise ConfigError(
-            str(path), got="no .yaml file in it", expected="one file per prototype"
+            str(path),
+            got="no .yaml file in it",
+            expected="one file per prototype",
+            mend="Make some with `debrisgrasp prototype new`, or name no folder: then "
+            "those that ship are taken.",
         )
     return files

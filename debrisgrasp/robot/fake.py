@@ -123,7 +123,7 @@ class FakeRobot:
             limbs=limbs,
             camera=camera,
             head=self.head if self.head.joint_names else None,
-            base=self.base,
+            base=self.base if model.drives else None,
         )
         """Devices, as any robot has them."""
         self._stage = self._make_stage(world)

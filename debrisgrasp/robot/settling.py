@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import Body
 from debrisgrasp.worlds.body import as_part
@@ -50,7 +51,7 @@ class HandState:
     def as_body(self) -> Body:
         """Palm and fingers where they are, as something to lie on."""
         parts = tuple(as_part(solid) for solid in self.gripper.solids())
-        name = f"hand of the {self.arm.name} arm"
+        name = f"hand of the {arm_called(self.arm.name)}"
         place = SE3.from_parts(self.R, self.p)
         return Body(name, "hand", parts, self.gripper.model.mass, place)
 

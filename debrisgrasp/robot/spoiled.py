@@ -8,6 +8,7 @@ from math import copysign
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.control import GripCommand
 from debrisgrasp.errors import DriverError
 from debrisgrasp.kinematics import LimitSet
@@ -29,7 +30,9 @@ class OnLine:
         """Raise `DriverError` while the connection is lost."""
         for live in self.spoiling.due(("limb",), self.limb_name):
             live.times += 1
-            raise DriverError(f"{self.device} of the {self.limb_name} arm", "no answer")
+            raise DriverError(
+                f"{self.device} of the {arm_called(self.limb_name)}", "no answer"
+            )
 
 
 class SpoiledArm(OnLine):

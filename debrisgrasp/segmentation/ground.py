@@ -180,7 +180,7 @@ def _weighed(
         status="removed",
         pose_doubt=viewpoint_doubt(plane, cloud.viewpoint),
         n_removed=n_ground,
-        reason=f"level plane {1e3 * report.height:+.0f} mm from the expected height, "
+        reason=f"level plane {1e3 * report.height:+z.0f} mm from the expected height, "
         f"{inlier_share:.0%} of the points on it",
     )
 
@@ -194,7 +194,7 @@ def _objection(report: GroundReport, n_left: int, config: GroundConfig) -> str:
         )
     if abs(report.height) > config.max_height:
         return (
-            f"the fitted plane lies {1e3 * report.height:.0f} mm from the expected "
+            f"the fitted plane lies {1e3 * report.height:z.0f} mm from the expected "
             f"height, more than {1e3 * config.max_height:.0f}"
         )
     is_exact = report.tilt < _EXACT * config.max_tilt

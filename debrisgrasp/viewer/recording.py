@@ -118,7 +118,7 @@ class RecordPanel:
         turned = [proposal.T_surface_hand for proposal in made.proposals]
         self._poses = tuple(turned)
         names = [
-            f"{rank}. {pose.way}, {1e3 * pose.clearance:.0f} mm clear"
+            f"{rank}. {pose.way}, {1e3 * pose.clearance:z.0f} mm clear"
             for rank, pose in enumerate(made.proposals, start=1)
         ]
         self.pose.options = (*names, _DRAGGED)

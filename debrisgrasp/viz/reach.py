@@ -17,6 +17,7 @@ from scipy.spatial import ConvexHull
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import write_atomic
+from debrisgrasp._words import arm_called
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.kinematics import ReachSurvey, RobotModel
 
@@ -123,7 +124,7 @@ def _drawn(picture: ReachPicture, *, is_headed: bool = True) -> Page:
 def _legend(page: Page, picture: ReachPicture) -> None:
     names = [survey.arm for survey in picture.level]
     entries = [
-        *((f"{name} arm", _ARM_COLORS[i % 2]) for i, name in enumerate(names)),
+        *((f"{arm_called(name)}", _ARM_COLORS[i % 2]) for i, name in enumerate(names)),
         *((("both arms", _BOTH_COLOR),) if len(names) > 1 else ()),
     ]
     x = 1770.0

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import CaptureError, ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Bounds, PointCloud, fibonacci_sphere
 from debrisgrasp.io import Capture, measured, point_colors
@@ -158,7 +159,7 @@ def taught_by_joints(
     spec = robot.arm(name)
     if spec.gripper != gripper:
         raise ConfigError(
-            f"gripper of the {name} arm",
+            f"gripper of the {arm_called(name)}",
             got=repr(gripper),
             expected=f"{spec.gripper!r}, which it carries",
         )

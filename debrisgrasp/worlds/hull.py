@@ -20,7 +20,7 @@ _ARC = 48
 """Flat sides of a full turn."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Hull:
     """The convex hull of points; a `debrisgrasp.geometry.Solid`, made by `around`."""
 
@@ -74,6 +74,12 @@ class Hull:
         _, first = np.unique(hull.equations.round(7), axis=0, return_index=True)
         planes = hull.equations[first]
         return cls(points[hull.vertices], faces, planes[:, :3], -planes[:, 3])
+
+    def __repr__(self) -> str:
+        """Size and place: all of it would fill a screen."""
+        place = self.bounds.lower.round(3).tolist()
+        n_corners, n_faces = len(self.vertices), len(self.faces)
+        return f"Hull({n_corners} corners, {n_faces} faces, at {place})"
 
     @property
     def bounds(self) -> Bounds:

@@ -17,7 +17,7 @@ __all__ = ["World"]
 
 
 @checked_fields
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class World:
     """Bodies on a ground, frame base (z up).
 
@@ -40,6 +40,10 @@ class World:
             raise InputError(
                 "names of bodies", got=f"{twice} more than once", expected="one of each"
             )
+
+    def __repr__(self) -> str:
+        """Name and size: all of it would fill a screen."""
+        return f"World({self.name!r}, bodies={len(self.bodies)})"
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -132,3 +133,11 @@ def test_points_that_are_no_numbers_are_refused():
     points = np.full((100, 3), np.nan)
     with pytest.raises(DebrisGraspError, match=r"NaN|measured|points"):
         points_only(points).cloud()
+
+
+def test_what_is_far_beyond_the_arms_is_told_without_a_search(dictionary):
+    near = capture_of([lying_pipe()])
+    far = replace(near, depth=10.0 * near.depth)
+    result = Pipeline(prototypes=dictionary).plan(far)
+    assert "beyond what the arms span: is the depth in metres" in result.plan.why_empty
+    assert "search" not in result.plan.seconds

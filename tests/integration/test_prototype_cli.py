@@ -134,6 +134,14 @@ def test_check_tells_of_twins(capsys):
     assert "twin: like bar_4x4: 0.0 mm apart" in capsys.readouterr().out
 
 
+def test_check_takes_a_folder_and_checks_all_in_it(capsys):
+    Path("p").mkdir()
+    for name in ("bar_4x4", "bar_2x4_flat"):
+        shutil.copy(data_path("prototypes", f"{name}.yaml"), "p")
+    assert run(["prototype", "check", "p"]) == 0
+    assert capsys.readouterr().out.startswith("2 prototypes checked, 0 findings")
+
+
 def test_a_taught_pose_of_a_capture_becomes_a_prototype_that_loads(capsys):
     shutil.copy(data_path("captures", "pile.npz"), "pile.npz")
     record = ["prototype", "record", "pile.npz", "--object", "6", "--out", "p"]

@@ -278,3 +278,39 @@ def test_every_extra_has_a_use():
     pyproject = Path(__file__).parents[2] / "pyproject.toml"
     project = tomllib.loads(pyproject.read_text())["project"]
     assert set(EXTRAS) == set(project["optional-dependencies"])
+
+
+def test_ik_and_reach_take_the_arm_of_the_site(run, tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("schema: debrisgrasp/site/1\narm: left\n", encoding="utf-8")
+    (answer,) = run("ik", 0.8, 0.2, 0.5, 3.0, 0, 0, "--site", path, "--json").json
+    assert answer["arm"] == "left"
+    region = ("--region", 0.8, 0.2, 0.3, 0.9, 0.3, 0.4)
+    assert set(run("reach", *region, "--site", path, "--json").json["arms"]) == {"left"}
+
+
+def test_prototype_takes_hands_and_dictionary_from_the_site(run, tmp_path):
+    listed = run("prototype", "list", "--site", JAW, "--json").json
+    assert {prototype["gripper"] for prototype in listed} == {"jaw_140"}
+    words = (
+        "--shape",
+        "cylinder",
+        "--diameter",
+        0.05,
+        "--length",
+        0.3,
+        "--name",
+        "rod",
+    )
+    folder = ("--gripper", "jaw_140", "--out", tmp_path / "own")
+    assert run("prototype", "new", *words, *folder, "--site", JAW).status == 0
+
+
+def test_calibrate_takes_the_robot_of_the_site_for_a_fiducial(run, tmp_path):
+    site = tmp_path / "site.yaml"
+    robot = data_path("robots", "roman.yaml")
+    site.write_text(f"schema: debrisgrasp/site/1\nrobot: {robot}\n", encoding="utf-8")
+    looks = tmp_path / "looks.json"
+    fiducial = ("--fiducial", "right_robotiq_led_frame", "--site", site)
+    assert run("calibrate", "choose", *fiducial, "-n", 5, "--out", looks).status == 0
+    assert json.loads(looks.read_text())["robot"] == str(robot)

@@ -29,6 +29,11 @@ def test_yaml_and_json_are_read(tmp_path):
     [
         ("a.yaml", "a: 1\nb: [1, 2\nc: 3\n", r"a.yaml, line \d"),
         ("a.yaml", "a: 1\n\tb: 2\n", "a.yaml, line 2"),
+        ("a.yaml", "a:\n\tb: 2\n", "a.yaml, line 2: .*[Ii]ndent by spaces"),
+        ("a.yaml", "a: b: c\n", "a.yaml, line 1: got a second colon.*quote"),
+        ("a.yaml", "a: [1, 2\nb: 3\n", "a bracket that is not closed"),
+        ("a.yaml", "a:\n  - 1\n - 2\n", "line 3: got a line.*Indent all"),
+        ("a.yaml", 'a: 1\nb "x\nc: 3\n', "a field without a colon.*`field: value`"),
         ("a.yaml", "day: 2026-13-45", "a.yaml: got month"),
         ("a.yaml", "[" * 3000, "a.yaml: got maximum recursion"),
         ("a.yaml", "a: 1\nb: {x: 1,\n x: 2}\n", "a.yaml, line 3.*'x' a second time"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from debrisgrasp._words import in_kilograms
+from debrisgrasp._words import arm_called, in_kilograms
 
 
 @pytest.mark.parametrize(
@@ -20,3 +20,8 @@ from debrisgrasp._words import in_kilograms
 )
 def test_masses_have_two_digits_and_no_power_of_ten(masses, words):
     assert in_kilograms(*masses) == words
+
+
+def test_an_arm_whose_name_says_so_is_called_by_it_alone():
+    called = [arm_called(name) for name in ("right", "arm", "left_arm", "Arm")]
+    assert called == ["right arm", "arm", "left_arm", "Arm"]

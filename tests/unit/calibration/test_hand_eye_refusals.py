@@ -13,9 +13,12 @@ from debrisgrasp.calibration import (
     calibrate,
 )
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
-from debrisgrasp.geometry import SE3, sampling
+from debrisgrasp.geometry import SE3, sampling, so3
 
 from .looks import CAMERA, PLACES, REST, head, head_looks, looks
+
+LEVEL = so3.from_rpy(np.array([-np.pi / 2, 0.0, -np.pi / 2]))
+"""Orientation of a camera that looks straight ahead."""
 
 
 def refused(*words: str, **fields: object) -> str:
@@ -160,6 +163,19 @@ def test_a_camera_below_the_ground():
     found = calibrate(Observations(down.apply(given.points_base), given.points_camera))
     assert "0.57 m below the ground" in str(found.decision)
     assert "mirrored" not in str(found.decision)
+
+
+def test_axes_of_a_body_instead_of_the_optical_frame():
+    low = SE3.from_parts(LEVEL, [0.0, 0.0, 0.1])
+    assert calibrate(looks(T_base_camera=low)).decision.accepted
+    body = SE3.from_parts(p=low.p)  # x forward, as a link of the robot
+    found = calibrate(looks(T_base_camera=body))
+    assert not found.decision.accepted
+    assert "looking up by 90 degrees" in str(found.decision)
+    assert "optical frame" in found.decision.findings[0].remedy
+    # What the model of a robot says of the camera decides otherwise.
+    known = Known(head=Head.fixed(body))
+    assert "looking up" not in str(calibrate(looks(T_base_camera=body), known).decision)
 
 
 def test_unrelated_points(rng):

@@ -506,3 +506,20 @@ def test_a_jump_of_one_arm_is_noticed_though_the_other_was_moved_back_inside(pip
     found = _moved_inside(context, event)
     assert (found.fault, found.arm) == ("encoder_jump", "left")
     assert Drive(context, "left").engage().fault == "encoder_jump"
+
+
+@pytest.mark.parametrize("drives", [True, False])
+def test_a_robot_whose_file_says_that_it_stands_fast_never_drives(pipeline, drives):
+    brick = make_body("brick", {"length": 0.2, "width": 0.1, "height": 0.06}, 2.0)
+    world = World((brick.at(SE3.from_parts(p=[1.3, 0.0, 0.03])),))
+    model = replace(pipeline.robot, drives=drives)
+    fake = fake_robot(model, world, rng=np.random.default_rng(0))
+    assert (fake.robot.base is not None) is drives
+    # Nor does one that has a base all the same.
+    robot = replace(fake.robot, base=fake.base)
+    context = Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0)).context
+    assert isinstance(capture(context), Done)
+    assert isinstance(segment(context), Done)
+    assert (repositioned(context, [np.array([1.8, 0.0, 0.2])]) > 0.0) is drives
+    assert context.n_moves == drives
+    assert (np.linalg.norm(fake.base.T_odom_base.p) > 0.05) is drives

@@ -237,3 +237,13 @@ def test_points_too_far_for_single_precision_are_refused():
     points[7, 0] = 1e30
     with pytest.raises(CaptureError, match="1 value of 300 up to 1e"):
         Capture(points=points, viewpoint=np.zeros(3))
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.ply", "a.pcd", "a.png"])
+def test_what_git_lfs_left_in_the_place_of_a_file_is_named(tmp_path, name):
+    path = tmp_path / name
+    path.write_text(
+        "version https://git-lfs.github.com/spec/v1\noid sha256:4d\nsize 9\n"
+    )
+    with pytest.raises(CaptureError, match=r"Git LFS.*git lfs pull"):
+        Capture.load(path)

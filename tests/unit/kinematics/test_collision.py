@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import ArmCollision, RobotModel
 from debrisgrasp.kinematics.body import RobotBody
 from debrisgrasp.kinematics.exact import ExactSolids
@@ -292,3 +293,21 @@ def test_postures_that_are_no_numbers_are_refused(collision: ArmCollision) -> No
             test(q)
     with pytest.raises(ShapeError, match="joint values"):
         collision.is_free(np.zeros((3, 7)))
+
+
+def test_the_hull_of_a_moved_mesh_is_not_sought_again(tmp_path, monkeypatch):
+    import trimesh
+
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "part.stl")
+    robot = _meshed_robot(tmp_path, "part.stl")
+    before = robot.links_solids()
+
+    def sought(*_):
+        raise AssertionError("a hull was sought again")
+
+    monkeypatch.setattr("debrisgrasp.kinematics.hull.ConvexHull", sought)
+    away = SE3.from_parts(p=[1.0, 2.0, 3.0])
+    for (_, solid), (_, again) in zip(before, robot.links_solids(), strict=True):
+        np.testing.assert_allclose(again.mesh()[0], solid.mesh()[0])
+        moved = solid.moved(away)
+        np.testing.assert_allclose(moved.mesh()[0], solid.mesh()[0] + away.p)

@@ -205,6 +205,7 @@ def test_another_robot_is_one_file(tmp_path: Path) -> None:
         ({"wheels": 4}, "unknown field"),
         ({"rest": {"ptu_tilt_joint": "low"}}, "finite number"),
         ({"rest": {"ptu_tild_joint": 0.1}}, "ptu_tilt_joint"),
+        ({"drives": "no"}, "true or false"),
         ({"ignored_collisions": [["torso_link"]]}, r"\[link, link\]"),
         ({"ignored_collisions": [["torso_link", "leg"]]}, "ignored_collisions"),
         ({"urdf": "none.urdf"}, "none.urdf"),

@@ -150,3 +150,17 @@ def test_grasps_are_left_to_arms_that_carry_their_hand(
         base_placements([right_reach], T[:0], rng=rng)
     with pytest.raises(ConfigError, match="step"):
         PlacementConfig(step=0.001)
+
+
+def test_what_a_plan_reaches_is_gripped_from_where_the_base_stands(
+    right_reach: ArmReach,
+) -> None:
+    rng = np.random.default_rng(0)
+    q = right_reach.chain.sampled(60, rng=rng)
+    T = right_reach.chain.fk(q[~right_reach.collision.hits_itself(q)])
+    answer = right_reach.reach(T, lambda p: np.full(p.shape[:-1], np.inf), rng=rng)
+    config = PlacementConfig(reach=0.2, n_headings=1, n_proven=2)
+    T = T[answer.is_reached]
+    found = base_placements([right_reach], T, config=config, rng=rng)
+    (here,) = (p for p in found if p.travel == 0.0)
+    assert here.share == 1.0

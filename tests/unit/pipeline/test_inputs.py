@@ -9,6 +9,7 @@ import pytest
 from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.io import data_path
 from debrisgrasp.pipeline.inputs import library_of, require_limits
+from debrisgrasp.prototypes import load_grippers
 
 
 @pytest.mark.parametrize("mass", [0.0, -1.0, 5e-4, 2e4, float("nan"), float("inf")])
@@ -24,7 +25,7 @@ def test_masses_of_debris_are_taken(mass):
 
 def library_for(hand: str, prototypes=None):
     arm = SimpleNamespace(gripper=hand)
-    return library_of((arm,), None, prototypes=prototypes, grippers=None)
+    return library_of((arm,), None, prototypes=prototypes, known=load_grippers())
 
 
 def test_a_hand_that_is_not_known_is_named_and_where_hands_are_given():

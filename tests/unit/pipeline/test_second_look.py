@@ -115,3 +115,14 @@ def test_at_equal_cost_the_best_score_wins_and_everybody_else_is_named(scores):
     assert best.result.grasps[0].score == pytest.approx(max(scores))
     labels = {passed.label for passed in best.passed_over}
     assert labels == set(range(1, len(scores) + 1)) - {best.target.label}
+
+
+def test_a_hand_whose_palm_frame_is_turned_is_named_where_nothing_is_found():
+    scene = SimpleNamespace(segments=(1,))
+    best = BestSoFar(0.25, 2)
+    best.pass_over(target(1), "3 because the palm would hit something")
+    turned = SimpleNamespace(palm_doubt="the palm reaches 90 mm in front of its frame")
+    sound = SimpleNamespace(palm_doubt="")
+    told = best.why_empty(scene, [turned, sound])
+    assert told.endswith("hit something. The palm reaches 90 mm in front of its frame")
+    assert best.why_empty(scene, [sound]).endswith("hit something")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import coal
 import numpy as np
 import pinocchio as pin
@@ -201,3 +203,25 @@ def test_unknown_names_list_the_known_ones(robotiq: GripperModel) -> None:
     with pytest.raises(UnknownNameError, match="basic, wide, pinch"):
         robotiq.preshape("scissor")
     assert known_grippers() == ("camhand", "robotiq_3f")
+
+
+def moved(root, turned):
+    return replace(root, T_parent_link=turned @ root.T_parent_link)
+
+
+@pytest.mark.parametrize(
+    ("turned", "said"),
+    [
+        (SE3.exp(np.array([0.0, 0.0, 0.0, np.pi, 0.0, 0.0])), "111 mm in front of"),
+        (SE3.from_parts(p=[0.0, 0.0, 0.05]), "the palm reaches 50 mm in front of"),
+        (SE3.from_parts(p=[0.0, 0.0, -0.2]), "all pads lie 85 mm behind"),
+    ],
+)
+def test_a_palm_frame_that_is_turned_or_elsewhere_is_doubted(robotiq, turned, said):
+    assert not robotiq.palm_doubt
+    palm = tuple(solid.moved(turned) for solid in robotiq.palm)
+    fingers = tuple(
+        replace(finger, links=(moved(finger.links[0], turned), *finger.links[1:]))
+        for finger in robotiq.fingers
+    )
+    assert said in replace(robotiq, palm=palm, fingers=fingers).palm_doubt

@@ -6,7 +6,15 @@ from hypothesis import given
 
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Box
-from debrisgrasp.worlds import Hull, frustum, prism, staves, volume_and_centroid
+from debrisgrasp.kinematics import hull as kinematics_hull
+from debrisgrasp.worlds import (
+    Hull,
+    frustum,
+    named_scene,
+    prism,
+    staves,
+    volume_and_centroid,
+)
 from tests.strategies import poses
 
 BOX = Box(np.array([0.3, 0.1, 0.05]))
@@ -86,3 +94,12 @@ def test_moving_there_and_back_changes_nothing():
     back = hull.moved(T).moved(T.inverse())
     np.testing.assert_allclose(back.vertices, hull.vertices, atol=1e-12)
     np.testing.assert_allclose(back.offsets, hull.offsets, atol=1e-12)
+
+
+def test_worlds_and_hulls_are_written_in_one_line():
+    world = named_scene("hedgehog")
+    assert repr(world) == "World('hedgehog', bodies=1)"
+    corners = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
+    said = repr(Hull.around(corners))
+    assert said == "Hull(8 corners, 12 faces, at [0.0, 0.0, 0.0])"
+    assert len(repr(kinematics_hull.Hull(corners))) < 80

@@ -1,0 +1,74 @@
+"""The robot in its own pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.executive import Executive, TaskSettings
+from debrisgrasp.executive.obstacles import are_near
+from debrisgrasp.executive.own_body import own_body, own_pixels
+from debrisgrasp.executive.perceive import capture, image, segment
+from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.geometry import SE3
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import FakeConfig, fake_robot
+from debrisgrasp.worlds import World, make_body
+
+SIZES = {"length": 0.2, "width": 0.1, "height": 0.06}
+IN_VIEW = {"right": "ready", "left": "ready"}
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+def context_of(pipeline, start, settings=None, **config):
+    brick = make_body("brick", SIZES, 2.0).at(SE3.from_parts(p=[1.3, 0.0, 0.03]))
+    fake = fake_robot(
+        pipeline.robot,
+        World((brick,)),
+        rng=np.random.default_rng(0),
+        config=FakeConfig(is_initialised=True, start=start, **config),
+    )
+    settings = settings or TaskSettings()
+    rng = np.random.default_rng(0)
+    return Executive(fake.robot, settings, pipeline=pipeline, rng=rng).context
+
+
+def test_arms_in_the_picture_are_no_objects(pipeline):
+    context = context_of(pipeline, IN_VIEW)
+    found = capture(context)
+    assert isinstance(found, Done)
+    assert found.facts["removed_points"]["robot"] > 1000
+    assert isinstance(segment(context), Done)
+    (brick,) = context.cycle.seen.segmentation.segments
+    assert brick.centroid[:2] == pytest.approx([1.3, 0.0], abs=0.05)
+
+
+def test_without_an_arm_in_the_picture_nothing_is_removed(pipeline):
+    context = context_of(pipeline, {})
+    found = capture(context)
+    assert isinstance(found, Done)
+    assert "removed_points" not in found.facts
+
+
+def test_pixels_of_the_robot_are_those_whose_points_are_near_to_it(pipeline):
+    context = context_of(pipeline, IN_VIEW)
+    taken, body = image(context, "own"), own_body(context)
+    points = taken.intrinsics.deproject(taken.depth).reshape(-1, 3)
+    points = taken.T_base_camera.apply(points)
+    expected = np.zeros(len(points), dtype=bool)
+    for solid, within in body:
+        expected |= are_near(points, [solid], within)
+    found = own_pixels(taken.depth, taken.intrinsics, taken.T_base_camera, body)
+    np.testing.assert_array_equal(found.ravel(), expected)
+
+
+def test_a_robot_that_hides_the_pile_does_not_find_the_way_clear(pipeline):
+    settings = TaskSettings(max_dropout=0.01)
+    found = capture(context_of(pipeline, IN_VIEW, settings, noise=None))
+    assert isinstance(found, FaultFound)
+    assert found.fault == "depth_dropout"
+    assert "the robot itself hides" in found.message

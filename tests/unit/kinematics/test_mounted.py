@@ -1,0 +1,78 @@
+"""A hand on an arm whose URDF ends at the flange."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Sphere
+from debrisgrasp.kinematics import ArmCollision, RobotModel, with_hand
+
+from .robots import JointText, written
+
+TURNED = SE3.exp(np.array([0.01, 0.02, 0.1, 0.3, -0.4, 0.5]))
+HAND = (
+    Box(np.array([0.05, 0.04, 0.03]), SE3.from_parts(p=[0.0, 0.0, -0.03])),
+    Capsule(0.01, 0.1, TURNED),
+    Cylinder(0.01, 0.1, SE3.from_parts(p=[0.05, 0.0, 0.1])),
+    Sphere(0.02, np.array([0.0, 0.0, 0.2])),
+)
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> RobotModel:
+    """A row of six joints that ends at a flange without any solid in front of it."""
+    block = '<geometry><box size="0.05 0.05 0.05"/></geometry>'
+    joints = [JointText()] * 6
+    written(tmp_path, joints, f'<collision><origin xyz="0 0 -0.1"/>{block}</collision>')
+    arm = {
+        "tip": "palm",
+        "gripper": "jaw",
+        "hand": "link6",
+        "joints": [f"joint{i}" for i in range(1, 7)],
+        "postures": {"zero": {}},
+        "present": "zero",
+        "idle": "zero",
+        "limits": {"acceleration": 1.0, "force": 100.0, "torque": 20.0},
+    }
+    content = {
+        "name": "row",
+        "urdf": "row.urdf",
+        "base": "link0",
+        "frames": {"palm": {"parent": "link6", "position": [0.0, 0.0, 0.05]}},
+        "arms": {"one": arm},
+    }
+    path = tmp_path / "row.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return RobotModel.load(path)
+
+
+def test_a_hand_that_the_urdf_lacks_stands_at_the_palm(bare: RobotModel) -> None:
+    robot = with_hand(bare, "one", HAND)
+    moved = {"joint2": 0.4, "joint5": -0.3}
+    found = [s for link, s in robot.links_solids(moved) if link == "jaw of one"]
+    T_base_palm = bare.link_poses(moved)["palm"]
+    expected = [solid.moved(T_base_palm) for solid in HAND]
+    points = T_base_palm.apply(np.random.default_rng(0).normal(0.0, 0.1, (200, 3)))
+    for solid, wanted in zip(found, expected, strict=True):
+        np.testing.assert_allclose(
+            solid.signed_distance(points), wanted.signed_distance(points), atol=1e-9
+        )
+    assert len(bare.links_solids()) + len(HAND) == len(robot.links_solids())
+
+
+def test_it_is_the_hand_of_the_arm_in_tests_for_collision(bare: RobotModel) -> None:
+    body = ArmCollision.fit(with_hand(bare, "one", HAND), "one").body
+    assert sum(part.is_hand and part.link == "jaw of one" for part in body.parts) == 4
+
+
+def test_a_hand_mounted_before_is_replaced(bare: RobotModel) -> None:
+    robot = with_hand(with_hand(bare, "one", HAND), "one", HAND[:2])
+    assert len(robot.tree.shapes["jaw of one"]) == 2
+
+
+def test_a_hand_of_the_urdf_stays(roman: RobotModel) -> None:
+    assert with_hand(roman, "right", HAND) is roman

@@ -1,0 +1,27 @@
+"""Hands of a folder on a robot whose URDF has none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.pipeline import Pipeline
+
+
+def test_a_hand_that_the_urdf_lacks_may_not_touch_the_own_arm():
+    roman = RobotModel.load("roman")
+    fingers = [link for link in roman.tree.shapes if "finger" in link]
+    bare = replace(
+        roman,
+        tree=replace(
+            roman.tree, shapes={**roman.tree.shapes, **dict.fromkeys(fingers, ())}
+        ),
+    )
+    without, known = ArmReach(bare, "right"), ArmReach(roman, "right")
+    (arm,) = Pipeline(robot=bare, arm="right").arms
+    q = arm.chain.sampled(2000, rng=np.random.default_rng(0))
+    missed = known.collision.hits_itself(q) & ~without.collision.hits_itself(q)
+    assert missed.sum() > 20
+    assert arm.collision.hits_itself(q)[missed].mean() > 0.8
