@@ -26,9 +26,9 @@ from .aside import to_push
 from .context import Context
 from .dropoff import drop_postures, no_place, object_in_hand
 from .obstacles import room_for
-from .perceive import never_shown
 from .reposition import repositioned
 from .result import Done, FaultFound, StepResult
+from .shown import never_shown
 from .states import State
 from .triage import Triage, Way, judge
 
@@ -175,7 +175,8 @@ def _not_in_the_way(context: Context, seen: Perception, segment: Segment) -> str
     config = context.pipeline.config
     points = seen.cloud.points[seen.segmentation.points_of(segment.label)]
     # Only the side towards the camera was seen: what is behind it counts, too.
-    if context.is_in_way(points).mean() < _INSIDE:
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    if context.is_in_way(points).mean() < _INSIDE and not context.is_in_way(middle):
         return "outside the workspace"
     is_low = _triage(context, seen, segment).way is Way.DRIVE_OVER
     least = config.min_object_points if is_low else _SPECK

@@ -28,7 +28,6 @@ __all__ = [
     "look_around",
     "look_of",
     "look_towards",
-    "never_shown",
     "segment",
     "sight_of",
     "turn_head",
@@ -58,9 +57,6 @@ _LOW = 0.3
 """Height of what is looked at beside the robot [m]."""
 _LEAST_SEEN = 0.02
 """Share of the image of the workspace with depth below which nothing was seen."""
-_PACE, _LOOKS = 0.05, 3
-"""Spacing of places that must have been in a picture before the way counts as clear
-[m]; after so many more looks nothing can be done about the rest."""
 _COARSE = 4
 """Of so many rows and columns one is compared with earlier looks."""
 _DROP_ROOM = 0.2
@@ -115,30 +111,6 @@ def _own(context: Context, taken: Capture) -> BoolArray | FaultFound:
         words += "arms must rest (`idle`) where the camera doesn't see them"
         return FaultFound("depth_dropout", words, None, {"hidden_share": hidden})
     return is_own
-
-
-def never_shown(context: Context) -> FloatArray | None:
-    """Middle of the workspace's ground that no capture shows, frame of the way [m].
-
-    None: there is none, or the head can't turn there.
-    """
-    low, high = context.settings.bounds.lower, context.settings.bounds.upper
-    x, y = (np.arange(a, b, _PACE) for a, b in zip(low[:2], high[:2], strict=True))
-    ground = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((len(x), len(y)))])
-    ground = ground.reshape(3, -1).T
-    places = context.T_base_way.apply(ground)
-    places = places[~np.any([_is_in(sight, places) for sight in context.shown], axis=0)]
-    if context.robot.head is None or len(context.shown) > _LOOKS or not len(places):
-        return None
-    return np.asarray(context.T_base_way.inverse().apply(places).mean(axis=0))
-
-
-def _is_in(sight: DepthSight, points: FloatArray) -> BoolArray:
-    """Which points (n, 3) are in a picture, seen or hidden, shape (n,)."""
-    camera = sight.intrinsics
-    uv, depth = camera.project(sight.T_base_camera.inverse().apply(points))
-    is_inside = ((uv >= 0) & (uv < (camera.width, camera.height))).all(axis=1)
-    return np.asarray(is_inside & (depth > 0.0))
 
 
 def sight_of(taken: Capture) -> DepthSight:

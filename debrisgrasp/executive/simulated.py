@@ -11,7 +11,7 @@ import numpy as np
 from debrisgrasp._arrays import Rng, require_metres, require_range
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
-from debrisgrasp.geometry import Bounds
+from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.prototypes import load_grippers
@@ -47,6 +47,8 @@ __all__ = ["Simulated", "SimulatedTask", "injections_of", "simulate"]
 
 _CENTER = (0.98, 0.0)
 """Middle of a pile that both arms reach [m]."""
+_NEAREST, _HALF_WIDTH = 0.5, 0.45
+"""So far ahead of the robot piles begin, as wide as the way it takes [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,7 +166,7 @@ class SimulatedTask:
         rng = np.random.default_rng([self.seed, 1])
         # What lay already yields to what came after.
         pile = let_down(generate_pile(rng=rng, config=config)).world
-        return come_to_rest(pile).world
+        return _before_the_robot(come_to_rest(pile).world)
 
     def _site(self) -> Settings:
         site = Settings() if self.site is None else Settings.load(self.site)
@@ -261,6 +263,22 @@ class SimulatedTask:
 
 
 @checked
+def _before_the_robot(pile: World) -> World:
+    """Move a pile ahead until none of it lies where the robot stands."""
+    corners = [solid.bounds for body in pile.bodies for solid in body.solids]
+    nearest = min(
+        (
+            float(box.lower[0])
+            for box in corners
+            if box.lower[1] < _HALF_WIDTH and box.upper[1] > -_HALF_WIDTH
+        ),
+        default=_NEAREST,
+    )
+    ahead = SE3.from_parts(p=[max(_NEAREST - nearest, 0.0), 0.0, 0.0])
+    bodies = tuple(body.at(ahead @ body.T_base_body) for body in pile.bodies)
+    return replace(pile, bodies=bodies)
+
+
 def simulate(
     world: World,
     settings: TaskSettings,

@@ -1,0 +1,90 @@
+"""The way is clear only where somebody has looked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
+from debrisgrasp.executive.choose import select
+from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.result import Done
+from debrisgrasp.executive.shown import never_shown
+from debrisgrasp.executive.states import State
+from debrisgrasp.geometry import SE3
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.robot import FakeConfig, fake_robot
+from debrisgrasp.worlds import World, make_body
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+def looking(pipeline, *bodies):
+    fake = fake_robot(
+        pipeline.robot,
+        World(bodies),
+        rng=np.random.default_rng(0),
+        config=FakeConfig(is_initialised=True),
+    )
+    task = Executive(
+        fake.robot, TaskSettings(), pipeline=pipeline, rng=np.random.default_rng(0)
+    )
+    return task.context
+
+
+def looked(context):
+    for step in (capture, segment):
+        assert isinstance(step(context), Done)
+    return select(context)
+
+
+def block(x, y):
+    sizes = {"length": 0.2, "width": 0.14, "height": 0.16}
+    return make_body("brick", sizes, 2.0).at(SE3.from_parts(p=[x, y, 0.08]))
+
+
+def test_the_strip_before_the_tracks_is_looked_at_before_the_way_counts_as_clear(
+    pipeline,
+):
+    context = looking(pipeline, block(0.98, 1.2))  # beside the way
+    found = looked(context)
+    assert found.next is State.CAPTURE
+    assert len(context.shown) == 1
+    x, _, _ = context.cycle.gaze
+    assert x < 0.8
+    for _ in range(3):
+        found = looked(context)
+        if found.next is State.CLEARED:
+            break
+    assert found.next is State.CLEARED
+    assert 2 <= len(context.shown) <= 4
+
+
+def test_what_lies_there_is_found(pipeline):
+    context = looking(pipeline, block(0.6, 0.0))
+    found = looked(context)
+    if found.next is State.CAPTURE:
+        found = looked(context)
+    assert found.next is None
+    assert np.hypot(*(np.array(found.facts["centroid"]) - [0.6, 0, 0.08])[:2]) < 0.1
+
+
+def test_from_elsewhere_all_is_looked_at_anew(pipeline):
+    context = looking(pipeline, block(0.98, 1.2))
+    looked(context)
+    assert context.cycle.gaze is not None
+    context.stands_elsewhere(SE3.from_parts(p=[-0.2, 0.0, 0.0]))
+    assert context.cycle.gaze is None
+    assert isinstance(capture(context), Done)
+    assert len(context.shown) == 1
+    assert never_shown(context) is not None
+
+
+def test_no_pile_lies_where_the_robot_stands():
+    """Seed 5020 drew a cone between the tracks."""
+    world = SimulatedTask(seed=5020).world()
+    low = min(solid.bounds.lower[0] for body in world.bodies for solid in body.solids)
+    assert low == pytest.approx(0.5, abs=1e-9)
