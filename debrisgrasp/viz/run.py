@@ -15,6 +15,7 @@ from PIL import Image
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import write_atomic
+from debrisgrasp._words import arm_called
 from debrisgrasp.geometry import SE3, PointCloud, voxel_downsample
 from debrisgrasp.prototypes import load_grippers
 
@@ -270,7 +271,7 @@ def _card(item: _Try, run: RecordedRun) -> str:
         g = item.grasp
         lines.append(
             f"gripped by {g['prototype']} ({g['gripper']} {g['preshape']}) with the "
-            f"{g['arm']} arm, score {g['score']:.2f}"
+            f"{arm_called(str(g['arm']))}, score {g['score']:.2f}"
         )
     faults = "".join(
         f"<tr><td>{escape(f['state'])}</td><td>{escape(f['fault'])}</td>"

@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import arm_called
 
 from .colors import CHOSEN_COLOR, GROUND_COLOR
 
@@ -180,7 +181,7 @@ def _circle(arm: str, frame: _Frame, x: float, y: float) -> str:
         f'<circle cx="{x:.0f}" cy="{y:.0f}" r="{radius:.0f}" fill="none" '
         f'stroke="{_DROP}" stroke-width="1.5" stroke-dasharray="5 4"/>'
         f'<text x="{x:.0f}" y="{y + radius + 13:.0f}" '
-        f'text-anchor="middle">drop-off, {escape(arm)} arm</text>'
+        f'text-anchor="middle">drop-off, {escape(arm_called(arm))}</text>'
     )
 
 
