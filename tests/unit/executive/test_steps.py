@@ -522,8 +522,4 @@ def test_a_robot_whose_file_says_that_it_stands_fast_never_drives(pipeline, driv
     assert isinstance(segment(context), Done)
     assert (repositioned(context, [np.array([1.8, 0.0, 0.2])]) > 0.0) is drives
     assert context.n_moves == drives
-<<<<<<< HEAD
     assert bool(np.linalg.norm(fake.base.T_odom_base.p) > 0.05) is drives
-=======
-    assert (np.linalg.norm(fake.base.T_odom_base.p) > 0.05) == drives
->>>>>>> e77905fb35b5c27e7ba1cb0e333c8249f8b7fc5e
