@@ -6,6 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.settings import Settings
 
@@ -213,11 +214,14 @@ def _counted(done: Simulated) -> str | None:
 def _summary(done: Simulated) -> str:
     result = done.result
     lines = [f"left: {name}: {reason}" for name, reason in result.left.items()]
-    failure, counted = result.fault_class, _counted(done)
+    failure, counted_as = result.fault_class, _counted(done)
+    done_so_far = f"{result.n_removed} removed"
+    if result.n_pushed:
+        done_so_far += f", {counted(result.n_pushed, 'time')} pushed aside"
     lines.append(
         f"{result.end.value} after {result.duration:.0f} s of the robot's time: "
-        f"{result.n_removed} removed; "
-        + (f"counts as {counted}" if counted else "not counted")
+        f"{done_so_far}; "
+        + (f"counts as {counted_as}" if counted_as else "not counted")
     )
     if failure is not None and result.faults:
         lines.append(f"ended by: {result.faults[-1].message}")

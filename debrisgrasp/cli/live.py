@@ -57,6 +57,9 @@ class ToldRun:
 
 def _fate(facts: Mapping[str, object]) -> str:
     words = f"attempt {facts['number']}: {'' if facts['removed'] else 'not '}removed"
+    if facts.get("pushed"):
+        words = f"attempt {facts['number']}: pushed aside"
+        words += f" by {100.0 * float(str(facts['pushed'])):.0f} cm"
     if facts["prototype"]:
         words += f", {facts['prototype']} with the {arm_called(str(facts['arm']))}"
     return words

@@ -37,12 +37,14 @@ _STRAY = 0.05
 """Share of an object's points that may be no part of it; all others are to go out."""
 _GAP = 0.04
 """Between hand and object where a push begins [m]."""
-_OVER = 0.03
-"""Of the fingers over the ground, or over the lowest that was seen of the object [m].
-"""
+_OVER, _HIGH = 0.03, 0.4
+"""Of the fingers over the lowest that was seen of the object: at least so much [m], and
+at this share of its height, or as high as what the tracks drive over; ..."""
+_TIPS = 0.03
+"""... it is pushed by so much of their ends [m]."""
 _LEAST, _LONGEST = 0.08, 1.0
 """A shorter push is not worth the way there; nor one so long to the other side [m]."""
-_MOST_FORCE = 70.0
+_MOST_FORCE = 60.0
 """Under which things slide; 8 kg on concrete take 50 N [N]."""
 _FELT = 4.0
 """By so much more than before a hand is pushed back as it begins to push [N]."""
@@ -162,6 +164,7 @@ def push_aside(context: Context) -> StepResult:
         is_held = end.outcome is LegOutcome.CONTACT
         words = f"{force:.0f} N" if is_held else "the arm gets no farther"
         return _stays(mark, f"{words} after {100 * came:.0f} cm")
+    cycle.pushed = came
     facts = {"arm": push.limb.name, "pushed": round(came, 3), "end": end.outcome.value}
     return Done(facts, State.RETREAT)
 
@@ -201,7 +204,9 @@ def _sought(context: Context, own: FloatArray) -> _Push | str:
             context.limbs.values(),
             key=lambda limb: -side * context.settings.drop_off[limb.name][1],
         ):
-            goals = _beside(limb, own, ahead, context.T_base_way.R[:, 0])
+            forward = context.T_base_way.R[:, 0]
+            over = context.settings.drive_over
+            goals = _beside(limb, own, ahead, forward, over)
             begun = _begins(context, limb, goals, (far + _GAP) * ahead, space)
             if not len(begun[0]):
                 continue
@@ -216,14 +221,22 @@ def _sought(context: Context, own: FloatArray) -> _Push | str:
 
 
 def _beside(
-    limb: LimbState, own: FloatArray, ahead: FloatArray, forward: FloatArray
+    limb: LimbState,
+    own: FloatArray,
+    ahead: FloatArray,
+    forward: FloatArray,
+    over: float,
 ) -> SE3:
-    """Poses of a closed hand behind an object (n, 3) that is to go ahead, (k,)."""
+    """Poses of a closed hand behind an object (n, 3) that is to go ahead, (k,).
+
+    Its fingers are no higher than ``over`` [m] above the lowest of the object.
+    """
     preshape, closed = _closed(limb)
     corners = hand_corners(limb, preshape, closed)
     middle = 0.5 * ((own @ forward).min() + (own @ forward).max())
     back = float((own @ ahead).min()) - _GAP
-    bottom = max(float(own[:, 2].min()), 0.0) + _OVER
+    low, high = max(float(own[:, 2].min()), 0.0), float(own[:, 2].max())
+    bottom = low + float(np.clip(_HIGH * (high - low), _OVER, max(over, _OVER)))
     up = np.array([0.0, 0.0, 1.0])
     poses = []
     for tilt in _TILTS:
@@ -234,7 +247,7 @@ def _beside(
             at = corners @ R.T
             for shift in _ALONG:
                 # The fingers are what pushes, wherever the palm is then.
-                tips = at[at[:, 2] < at[:, 2].min() + _OVER]
+                tips = at[at[:, 2] < at[:, 2].min() + _TIPS]
                 p = (middle + shift - (tips @ forward).mean()) * forward
                 p = p + (back - (at @ ahead).max()) * ahead
                 poses.append(SE3.from_parts(R, p + (bottom - at[:, 2].min()) * up))

@@ -28,7 +28,7 @@ from .dropoff import drop_postures, no_place, object_in_hand
 from .obstacles import room_for
 from .reposition import repositioned
 from .result import Done, FaultFound, StepResult
-from .shown import never_shown
+from .shown import never_shown, was_shown
 from .states import State
 from .triage import Triage, Way, judge
 
@@ -58,15 +58,16 @@ def select(context: Context) -> StepResult:
         return _select_marked(context, seen)
     if context.settings.is_object_specific:
         return Done({"cleared": True}, State.CLEARED)
-    # Of a look aside: what the one before it showed stays as well.
-    left = {} if context.cycle.gaze is None else dict(context.left)
+    # A look aside is for what those before it did not show; of that all is said.
+    before = context.shown[:-1]
+    left = dict(context.left) if before else {}
     failed: list[Segment] = []
     open_: list[tuple[Segment, Triage, str]] = []
     for candidate in seen.order(context.pipeline.policy):
         segment = seen.segmentation.segment(candidate.label)
         name = _named(context, segment)
         reason = _not_in_the_way(context, seen, segment)
-        if reason:
+        if reason or was_shown(before, segment.centroid):
             continue
         triage = _triage(context, seen, segment)
         if triage.way in (Way.DRIVE_OVER, Way.LEAVE):

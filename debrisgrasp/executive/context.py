@@ -160,6 +160,8 @@ class Cycle:
     """All but the object, as it was seen when that had been lifted, base frame [m],
     shape (n, 3); None: nobody looked."""
     is_removed: bool = False
+    pushed: float = 0.0
+    """How far the object was pushed aside [m]."""
     is_marked: bool = False
     """Whether it has been counted as a try in vain."""
     speed: float = 1.0

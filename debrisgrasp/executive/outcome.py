@@ -64,6 +64,8 @@ class Attempt:
     """Stages that were begun, in order."""
     is_removed: bool
     """Whether the object was put down at the drop-off, verified."""
+    pushed: float = 0.0
+    """How far it was pushed aside instead [m]."""
     faults: tuple[FaultEvent, ...] = ()
     object_label: int | None = None
     look: int | None = None
@@ -84,6 +86,7 @@ class Attempt:
             "number": self.number,
             "reached": [state.value for state in self.reached],
             "removed": self.is_removed,
+            "pushed": round(self.pushed, 3),
             "faults": [event.fault for event in self.faults],
             "object": self.object_label,
             "look": self.look,
@@ -115,10 +118,15 @@ class RunResult:
         return sum(attempt.is_removed for attempt in self.attempts)
 
     @property
+    def n_pushed(self) -> int:
+        """How often something was pushed aside."""
+        return sum(attempt.pushed > 0.0 for attempt in self.attempts)
+
+    @property
     def is_all_driven_over(self) -> bool:
         """Whether the way is clear with nothing removed, for all in it is low."""
         is_low = [reason.startswith("drive over") for reason in self.left.values()]
-        is_clear = self.end is RunEnd.CLEARED and not self.n_removed
+        is_clear = self.end is RunEnd.CLEARED and not (self.n_removed or self.n_pushed)
         return is_clear and bool(is_low) and all(is_low)
 
     @property

@@ -318,6 +318,7 @@ class Executive:
             number=len(self._attempts) + 1,
             reached=tuple(dict.fromkeys(cycle.reached)),
             is_removed=cycle.is_removed,
+            pushed=cycle.pushed,
             faults=faults,
             object_label=cycle.label,
             look=cycle.look,

@@ -256,8 +256,10 @@ def _from_above(run: RecordedRun, tries: Sequence[_Try]) -> str:
 
 def _card(item: _Try, run: RecordedRun) -> str:
     is_removed = bool(item.facts.get("removed"))
-    fate = "removed" if is_removed else "not removed"
-    style = "ok" if is_removed else "bad"
+    fate, pushed = "removed" if is_removed else "not removed", item.facts.get("pushed")
+    if pushed:
+        fate = f"pushed aside by {100 * pushed:.0f} cm"
+    style = "ok" if is_removed or pushed else "bad"
     lines = []
     if item.object is not None and item.object.get("object"):
         x, y, z = item.object["centroid"]
