@@ -262,7 +262,6 @@ class SimulatedTask:
         )
 
 
-@checked
 def _before_the_robot(pile: World) -> World:
     """Move a pile ahead until none of it lies where the robot stands."""
     corners = [solid.bounds for body in pile.bodies for solid in body.solids]
@@ -279,6 +278,7 @@ def _before_the_robot(pile: World) -> World:
     return replace(pile, bodies=bodies)
 
 
+@checked
 def simulate(
     world: World,
     settings: TaskSettings,
