@@ -7,7 +7,6 @@ from math import dist
 
 import numpy as np
 
-from debrisgrasp._physics import GRAVITY
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3, Bounds
@@ -21,7 +20,7 @@ from .fingers import loosen
 from .hanging import looked_after
 from .moves import back_out, free_share, let_go, lower, put_down, to_rest
 from .outcome import FaultEvent
-from .relief import relieve
+from .relief import doubted, heaviest, relieve
 from .result import Done, FaultFound, StepResult
 from .states import State
 from .table import Answer
@@ -36,8 +35,6 @@ _STANDS_WITHIN, _STILL = 2.0, 0.05
 """[s]."""
 _UPWARDS = 30.0
 """Nothing pushes a hand up so hard [N] that was drawn back; a sensor may be wrong."""
-_BEYOND = 1.25
-"""No object weighs so many times what the heaviest may."""
 _LOOK = 0.1
 """How long a hand that should be empty is weighed [s]."""
 _STIRRED = 0.2
@@ -173,11 +170,8 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
     weight = drive.carried(drive.load)
     if -_UPWARDS < weight < settings.empty_load:
         return None
-    if abs(weight) > _BEYOND * settings.max_mass * GRAVITY:
-        # What then looks like giving way presses the hand into what it stands on.
-        words = f"{weight:.0f} N on an open hand that was drawn back, more than the "
-        words += f"{settings.max_mass:g} kg that may hang there: its sensor is wrong"
-        return FaultFound("ratchet", words, arm, {"force": weight})
+    if abs(weight) > heaviest(context):
+        return doubted(context, arm, weight)
     limb = drive.limb
     motion = context.cycle.motion
     preshape = next(iter(limb.hand.preshapes))

@@ -8,6 +8,7 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control import TarePolicy
 from debrisgrasp.kinematics import LimitSet
 
@@ -15,7 +16,7 @@ from .context import Context
 from .drive import Drive
 from .result import FaultFound
 
-__all__ = ["relieve", "standing_load", "with_room"]
+__all__ = ["doubted", "heaviest", "relieve", "standing_load", "with_room"]
 
 _TIGHT = 0.85
 """Share of a limit above which a hand is drawn out before anything else."""
@@ -34,6 +35,8 @@ _MOST = 4.0
 """Beyond this multiple of a limit nothing is moved any more."""
 _EXPECTED = ("too_heavy", "ratchet", "early_contact")
 """How a step may end on which the load grows."""
+_BEYOND = 1.25
+"""No object weighs so many times what the heaviest may."""
 _LOOK = 0.04
 """[s]."""
 
@@ -61,6 +64,8 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
     if _share(load, limits.force, limits.torque) > _MOST:
         words = f"the force on the hand is {hypot(*load[:3]):.0f} N already"
         return FaultFound("ratchet", words, arm)
+    if context.held is None and drive.carried(tuple(load)) > heaviest(context):
+        return doubted(context, arm, drive.carried(tuple(load)))
     n_failed = 0
     for _ in range(_STEPS):
         before = _share(load, limits.force, limits.torque)
@@ -91,6 +96,21 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
         return None
     words = f"the force on the hand is {hypot(*load[:3]):.0f} N already, and no way "
     return FaultFound("ratchet", words + "eases it", arm)
+
+
+def heaviest(context: Context) -> float:
+    """Weight that nothing has which may hang on a hand that holds nothing [N]."""
+    return _BEYOND * context.settings.max_mass * GRAVITY
+
+
+def doubted(context: Context, arm: str, weight: float) -> FaultFound:
+    """Doubt the sensor of an empty hand by a weight [N] that nothing has.
+
+    What looks like giving way to it would press the hand into what it stands on.
+    """
+    words = f"{weight:.0f} N hang on an open hand, more than the "
+    words += f"{context.settings.max_mass:g} kg that may: its sensor is wrong"
+    return FaultFound("ratchet", words, arm, {"force": weight})
 
 
 def with_room(limits: LimitSet, load: FloatArray) -> LimitSet:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import LegOutcome
-from debrisgrasp.executive import caught
+from debrisgrasp.executive import caught, relief
 from debrisgrasp.executive import recover as recovery
 from debrisgrasp.executive.drive import Drive, LegEnd
 from debrisgrasp.executive.result import FaultFound
@@ -139,3 +139,29 @@ def test_a_weight_that_nothing_has_is_not_given_way_to(
     assert done[:1] == [expected] * (expected is not None)
     assert found.fault == ("not_released" if expected else "ratchet")
     assert f"{weight:.0f} N" in found.message
+
+
+@pytest.mark.parametrize(
+    ("weight", "is_empty", "expected"),
+    [(112.0, True, "ratchet"), (112.0, False, None), (80.0, True, None)],
+)
+def test_an_empty_hand_gives_way_to_no_weight_that_nothing_has(
+    pipeline, monkeypatch, weight, is_empty, expected
+):
+    _, task = executive(pipeline)
+    context, legs = task.context, []
+    limb = context.limbs["right"]
+    down = limb.pose(context.posture(limb)).R.T @ np.array([0.0, 0.0, -weight])
+    context.held = None if is_empty else object()
+    monkeypatch.setattr(
+        relief, "standing_load", lambda *_: np.array([*down, 0.0, 0.0, 0.0])
+    )
+
+    def leg(*_, **__):
+        legs.append(1)
+        return FaultFound("wrench_frozen", "as asked")
+
+    monkeypatch.setattr(Drive, "leg", leg)
+    found = relief.relieve(context, "right", tight=0.3)
+    assert found.fault == (expected or "wrench_frozen")
+    assert bool(legs) is (expected is None)
