@@ -23,8 +23,9 @@ from .context import Context, LimbState
 from .drive import Drive
 from .dropoff import postures_at
 from .fingers import open_hand
+from .folding import free_share
 from .marks import Mark
-from .moves import CAUGHT, free_share, planned, to_rest
+from .moves import CAUGHT, planned, to_rest
 from .obstacles import room_for
 from .pacing import hand_corners, widest_corners
 from .relief import relieve

@@ -20,9 +20,10 @@ from .context import Context, Held, LimbState
 from .drag import drag
 from .drive import Drive
 from .dropoff import drop_postures, longer, may_lie, no_place, room_below
+from .folding import free_share, is_folded
 from .hanging import looked_at
 from .loaded import carrying
-from .moves import LAST_RESORT, free_share, is_folded, planned
+from .moves import LAST_RESORT, planned
 from .obstacles import box_around, room_for, space_of
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench

@@ -11,7 +11,8 @@ from debrisgrasp.control import LegOutcome, TarePolicy
 
 from .context import Context
 from .drive import Drive, LegEnd
-from .moves import free_share, pull_of
+from .folding import free_share
+from .moves import pull_of
 from .relief import relieve
 from .result import FaultFound
 
@@ -31,9 +32,16 @@ _LEAST = 2e-3
 
 
 def pushed_to(drive: Drive, way: FloatArray, most: float) -> LegEnd | FaultFound:
-    """Move an open hand slowly by an offset (3,) [m], until it is pushed so hard."""
+    """Move an open hand slowly by an offset (3,) [m], until it is pushed so hard.
+
+    It goes only as far as the arm does not fold onto the robot.
+    """
+    length, q = float(np.linalg.norm(way)), drive.context.posture(drive.limb)
+    share = free_share(drive.limb, q, way)
+    if share * length < _LEAST:
+        return LegEnd(LegOutcome.BLOCKED, 0.0, length)
     return drive.leg(
-        way,
+        share * way,
         speed=0.5 * drive.context.settings.lift_speed,
         tare=TarePolicy.SESSION,
         until=drive.against(way, most),
@@ -83,11 +91,5 @@ def _sides(R: FloatArray) -> list[FloatArray]:
 
 def _eased_by(context: Context, drive: Drive, way: FloatArray) -> LegEnd | FaultFound:
     """Give way to what presses, then move by an offset (3,) [m] as far as that goes."""
-    limb = drive.limb
-    fault = relieve(context, limb.name, _EASED)
-    if fault is not None:
-        return fault
-    way = free_share(limb, context.posture(limb), way) * way
-    if float(np.linalg.norm(way)) < _LEAST:
-        return LegEnd(LegOutcome.BLOCKED, 0.0, 0.0)
-    return nudged(drive, way)
+    fault = relieve(context, drive.limb.name, _EASED)
+    return nudged(drive, way) if fault is None else fault

@@ -9,7 +9,7 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import CartesianLeg, LegOutcome, LegPlanner, TarePolicy
+from debrisgrasp.control import LegOutcome, TarePolicy
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.kinematics import Trajectory
@@ -24,7 +24,8 @@ from debrisgrasp.motion import (
 from .context import Context, LimbState
 from .drive import OUTSIDE, Drive
 from .fingers import loosen
-from .obstacles import BARE, space_of
+from .folding import free_share
+from .obstacles import space_of
 from .pacing import widest_corners
 from .relief import relieve, standing_load, with_room
 from .result import FaultFound
@@ -33,8 +34,6 @@ __all__ = [
     "CAUGHT",
     "LAST_RESORT",
     "back_out",
-    "free_share",
-    "is_folded",
     "let_go",
     "lower",
     "planned",
@@ -57,7 +56,9 @@ _SPARE = 0.02
 _UP = 0.12
 """Where it finds no way from, a hand rises so far [m] ..."""
 _RISES = 3
-"""... and so often."""
+"""... and so often ..."""
+_LEAST, _AS_BEFORE = 5e-3, 2e-3
+"""... if it can by so much [m], and the arm is not as before then [rad or m]."""
 _FIRST = 10
 """Looks at the weight before any may count as less."""
 _STEP, _NEXT = 0.03, 0.5
@@ -169,30 +170,6 @@ def pull_of(drive: Drive) -> float:
     return max(CAUGHT, hypot(*drive.weighed()[:3]) + _HARDER)
 
 
-def free_share(limb: LimbState, q: FloatArray, way: FloatArray) -> float:
-    """Tell how much of a straight way (3,) of the hand an arm can go.
-
-    Folded onto itself it would find no way on from there; but if it is so already, it
-    must get out.
-    """
-    limits = limb.limits.controller
-    start = np.clip(q, limits.lower, limits.upper)
-
-    def is_free(row: FloatArray) -> bool:
-        return not is_folded(limb, row)
-
-    legs = LegPlanner(
-        limb.reach.chain, limits, is_free=is_free if is_free(start) else None
-    )
-    return legs.plan(start, CartesianLeg.along(limb.pose(start), way).goal).share
-
-
-def is_folded(limb: LimbState, q: FloatArray) -> bool:
-    """Whether an arm is nearer to itself, or to the robot, than plans may be."""
-    alone = MotionSpace(measured=None, unknown=None, ground_plane=BARE)
-    return not limb.planner.exact_test(alone, with_hand=False).is_free(q[None])[0]
-
-
 def to_rest(context: Context, arm: str) -> FaultFound | None:
     """Bring an arm back to its posture of rest."""
     limb, drive = context.limbs[arm], Drive(context, arm)
@@ -203,6 +180,8 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
         limb.trail.clear()
         return None
     eased = relieve(context, arm, _PRESSED) if limb.trail else None
+    if eased is None and context.cycle.speed <= _GUARDED:
+        eased = _risen(drive)  # it touched something: over that
     if eased is not None:
         return eased
     q = context.posture(limb)
@@ -219,16 +198,30 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     for _ in range(_RISES):
         if not isinstance(found, FaultFound) or found.fault != "plan_collision":
             break
-        q, up = context.posture(limb), np.array([0.0, 0.0, _UP])
-        way, speed = free_share(limb, q, up) * up, context.settings.lift_speed
-        if np.linalg.norm(way) < 5e-3:
+        q = context.posture(limb)
+        fault = _risen(drive)
+        if fault is None and np.abs(context.posture(limb) - q).max() < _AS_BEFORE:
             break
-        end = drive.leg(way, speed=speed, tare=TarePolicy.SESSION)
-        found = end if isinstance(end, FaultFound) else _way_to(context, limb, q_rest)
+        found = fault or _way_to(context, limb, q_rest)
     if isinstance(found, FaultFound):
         return found
     assert found.trajectory is not None
     return _back(drive, found.trajectory)
+
+
+def _risen(drive: Drive) -> FaultFound | None:
+    """Let an open hand rise a little, as far as nothing holds it."""
+    limb, up = drive.limb, np.array([0.0, 0.0, _UP])
+    way = free_share(limb, drive.context.posture(limb), up) * up
+    if way[2] < _LEAST:
+        return None
+    end = drive.leg(
+        way,
+        speed=drive.context.settings.lift_speed,
+        tare=TarePolicy.SESSION,
+        until=drive.against(way, pull_of(drive)),
+    )
+    return end if isinstance(end, FaultFound) else None
 
 
 def _back(drive: Drive, trajectory: Trajectory) -> FaultFound | None:

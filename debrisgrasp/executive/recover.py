@@ -17,8 +17,9 @@ from .drag import drive_back
 from .drive import Drive
 from .faults import Action
 from .fingers import loosen
+from .folding import free_share
 from .hanging import looked_after
-from .moves import back_out, free_share, let_go, lower, put_down, to_rest
+from .moves import back_out, let_go, lower, put_down, to_rest
 from .outcome import FaultEvent
 from .relief import doubted, heaviest, relieve
 from .result import Done, FaultFound, StepResult

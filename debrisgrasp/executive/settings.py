@@ -90,7 +90,7 @@ class TaskSettings:
     of when the task begins."""
     repositions: int = 6
     """So often the base may drive, by up to 35 cm, to where the arms reach better."""
-    pushes: int = 12
+    pushes: int = 20
     """So often a closed hand may push something out of the way that no hand can hold;
     0: never."""
     drag_distance: float = 0.5

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import LegOutcome
-from debrisgrasp.executive import TaskSettings, releasing
+from debrisgrasp.executive import TaskSettings, caught, releasing
 from debrisgrasp.executive.drive import LegEnd
 
 AXIS = np.array([0.0, 0.0, -1.0])
@@ -19,7 +19,10 @@ class Caught:
 
     def __init__(self, times, push):
         self.times, self._push, self.ways = times, np.asarray(push, float), []
-        self.context = SimpleNamespace(settings=TaskSettings())
+        self.context = SimpleNamespace(
+            settings=TaskSettings(), posture=lambda _: np.zeros(6)
+        )
+        self.limb = None
 
     def leg(self, way, **_):
         way = np.asarray(way)
@@ -42,6 +45,11 @@ class Caught:
         return (*self._push, 0.0, 0.0, 0.0)
 
 
+@pytest.fixture(autouse=True)
+def unfolded(monkeypatch):
+    monkeypatch.setattr(caught, "free_share", lambda *_: 1.0)
+
+
 @pytest.mark.parametrize("times", [0, 1, 3])
 def test_a_hand_caught_by_its_side_goes_aside_and_comes_out(times):
     drive = Caught(times, [40.0, 10.0, 5.0])
@@ -59,3 +67,13 @@ def test_a_hand_that_is_caught_for_good_is_told(times, push):
     drive = Caught(times, push)
     assert releasing._drawn_out(drive, AXIS).outcome is LegOutcome.CONTACT
     assert len(drive.ways) <= 11
+
+
+def test_an_arm_that_would_fold_onto_the_robot_is_not_drawn_out_farther(monkeypatch):
+    monkeypatch.setattr(caught, "free_share", lambda *_: 0.25)
+    drive = Caught(0, [0.0, 0.0, 0.0])
+    assert releasing._drawn_out(drive, AXIS).outcome is LegOutcome.DONE
+    assert np.linalg.norm(drive.ways[0]) == pytest.approx(0.25 * 0.04)
+    monkeypatch.setattr(caught, "free_share", lambda *_: 0.0)
+    assert releasing._drawn_out(drive, AXIS).outcome is LegOutcome.BLOCKED
+    assert len(drive.ways) == 1
