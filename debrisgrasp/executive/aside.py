@@ -162,10 +162,13 @@ def push_aside(context: Context) -> StepResult:
     if fault is not None:
         return fault
     if came < _CAME:
-        is_held = end.outcome is LegOutcome.CONTACT
-        words = f"{force:.0f} N" if is_held else "the arm gets no farther"
-        return _stays(mark, f"{words} after {100 * came:.0f} cm")
-    cycle.pushed = came
+        words = f"it came by {100 * came:.0f} cm, then {force:.0f} N resisted"
+        if end.outcome is not LegOutcome.CONTACT:
+            far = 100.0 * end.share * end.length
+            words = f"it came by {100 * came:.0f} cm as the hand went {far:.0f} cm"
+        return _stays(mark, words)
+    cycle.pushed, context.n_pushed = came, context.n_pushed + 1
+    mark.n_changes = context.n_changes  # others may come now, itself it is pushed on
     facts = {"arm": push.limb.name, "pushed": round(came, 3), "end": end.outcome.value}
     return Done(facts, State.RETREAT)
 
@@ -303,8 +306,6 @@ def _remember(context: Context, mark: Mark, own: FloatArray, shift: FloatArray) 
     ends = np.concatenate([own, own + shift])
     context.known.stirred(Bounds.around(ends, _STIRRED))
     mark.centroid, mark.within = mark.centroid + shift, _WITHIN
-    context.n_pushed += 1
-    mark.n_changes = context.n_changes  # others may come now, itself it is pushed on
     if not context.is_in_way((own + shift).mean(axis=0)):
         context.dropped.append(own + shift)
 
