@@ -62,8 +62,13 @@ def _barred(world: World, live: Live) -> World:
     half = np.array([0.01, 0.01, 0.5])
     places = np.arange(-1.2, 1.2, live.severity + 0.02)
     bars = tuple(Box(half, SE3.from_parts(p=[0.0, y, 0.0])) for y in places)
+    n_before = sum(body.kind == "bars" for body in world.bodies)
     fence = Body(
-        "bars", "bars", bars, 60.0, T_base_body=SE3.from_parts(p=[front, 0.0, 0.5])
+        f"bars_{n_before + 1}",
+        "bars",
+        bars,
+        60.0,
+        T_base_body=SE3.from_parts(p=[front, 0.0, 0.5]),
     )
     return replace(world, bodies=(*world.bodies, fence))
 

@@ -23,6 +23,15 @@ def test_nothing_appears_where_an_arm_may_be(robot, rng):
     assert len(scene.world.bodies) == 4
 
 
+def test_the_same_thing_may_appear_twice(robot, rng):
+    scene = StubWorld(named_scene("wood_on_truss"))
+    twice = [Injection(fault="plan_collision", state="capture")] * 2
+    injected = inject(robot, twice, rng=rng, world=scene)
+    injected.on_state("capture")
+    assert injected.happened == ("plan_collision",) * 2
+    assert len({body.name for body in scene.world.bodies}) == 5
+
+
 def test_a_gripper_without_zero_ignores_commands_until_it_is_initialised(robot, rng):
     spoiled = struck(
         robot, "gripper_uninitialised", severity=1, arm="left", rng=rng
