@@ -9,7 +9,7 @@ from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
 from debrisgrasp.executive.choose import select
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done
-from debrisgrasp.executive.shown import never_shown
+from debrisgrasp.executive.shown import never_shown, was_shown
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3
 from debrisgrasp.pipeline import Pipeline
@@ -22,7 +22,7 @@ def pipeline():
     return Pipeline()
 
 
-def looking(pipeline, *bodies):
+def looking(pipeline, *bodies, **settings):
     fake = fake_robot(
         pipeline.robot,
         World(bodies),
@@ -30,7 +30,10 @@ def looking(pipeline, *bodies):
         config=FakeConfig(is_initialised=True),
     )
     task = Executive(
-        fake.robot, TaskSettings(), pipeline=pipeline, rng=np.random.default_rng(0)
+        fake.robot,
+        TaskSettings(**settings),
+        pipeline=pipeline,
+        rng=np.random.default_rng(0),
     )
     return task.context
 
@@ -70,6 +73,28 @@ def test_what_lies_there_is_found(pipeline):
         found = looked(context)
     assert found.next is None
     assert np.hypot(*(np.array(found.facts["centroid"]) - [0.6, 0, 0.08])[:2]) < 0.1
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_both_sides_of_a_wide_way_are_looked_at(pipeline, side):
+    wide = ((0.45, -2.0, -0.1), (1.9, 2.0, 1.3))
+    context = looking(pipeline, block(1.0, side * 1.8), workspace=wide)
+    for _ in range(4):
+        found = looked(context)
+        if found.next is not State.CAPTURE:
+            break
+    assert found.next is None
+    assert found.facts["centroid"][1] == pytest.approx(side * 1.8, abs=0.15)
+
+
+def test_all_ground_is_looked_at_to_which_the_head_turns(pipeline):
+    context = looking(pipeline, block(0.98, 1.2))
+    while looked(context).next is State.CAPTURE:
+        assert len(context.shown) < 6
+    # Right before the tracks it can't look down far enough.
+    for place in ([0.6, -0.6, 0.0], [0.6, 0.55, 0.0], [0.75, 0.0, 0.0]):
+        assert was_shown(context.shown, np.array(place))
+    assert not was_shown(context.shown, np.array([0.5, 0.0, 0.0]))
 
 
 def test_from_elsewhere_all_is_looked_at_anew(pipeline):
