@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 import pytest
 
+from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.aside import push_aside, to_push
 from debrisgrasp.executive.choose import select
+from debrisgrasp.executive.faults import Action
+from debrisgrasp.executive.outcome import FaultEvent
 from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.recover import recover
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
+from debrisgrasp.executive.table import answer_to
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import FakeConfig, fake_robot
@@ -123,6 +130,44 @@ def test_nothing_is_pushed_that_may_not_be(pipeline):
     assert isinstance(found, FaultFound)
     assert "1 object could not be taken" in found.message
     assert across(fake) == pytest.approx(-0.3, abs=1e-3)
+
+
+@pytest.mark.parametrize("n_before", [200, 1700])
+def test_a_command_that_is_lost_on_a_push_ends_at_rest(pipeline, monkeypatch, n_before):
+    fake, context = before_a_crate(pipeline, (0.9, -0.3))
+    chosen_to_push(context)
+    arm = context.limbs["right"].limb.arm
+    sent, lost = arm.command, DriverError("drives", "no answer")
+    calls = count()
+
+    def command(q):
+        if next(calls) == n_before:
+            raise lost
+        sent(q)
+
+    monkeypatch.setattr(arm, "command", command)
+    with pytest.raises(DriverError):
+        push_aside(context)
+    answer = answer_to(State.PUSH, "connection_lost")
+    event = FaultEvent(
+        time=context.now(),
+        state=State.PUSH,
+        fault="connection_lost",
+        message=str(lost),
+        action=answer.action,
+    )
+    assert isinstance(recover(context, event, answer), Done)
+    # It was still in motion.
+    assert fake.truth().violations == ()
+    assert context.is_in_pile is None
+    assert not any(limb.limb.arm.is_engaged for limb in context.limbs.values())
+
+
+def test_a_baseline_that_is_too_old_for_a_push_is_taken_anew():
+    answer = answer_to(State.PUSH, "bias_drift")
+    assert answer.resume is State.SELF_TEST
+    assert answer.is_cleared_up
+    assert answer_to(State.PUSH, "early_contact").action is Action.NEXT
 
 
 def test_what_has_the_shortest_way_out_is_pushed_first(pipeline):
