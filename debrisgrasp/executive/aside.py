@@ -139,6 +139,8 @@ def push_aside(context: Context) -> StepResult:
     context.n_pushes += 1
     mark = context.marks.of(cycle.centroid)
     assert mark is not None
+    mark.n_stayed += 1  # until it has come
+    mark.why_stays = "the push did not end well"
     push = _sought(context, own)
     if isinstance(push, str):
         return _stays(mark, push)
@@ -169,13 +171,13 @@ def push_aside(context: Context) -> StepResult:
         return _stays(mark, words)
     cycle.pushed, context.n_pushed = came, context.n_pushed + 1
     mark.n_changes = context.n_changes  # others may come now, itself it is pushed on
+    mark.n_stayed -= 1
     facts = {"arm": push.limb.name, "pushed": round(came, 3), "end": end.outcome.value}
     return Done(facts, State.RETREAT)
 
 
 def _stays(mark: Mark, why: str) -> Done:
-    """Note that an object was not pushed."""
-    mark.n_stayed += 1
+    """Note why an object was not pushed."""
     mark.why_stays = why
     return Done({"pushed": 0.0, "why": why}, State.RETREAT)
 

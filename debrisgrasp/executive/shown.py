@@ -14,7 +14,7 @@ from debrisgrasp.geometry import DepthSight
 from .context import Context
 from .perceive import look_towards
 
-__all__ = ["never_shown", "was_shown"]
+__all__ = ["never_shown", "share_missing", "was_shown"]
 
 _PACE = 0.05
 """Spacing of places that must have been in a picture before the way counts as clear
@@ -34,17 +34,13 @@ def never_shown(context: Context) -> FloatArray | None:
     In metres, shape (3,). What is missing on both sides is looked at one after the
     other, the larger part first. None: there is none, or the head can't turn there.
     """
-    low, high = context.settings.bounds.lower, context.settings.bounds.upper
-    x, y = (np.arange(a, b, _PACE) for a, b in zip(low[:2], high[:2], strict=True))
-    ground = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((len(x), len(y)))])
-    ground = ground.reshape(3, -1).T
-    places = context.T_base_way.apply(ground)
-    is_in = np.array([_is_in(sight, places) for sight in context.shown])
-    places = places[~is_in.any(axis=0)]
+    is_in, places = _looked_at(context)
+    n_missing = int((~is_in.any(axis=0)).sum())
     n_before = int((~is_in[:-1].any(axis=0)).sum())
-    is_in_vain = len(is_in) > 1 and len(places) >= (1.0 - _GAINED) * n_before
+    is_in_vain = len(is_in) > 1 and n_missing >= (1.0 - _GAINED) * n_before
     if context.robot.head is None or is_in_vain:
         return None
+    places = places[~is_in.any(axis=0)]
     while len(places) >= _FEWER:
         tree = cKDTree(places)
         counts = tree.query_ball_point(places, _AROUND, return_length=True)
@@ -56,9 +52,24 @@ def never_shown(context: Context) -> FloatArray | None:
     return None
 
 
+def share_missing(context: Context) -> float:
+    """Share of the workspace's ground that no capture shows."""
+    is_in, _ = _looked_at(context)
+    return float(1.0 - is_in.any(axis=0).mean())
+
+
 def was_shown(sights: Sequence[DepthSight], place: FloatArray) -> bool:
     """Whether a place (3,), base frame [m], is in one of some pictures."""
     return any(_is_in(sight, place[None])[0] for sight in sights)
+
+
+def _looked_at(context: Context) -> tuple[BoolArray, FloatArray]:
+    """Which capture shows which ground, (k, n), and its places, base frame (n, 3)."""
+    low, high = context.settings.bounds.lower, context.settings.bounds.upper
+    x, y = (np.arange(a, b, _PACE) for a, b in zip(low[:2], high[:2], strict=True))
+    ground = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((len(x), len(y)))])
+    places = context.T_base_way.apply(ground.reshape(3, -1).T)
+    return np.array([_is_in(sight, places) for sight in context.shown]), places
 
 
 def _can_show(context: Context, place: FloatArray) -> bool:

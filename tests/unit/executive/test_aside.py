@@ -124,6 +124,18 @@ def test_what_does_not_slide_stays_and_is_pushed_no_harder(pipeline):
     assert "not pushed aside" in why
 
 
+def test_a_push_that_fails_twice_is_not_tried_again(pipeline, monkeypatch):
+    _, context = before_a_crate(pipeline, (0.9, -0.3))
+    touched = FaultFound("plan_collision", "touched something", "right")
+    monkeypatch.setattr("debrisgrasp.executive.aside._taken_there", lambda *_: touched)
+    for _ in range(2):
+        chosen_to_push(context)
+        assert push_aside(context) is touched
+    found = select(context)
+    assert isinstance(found, FaultFound)
+    assert "not pushed aside" in next(iter(context.left.values()))
+
+
 def test_nothing_is_pushed_that_may_not_be(pipeline):
     fake, context = before_a_crate(pipeline, (0.9, -0.3), pushes=0)
     found = select(context)

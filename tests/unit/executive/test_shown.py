@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
 from debrisgrasp.executive.choose import select
 from debrisgrasp.executive.perceive import capture, segment
-from debrisgrasp.executive.result import Done
+from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.shown import never_shown, was_shown
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3
@@ -95,6 +97,16 @@ def test_all_ground_is_looked_at_to_which_the_head_turns(pipeline):
     for place in ([0.6, -0.6, 0.0], [0.6, 0.55, 0.0], [0.75, 0.0, 0.0]):
         assert was_shown(context.shown, np.array(place))
     assert not was_shown(context.shown, np.array([0.5, 0.0, 0.0]))
+
+
+def test_a_way_of_which_a_fixed_camera_shows_little_is_not_clear(pipeline):
+    wide = ((0.45, -2.0, -0.1), (1.9, 2.0, 1.3))
+    context = looking(pipeline, block(0.98, 2.3), workspace=wide)
+    context.robot = replace(context.robot, head=None)
+    found = looked(context)
+    assert isinstance(found, FaultFound)
+    assert found.fault == "empty_cloud"
+    assert "in no picture" in found.message
 
 
 def test_from_elsewhere_all_is_looked_at_anew(pipeline):
