@@ -160,6 +160,10 @@ def push_aside(context: Context) -> StepResult:
         return end
     came, force = touch.came, float(np.linalg.norm(drive.push()))
     _remember(context, mark, own, came * ahead)
+    if came >= _CAME:
+        cycle.pushed, context.n_pushed = came, context.n_pushed + 1
+        # Others may come now, itself it is pushed on.
+        mark.n_changes, mark.n_stayed = context.n_changes, mark.n_stayed - 1
     fault = _left(context, drive, -_BACK * ahead)
     if fault is not None:
         return fault
@@ -169,9 +173,6 @@ def push_aside(context: Context) -> StepResult:
             far = 100.0 * end.share * end.length
             words = f"it came by {100 * came:.0f} cm as the hand went {far:.0f} cm"
         return _stays(mark, words)
-    cycle.pushed, context.n_pushed = came, context.n_pushed + 1
-    mark.n_changes = context.n_changes  # others may come now, itself it is pushed on
-    mark.n_stayed -= 1
     facts = {"arm": push.limb.name, "pushed": round(came, 3), "end": end.outcome.value}
     return Done(facts, State.RETREAT)
 

@@ -136,6 +136,18 @@ def test_a_push_that_fails_twice_is_not_tried_again(pipeline, monkeypatch):
     assert "not pushed aside" in next(iter(context.left.values()))
 
 
+def test_what_came_has_come_whatever_happens_on_the_way_back(pipeline, monkeypatch):
+    fake, context = before_a_crate(pipeline, (0.9, -0.3))
+    touched = FaultFound("plan_collision", "touched something", "right")
+    monkeypatch.setattr("debrisgrasp.executive.aside._left", lambda *_: touched)
+    chosen_to_push(context)
+    assert push_aside(context) is touched
+    assert context.n_pushed == 1
+    assert context.cycle.pushed == pytest.approx(-0.3 - across(fake), abs=0.05)
+    assert context.marks.marks[0].n_stayed == 0
+    assert context.is_in_pile == "right"  # it is cleared up
+
+
 def test_nothing_is_pushed_that_may_not_be(pipeline):
     fake, context = before_a_crate(pipeline, (0.9, -0.3), pushes=0)
     found = select(context)
