@@ -70,12 +70,13 @@ def select(context: Context) -> StepResult:
         if reason or was_shown(before, segment.centroid):
             continue
         triage = _triage(context, seen, segment)
-        if triage.way in (Way.DRIVE_OVER, Way.LEAVE):
-            left[name] = f"{triage.way.value}: {triage.reason}"
-            continue
         why = context.marks.why_left(
             segment.centroid, context.n_changes, context.settings.tries
         )
+        # What was tried and stays is in the way, even if no more can be done with it.
+        if triage.way is Way.DRIVE_OVER or (triage.way is Way.LEAVE and not why):
+            left[name] = f"{triage.way.value}: {triage.reason}"
+            continue
         if triage.way is Way.DRAG:
             mark = context.marks.of(segment.centroid)
             is_done = mark is not None and mark.tries > context.settings.tries

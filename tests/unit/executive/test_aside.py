@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -146,6 +147,17 @@ def test_what_came_has_come_whatever_happens_on_the_way_back(pipeline, monkeypat
     assert context.cycle.pushed == pytest.approx(-0.3 - across(fake), abs=0.05)
     assert context.marks.marks[0].n_stayed == 0
     assert context.is_in_pile == "right"  # it is cleared up
+
+
+def test_what_is_too_heavy_for_a_robot_that_stands_fast_is_pushed(pipeline):
+    _, context = before_a_crate(pipeline, (0.9, -0.3), pushes=1)
+    context.robot = replace(context.robot, base=None)
+    context.marks.marks[0].is_heavy = True
+    chosen_to_push(context)
+    context.n_pushes = 1
+    found = select(context)
+    assert isinstance(found, FaultFound)  # and else it is no clear way
+    assert found.fault == "no_grasp"
 
 
 def test_nothing_is_pushed_that_may_not_be(pipeline):
