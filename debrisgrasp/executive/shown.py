@@ -59,8 +59,12 @@ def share_missing(context: Context) -> float:
 
 
 def was_shown(sights: Sequence[DepthSight], place: FloatArray) -> bool:
-    """Whether a place (3,), base frame [m], is in one of some pictures."""
-    return any(_is_in(sight, place[None])[0] for sight in sights)
+    """Whether one of some pictures has depth at a place (3,), base frame [m]."""
+    x, y, z = np.asarray(place[:, None], dtype=np.float32)
+    return any(
+        _is_in(sight, place[None])[0] and np.isfinite(sight.clearance(x, y, z))[0]
+        for sight in sights
+    )
 
 
 def _looked_at(context: Context) -> tuple[BoolArray, FloatArray]:
