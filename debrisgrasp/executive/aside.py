@@ -139,6 +139,8 @@ def push_aside(context: Context) -> StepResult:
     context.n_pushes += 1
     mark = context.marks.of(cycle.centroid)
     assert mark is not None
+    mark.n_stayed += 1  # until it has come
+    mark.why_stays = "the push did not end well"
     push = _sought(context, own)
     if isinstance(push, str):
         return _stays(mark, push)
@@ -158,6 +160,10 @@ def push_aside(context: Context) -> StepResult:
         return end
     came, force = touch.came, float(np.linalg.norm(drive.push()))
     _remember(context, mark, own, came * ahead)
+    if came >= _CAME:
+        cycle.pushed, context.n_pushed = came, context.n_pushed + 1
+        # Others may come now, itself it is pushed on.
+        mark.n_changes, mark.n_stayed = context.n_changes, mark.n_stayed - 1
     fault = _left(context, drive, -_BACK * ahead)
     if fault is not None:
         return fault
@@ -167,15 +173,12 @@ def push_aside(context: Context) -> StepResult:
             far = 100.0 * end.share * end.length
             words = f"it came by {100 * came:.0f} cm as the hand went {far:.0f} cm"
         return _stays(mark, words)
-    cycle.pushed, context.n_pushed = came, context.n_pushed + 1
-    mark.n_changes = context.n_changes  # others may come now, itself it is pushed on
     facts = {"arm": push.limb.name, "pushed": round(came, 3), "end": end.outcome.value}
     return Done(facts, State.RETREAT)
 
 
 def _stays(mark: Mark, why: str) -> Done:
-    """Note that an object was not pushed."""
-    mark.n_stayed += 1
+    """Note why an object was not pushed."""
     mark.why_stays = why
     return Done({"pushed": 0.0, "why": why}, State.RETREAT)
 

@@ -28,7 +28,7 @@ from .dropoff import drop_postures, no_place, object_in_hand
 from .obstacles import room_for
 from .reposition import repositioned
 from .result import Done, FaultFound, StepResult
-from .shown import never_shown, was_shown
+from .shown import never_shown, share_missing, was_shown
 from .states import State
 from .triage import Triage, Way, judge
 
@@ -70,12 +70,13 @@ def select(context: Context) -> StepResult:
         if reason or was_shown(before, segment.centroid):
             continue
         triage = _triage(context, seen, segment)
-        if triage.way in (Way.DRIVE_OVER, Way.LEAVE):
-            left[name] = f"{triage.way.value}: {triage.reason}"
-            continue
         why = context.marks.why_left(
             segment.centroid, context.n_changes, context.settings.tries
         )
+        # What was tried and stays is in the way, even if no more can be done with it.
+        if triage.way is Way.DRIVE_OVER or (triage.way is Way.LEAVE and not why):
+            left[name] = f"{triage.way.value}: {triage.reason}"
+            continue
         if triage.way is Way.DRAG:
             mark = context.marks.of(segment.centroid)
             is_done = mark is not None and mark.tries > context.settings.tries
@@ -108,7 +109,13 @@ def select(context: Context) -> StepResult:
     if gaze is not None:
         context.cycle.gaze = gaze
         return Done({"looks_at": np.round(gaze, 2).tolist()}, State.CAPTURE)
-    return Done({"cleared": True, "left": left}, State.CLEARED)
+    missing = share_missing(context)
+    if missing > context.settings.max_dropout:
+        words = f"{100 * missing:.0f} % of the workspace are in no picture, and the "
+        words += "head does not turn there: nothing says that it is clear"
+        return FaultFound("empty_cloud", words, None, {"missing_share": missing})
+    facts = {"cleared": True, "left": left, "missing_share": round(missing, 3)}
+    return Done(facts, State.CLEARED)
 
 
 def _select_marked(context: Context, seen: Perception) -> StepResult:

@@ -383,8 +383,11 @@ def _drop_off_in_pile(context: Context) -> FaultFound | None:
     assert seen is not None
     if context.n_removed:
         return None  # what lies there now was put there
-    labels = seen.segmentation.labels
-    points = seen.cloud.points[labels > 0]
+    ground = seen.segmentation.ground
+    points = seen.cloud.points[seen.segmentation.labels > 0]
+    if ground.plane is not None and _is_bare(context):
+        high = np.abs(points @ ground.plane[:3] + ground.plane[3])
+        points = points[high > context.pipeline.config.segmentation.ground.clearance]
     for arm in context.limbs:
         place = np.array(context.settings.drop_off[arm])
         away = np.linalg.norm(points[:, :2] - place, axis=1)

@@ -55,6 +55,7 @@ def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
         fault = _reconnected(context)
         if fault is not None:
             return fault
+        stop_all(context)  # it was in motion: the next one begins at rest
     reset_stops(context)
     if event.fault == "start_outside_limits":
         fault = _moved_inside(context, event)

@@ -3,46 +3,85 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.geometry import DepthSight
 
 from .context import Context
+from .perceive import look_towards
 
-__all__ = ["never_shown", "was_shown"]
+__all__ = ["never_shown", "share_missing", "was_shown"]
 
 _PACE = 0.05
 """Spacing of places that must have been in a picture before the way counts as clear
 [m]."""
-_GAINED = 0.5
-"""A look that leaves more than this share of what was missing is the last: the head
-turns no farther."""
+_AROUND = 0.4
+"""What is missing so near to one place is looked at together [m]."""
+_FEWER = 20
+"""So many places around one that the head can't show are looked for no more."""
+_GAINED = 0.05
+"""A look that shows no more than this share of what was missing is the last: the head
+does not turn there."""
 
 
 def never_shown(context: Context) -> FloatArray | None:
-    """Middle of the workspace's ground that no capture shows, frame of the way [m].
+    """Middle of some of the workspace's ground that no capture shows, frame of the way.
 
-    None: there is none, or the head can't turn there.
+    In metres, shape (3,). What is missing on both sides is looked at one after the
+    other, the larger part first. None: there is none, or the head can't turn there.
     """
-    low, high = context.settings.bounds.lower, context.settings.bounds.upper
-    x, y = (np.arange(a, b, _PACE) for a, b in zip(low[:2], high[:2], strict=True))
-    ground = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((len(x), len(y)))])
-    ground = ground.reshape(3, -1).T
-    places = context.T_base_way.apply(ground)
-    is_in = np.array([_is_in(sight, places) for sight in context.shown])
-    places = places[~is_in.any(axis=0)]
+    is_in, places = _looked_at(context)
+    n_missing = int((~is_in.any(axis=0)).sum())
     n_before = int((~is_in[:-1].any(axis=0)).sum())
-    is_in_vain = len(is_in) > 1 and len(places) > _GAINED * n_before
-    if context.robot.head is None or is_in_vain or not len(places):
+    is_in_vain = len(is_in) > 1 and n_missing >= (1.0 - _GAINED) * n_before
+    if context.robot.head is None or is_in_vain:
         return None
-    return np.asarray(context.T_base_way.inverse().apply(places).mean(axis=0))
+    places = places[~is_in.any(axis=0)]
+    while len(places) >= _FEWER:
+        tree = cKDTree(places)
+        counts = tree.query_ball_point(places, _AROUND, return_length=True)
+        together = tree.query_ball_point(places[np.argmax(counts)], _AROUND)
+        middle = places[together].mean(axis=0)
+        if _can_show(context, middle):
+            return np.asarray(context.T_base_way.inverse().apply(middle))
+        places = np.delete(places, tree.query(middle, _FEWER)[1], axis=0)
+    return None
+
+
+def share_missing(context: Context) -> float:
+    """Share of the workspace's ground that no capture shows."""
+    is_in, _ = _looked_at(context)
+    return float(1.0 - is_in.any(axis=0).mean())
 
 
 def was_shown(sights: Sequence[DepthSight], place: FloatArray) -> bool:
-    """Whether a place (3,), base frame [m], is in one of some pictures."""
-    return any(_is_in(sight, place[None])[0] for sight in sights)
+    """Whether one of some pictures has depth at a place (3,), base frame [m]."""
+    x, y, z = np.asarray(place[:, None], dtype=np.float32)
+    return any(
+        _is_in(sight, place[None])[0] and np.isfinite(sight.clearance(x, y, z))[0]
+        for sight in sights
+    )
+
+
+def _looked_at(context: Context) -> tuple[BoolArray, FloatArray]:
+    """Which capture shows which ground, (k, n), and its places, base frame (n, 3)."""
+    low, high = context.settings.bounds.lower, context.settings.bounds.upper
+    x, y = (np.arange(a, b, _PACE) for a, b in zip(low[:2], high[:2], strict=True))
+    ground = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((len(x), len(y)))])
+    places = context.T_base_way.apply(ground.reshape(3, -1).T)
+    return np.array([_is_in(sight, places) for sight in context.shown]), places
+
+
+def _can_show(context: Context, place: FloatArray) -> bool:
+    """Whether the head can turn so that a place (3,), base frame [m], is shown."""
+    values = {**context.joint_values(), **look_towards(context, place)}
+    T_base_camera = context.model.T_base_camera(values)
+    turned = replace(context.shown[-1], T_base_camera=T_base_camera)
+    return bool(_is_in(turned, place[None])[0])
 
 
 def _is_in(sight: DepthSight, points: FloatArray) -> BoolArray:

@@ -130,7 +130,8 @@ def answer_to(state: State, fault: str, used: int = 0) -> Answer:
         answer = Answer(spec.action, spec.budget, spec.then)
     if answer.budget and used >= answer.budget:
         answer = Answer(answer.then)
-    if state is State.PUSH and answer.action not in (Action.STOP, Action.ABORT):
+    is_final = answer.action in (Action.STOP, Action.ABORT)
+    if state is State.PUSH and not is_final and answer.resume is not State.SELF_TEST:
         answer = Answer(Action.NEXT)  # it may lie elsewhere now: only a look helps
     has_moved = state in (*_IN_THE_PILE, *HOLDING, State.RETREAT)
     if answer.action is Action.NEXT and has_moved:

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import count
+
 import numpy as np
 import pytest
 
+from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.aside import push_aside, to_push
 from debrisgrasp.executive.choose import select
+from debrisgrasp.executive.faults import Action
+from debrisgrasp.executive.outcome import FaultEvent
 from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.recover import recover
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
+from debrisgrasp.executive.table import answer_to
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import FakeConfig, fake_robot
@@ -117,12 +125,85 @@ def test_what_does_not_slide_stays_and_is_pushed_no_harder(pipeline):
     assert "not pushed aside" in why
 
 
+def test_a_push_that_fails_twice_is_not_tried_again(pipeline, monkeypatch):
+    _, context = before_a_crate(pipeline, (0.9, -0.3))
+    touched = FaultFound("plan_collision", "touched something", "right")
+    monkeypatch.setattr("debrisgrasp.executive.aside._taken_there", lambda *_: touched)
+    for _ in range(2):
+        chosen_to_push(context)
+        assert push_aside(context) is touched
+    found = select(context)
+    assert isinstance(found, FaultFound)
+    assert "not pushed aside" in next(iter(context.left.values()))
+
+
+def test_what_came_has_come_whatever_happens_on_the_way_back(pipeline, monkeypatch):
+    fake, context = before_a_crate(pipeline, (0.9, -0.3))
+    touched = FaultFound("plan_collision", "touched something", "right")
+    monkeypatch.setattr("debrisgrasp.executive.aside._left", lambda *_: touched)
+    chosen_to_push(context)
+    assert push_aside(context) is touched
+    assert context.n_pushed == 1
+    assert context.cycle.pushed == pytest.approx(-0.3 - across(fake), abs=0.05)
+    assert context.marks.marks[0].n_stayed == 0
+    assert context.is_in_pile == "right"  # it is cleared up
+
+
+def test_what_is_too_heavy_for_a_robot_that_stands_fast_is_pushed(pipeline):
+    _, context = before_a_crate(pipeline, (0.9, -0.3), pushes=1)
+    context.robot = replace(context.robot, base=None)
+    context.marks.marks[0].is_heavy = True
+    chosen_to_push(context)
+    context.n_pushes = 1
+    found = select(context)
+    assert isinstance(found, FaultFound)  # and else it is no clear way
+    assert found.fault == "no_grasp"
+
+
 def test_nothing_is_pushed_that_may_not_be(pipeline):
     fake, context = before_a_crate(pipeline, (0.9, -0.3), pushes=0)
     found = select(context)
     assert isinstance(found, FaultFound)
     assert "1 object could not be taken" in found.message
     assert across(fake) == pytest.approx(-0.3, abs=1e-3)
+
+
+@pytest.mark.parametrize("n_before", [200, 1700])
+def test_a_command_that_is_lost_on_a_push_ends_at_rest(pipeline, monkeypatch, n_before):
+    fake, context = before_a_crate(pipeline, (0.9, -0.3))
+    chosen_to_push(context)
+    arm = context.limbs["right"].limb.arm
+    sent, lost = arm.command, DriverError("drives", "no answer")
+    calls = count()
+
+    def command(q):
+        if next(calls) == n_before:
+            raise lost
+        sent(q)
+
+    monkeypatch.setattr(arm, "command", command)
+    with pytest.raises(DriverError):
+        push_aside(context)
+    answer = answer_to(State.PUSH, "connection_lost")
+    event = FaultEvent(
+        time=context.now(),
+        state=State.PUSH,
+        fault="connection_lost",
+        message=str(lost),
+        action=answer.action,
+    )
+    assert isinstance(recover(context, event, answer), Done)
+    # It was still in motion.
+    assert fake.truth().violations == ()
+    assert context.is_in_pile is None
+    assert not any(limb.limb.arm.is_engaged for limb in context.limbs.values())
+
+
+def test_a_baseline_that_is_too_old_for_a_push_is_taken_anew():
+    answer = answer_to(State.PUSH, "bias_drift")
+    assert answer.resume is State.SELF_TEST
+    assert answer.is_cleared_up
+    assert answer_to(State.PUSH, "early_contact").action is Action.NEXT
 
 
 def test_what_has_the_shortest_way_out_is_pushed_first(pipeline):

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
 from debrisgrasp.executive.choose import select
 from debrisgrasp.executive.perceive import capture, segment
-from debrisgrasp.executive.result import Done
-from debrisgrasp.executive.shown import never_shown
+from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.shown import never_shown, share_missing, was_shown
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3
 from debrisgrasp.pipeline import Pipeline
@@ -22,7 +24,7 @@ def pipeline():
     return Pipeline()
 
 
-def looking(pipeline, *bodies):
+def looking(pipeline, *bodies, **settings):
     fake = fake_robot(
         pipeline.robot,
         World(bodies),
@@ -30,7 +32,10 @@ def looking(pipeline, *bodies):
         config=FakeConfig(is_initialised=True),
     )
     task = Executive(
-        fake.robot, TaskSettings(), pipeline=pipeline, rng=np.random.default_rng(0)
+        fake.robot,
+        TaskSettings(**settings),
+        pipeline=pipeline,
+        rng=np.random.default_rng(0),
     )
     return task.context
 
@@ -70,6 +75,46 @@ def test_what_lies_there_is_found(pipeline):
         found = looked(context)
     assert found.next is None
     assert np.hypot(*(np.array(found.facts["centroid"]) - [0.6, 0, 0.08])[:2]) < 0.1
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_both_sides_of_a_wide_way_are_looked_at(pipeline, side):
+    wide = ((0.45, -2.0, -0.1), (1.9, 2.0, 1.3))
+    context = looking(pipeline, block(1.0, side * 1.8), workspace=wide)
+    for _ in range(4):
+        found = looked(context)
+        if found.next is not State.CAPTURE:
+            break
+    assert found.next is None
+    assert found.facts["centroid"][1] == pytest.approx(side * 1.8, abs=0.15)
+
+
+def test_all_ground_is_looked_at_to_which_the_head_turns(pipeline):
+    context = looking(pipeline, block(0.98, 1.2))
+    while looked(context).next is State.CAPTURE:
+        assert len(context.shown) < 6
+    # Right before the tracks it can't look down far enough: 10 % by a grid of looks.
+    assert 0.05 < share_missing(context) < 0.11
+
+
+def test_where_a_picture_has_no_depth_it_shows_nothing(pipeline):
+    context = looking(pipeline, block(0.98, 1.2))
+    looked(context)
+    (sight,), place = context.shown, np.array([1.0, 0.0, 0.0])
+    assert was_shown([sight], place)
+    blind = replace(sight, depth=np.full_like(sight.depth, np.nan))
+    assert not was_shown([blind], place)
+    assert was_shown([blind, sight], place)
+
+
+def test_a_way_of_which_a_fixed_camera_shows_little_is_not_clear(pipeline):
+    wide = ((0.45, -2.0, -0.1), (1.9, 2.0, 1.3))
+    context = looking(pipeline, block(0.98, 2.3), workspace=wide)
+    context.robot = replace(context.robot, head=None)
+    found = looked(context)
+    assert isinstance(found, FaultFound)
+    assert found.fault == "empty_cloud"
+    assert "in no picture" in found.message
 
 
 def test_from_elsewhere_all_is_looked_at_anew(pipeline):
