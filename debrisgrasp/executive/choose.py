@@ -67,7 +67,8 @@ def select(context: Context) -> StepResult:
         segment = seen.segmentation.segment(candidate.label)
         name = _named(context, segment)
         reason = _not_in_the_way(context, seen, segment)
-        if reason or was_shown(before, segment.centroid):
+        own = seen.cloud.points[seen.segmentation.points_of(segment.label)]
+        if reason or was_shown(before, own):
             continue
         triage = _triage(context, seen, segment)
         why = context.marks.why_left(

@@ -23,6 +23,8 @@ _AROUND = 0.4
 """What is missing so near to one place is looked at together [m]."""
 _FEWER = 20
 """So many places around one that the head can't show are looked for no more."""
+_ALL = 0.9
+"""Share of an object's points that is all of it, but for holes in the depth."""
 _GAINED = 0.05
 """A look that shows no more than this share of what was missing is the last: the head
 does not turn there."""
@@ -58,13 +60,17 @@ def share_missing(context: Context) -> float:
     return float(1.0 - is_in.any(axis=0).mean())
 
 
-def was_shown(sights: Sequence[DepthSight], place: FloatArray) -> bool:
-    """Whether one of some pictures has depth at a place (3,), base frame [m]."""
-    x, y, z = np.asarray(place[:, None], dtype=np.float32)
-    return any(
-        _is_in(sight, place[None])[0] and np.isfinite(sight.clearance(x, y, z))[0]
-        for sight in sights
-    )
+def was_shown(sights: Sequence[DepthSight], points: FloatArray) -> bool:
+    """Whether pictures have depth at nearly all of an object's points (n, 3).
+
+    What the border of one cut off was not judged by that. Points are in the base frame
+    [m].
+    """
+    x, y, z = points.T.astype(np.float32)
+    is_shown = np.zeros(len(points), dtype=bool)
+    for sight in sights:
+        is_shown |= _is_in(sight, points) & np.isfinite(sight.clearance(x, y, z))
+    return bool(is_shown.mean() > _ALL)
 
 
 def _looked_at(context: Context) -> tuple[BoolArray, FloatArray]:

@@ -11,7 +11,7 @@ from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
 from debrisgrasp.executive.choose import select
 from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.result import Done, FaultFound
-from debrisgrasp.executive.shown import never_shown, share_missing, was_shown
+from debrisgrasp.executive.shown import _is_in, never_shown, share_missing, was_shown
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3
 from debrisgrasp.pipeline import Pipeline
@@ -101,6 +101,7 @@ def test_where_a_picture_has_no_depth_it_shows_nothing(pipeline):
     context = looking(pipeline, block(0.98, 1.2))
     looked(context)
     (sight,), place = context.shown, np.array([1.0, 0.0, 0.0])
+    place = place[None]
     assert was_shown([sight], place)
     blind = replace(sight, depth=np.full_like(sight.depth, np.nan))
     assert not was_shown([blind], place)
@@ -133,3 +134,20 @@ def test_no_pile_lies_where_the_robot_stands():
     world = SimulatedTask(seed=5020).world()
     low = min(solid.bounds.lower[0] for body in world.bodies for solid in body.solids)
     assert low == pytest.approx(0.5, abs=1e-9)
+
+
+def test_what_the_border_of_a_picture_cut_off_is_judged_by_the_next(pipeline):
+    """Cut to a strip of 2 cm, a block is too small to count."""
+    context = looking(pipeline, block(0.98, 1.2))
+    looked(context)
+    sight = context.shown[0]
+    places = np.stack([np.arange(0.3, 1.0, 0.005), *np.zeros((2, 140))], axis=1)
+    places[:, 2] = 0.16
+    border = places[_is_in(sight, places)][0, 0]
+    grid = np.arange(-0.1, 0.1, 0.01)
+    top = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    corner = np.array([border - 0.08, 0.0])
+    cut = np.column_stack([top + corner, np.full(len(top), 0.16)])
+    whole = cut + np.array([0.2, 0.0, 0.0])
+    assert not was_shown([sight], cut)
+    assert was_shown([sight], whole)
