@@ -26,7 +26,7 @@ from .aside import to_push
 from .context import Context
 from .dropoff import drop_postures, no_place, object_in_hand
 from .obstacles import room_for
-from .reposition import repositioned
+from .reposition import repositioned, stepped_back
 from .result import Done, FaultFound, StepResult
 from .shown import never_shown, share_missing, was_shown
 from .states import State
@@ -111,6 +111,10 @@ def select(context: Context) -> StepResult:
         context.cycle.gaze = gaze
         return Done({"looks_at": np.round(gaze, 2).tolist()}, State.CAPTURE)
     missing = share_missing(context)
+    moved = stepped_back(context, missing)
+    if moved:
+        facts = {"moved": round(moved, 3), "missing_share": round(missing, 3)}
+        return Done({**facts, "left": left}, State.CAPTURE)
     if missing > context.settings.max_dropout:
         words = f"{100 * missing:.0f} % of the workspace are in no picture, and the "
         words += "head does not turn there: nothing says that it is clear"

@@ -216,6 +216,8 @@ class Context:
     """How often it was tried to push something aside ..."""
     n_pushed: int = 0
     """... and how often that came."""
+    missing: float = 1.0
+    """Share of the workspace in no picture when the base last drove back to see it."""
     in_vain: list[tuple[int, float]] = field(default_factory=list)
     """How many objects were removed, and how far ahead the base stood [m], whenever no
     other could be got."""

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.robot import Base
 
 from .context import Context
 
-__all__ = ["repositioned"]
+__all__ = ["repositioned", "stepped_back"]
 
 _STANDS = (0.95, 0.8, 1.1)
 """Ahead of the base an arm reaches most in the first: there an object is brought to; in
@@ -25,6 +26,10 @@ _ROOM = 0.08
 """In front of it, that stays free [m]."""
 _LOW = 0.05
 """What is higher than this stands in the way of the base [m]."""
+_STEP, _SHOWN, _STILL = 0.3, 0.02, 0.8
+"""So far back the strip before the tracks is seen [m]; less than this share of the
+workspace may stay unseen; and where more than this share of what was missing still is,
+it helps no more."""
 _SPEED = 0.08
 """[m/s]."""
 _BRAKING = 1.0
@@ -60,6 +65,37 @@ def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
     way = next(is_new, 0.0)
     if way == 0.0:
         return 0.0
+    return _driven(context, base, way)
+
+
+def stepped_back(context: Context, missing: float) -> float:
+    """Drive back where a part of the workspace is in no picture, as before the tracks.
+
+    Not if the last step back showed nothing of it.
+
+    Parameters
+    ----------
+    missing
+        Share of the workspace's ground.
+
+    Returns
+    -------
+    float
+        How far the base went ahead [m], below 0; 0 if it may not go.
+    """
+    base = context.base
+    if base is None or context.n_moves >= context.settings.repositions:
+        return 0.0
+    gone = float(-context.T_base_way.p[0])
+    way = max(-_STEP, -_FARTHEST - gone)
+    if missing < _SHOWN or missing > _STILL * context.missing or -way < _LEAST:
+        return 0.0
+    context.missing = missing
+    return _driven(context, base, way)
+
+
+def _driven(context: Context, base: Base, way: float) -> float:
+    """Drive straight ahead [m]; how far it went."""
     begun = base.read()
     base.drive(float(np.copysign(_SPEED, way)), 0.0)
     context.wait(abs(way) / _SPEED)
