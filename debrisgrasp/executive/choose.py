@@ -113,8 +113,9 @@ def select(context: Context) -> StepResult:
     missing = share_missing(context)
     moved = stepped_back(context, missing)
     if moved:
-        facts = {"moved": round(moved, 3), "missing_share": round(missing, 3)}
-        return Done({**facts, "left": left}, State.CAPTURE)
+        share = round(missing, 3)
+        seen_so_far = {"moved": round(moved, 3), "missing_share": share, "left": left}
+        return Done(seen_so_far, State.CAPTURE)
     if missing > context.settings.max_dropout:
         words = f"{100 * missing:.0f} % of the workspace are in no picture, and the "
         words += "head does not turn there: nothing says that it is clear"

@@ -33,7 +33,7 @@ def looking(pipeline, *bodies, **settings):
     )
     task = Executive(
         fake.robot,
-        TaskSettings(**settings),
+        TaskSettings(**{"repositions": 0, **settings}),
         pipeline=pipeline,
         rng=np.random.default_rng(0),
     )
@@ -151,3 +151,28 @@ def test_what_the_border_of_a_picture_cut_off_is_judged_by_the_next(pipeline):
     whole = cut + np.array([0.2, 0.0, 0.0])
     assert not was_shown([sight], cut)
     assert was_shown([sight], whole)
+
+
+def test_what_lies_right_before_the_tracks_is_seen_from_farther_back(pipeline):
+    """Its top is below the lower border of every picture."""
+    context = looking(pipeline, block(0.52, 0.0), repositions=2)
+    found = looked(context)
+    while found.next is State.CAPTURE and context.n_moves == 0:
+        found = looked(context)
+    assert context.n_moves == 1
+    assert context.T_base_way.p[0] == pytest.approx(0.3, abs=0.02)
+    found = looked(context)
+    assert found.next is None
+    assert found.facts["centroid"][0] == pytest.approx(0.52 + 0.3, abs=0.1)
+
+
+def test_a_base_drives_back_only_as_long_as_that_shows_more(pipeline):
+    context = looking(pipeline, block(0.98, 1.4), repositions=5)
+    found = looked(context)
+    for _ in range(12):
+        if found.next is State.CLEARED:
+            break
+        found = looked(context)
+    assert found.next is State.CLEARED
+    assert context.n_moves <= 2
+    assert share_missing(context) < 0.02
