@@ -160,7 +160,7 @@ def self_test(settings: Settings) -> Iterator[Finding]:
         return
     best = plan.grasps[0]
     text = f"{len(plan.grasps)} grasps in {spent:.2f} s; best: {best.prototype}, "
-    arm = "floating hand" if best.arm is None else f"{arm_called(best.arm)}"
+    arm = "floating hand" if best.arm is None else arm_called(best.arm)
     yield Finding("plan", "ok", text + f"Q {best.Q:.2f}, {arm}")
 
 

@@ -153,7 +153,7 @@ def _draw(result: PlanningResult, found: GraspMotions, path: Path) -> None:
         chosen.arm,
         [
             MotionTrack(
-                label=f"{arm_called(chosen.arm)}",
+                label=arm_called(chosen.arm),
                 trajectories=tuple(pieces.values()),
                 limits=robot.limits(chosen.arm).planner,
             )

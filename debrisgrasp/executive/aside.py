@@ -23,7 +23,7 @@ from .context import Context, LimbState
 from .drive import Drive
 from .dropoff import postures_at
 from .fingers import open_hand
-from .folding import free_share
+from .folding import free_share, straight
 from .marks import Mark
 from .moves import CAUGHT, planned, to_rest
 from .obstacles import room_for
@@ -204,6 +204,7 @@ def _sought(context: Context, own: FloatArray) -> _Push | str:
     """Find an arm that gets beside an object (n, 3) and pushes it, or say why not."""
     space = room_for(context, context.limbs.values(), unknown=UnknownSpace.HIDDEN)
     why = "no hand fits beside it"
+    forward, over = context.T_base_way.R[:, 0], context.settings.drive_over
     for ahead, far in _ways_out(context, own):
         # The arm on the side to which it goes reaches farther there.
         side = float(np.sign(ahead[1]))
@@ -211,19 +212,17 @@ def _sought(context: Context, own: FloatArray) -> _Push | str:
             context.limbs.values(),
             key=lambda limb: -side * context.settings.drop_off[limb.name][1],
         ):
-            forward = context.T_base_way.R[:, 0]
-            over = context.settings.drive_over
             goals = _beside(limb, own, ahead, forward, over)
-            begun = _begins(context, limb, goals, (far + _GAP) * ahead, space)
-            if not len(begun[0]):
+            rows, ways = _begins(context, limb, goals, (far + _GAP) * ahead, space)
+            if not len(rows):
                 continue
-            found = planned(context, limb, begun[0], space)
+            found = planned(context, limb, rows, space)
             if isinstance(found, FaultFound):
                 why = found.message
                 continue
             assert found.trajectory is not None
-            at = np.abs(begun[0] - found.trajectory.q[-1]).max(axis=1).argmin()
-            return _Push(limb, found.trajectory, begun[1][at])
+            at = np.abs(rows - found.trajectory.q[-1]).max(axis=1).argmin()
+            return _Push(limb, found.trajectory, ways[at])
     return why
 
 
@@ -320,15 +319,8 @@ def _left(context: Context, drive: Drive, way: FloatArray) -> FaultFound | None:
     if fault is not None:
         return fault
     for part in (way, np.array([0.0, 0.0, _UP])):
-        some = free_share(limb, context.posture(limb), part) * part
-        if np.linalg.norm(some) < _SHORT:
-            continue
-        end = drive.leg(
-            some,
-            speed=context.settings.lift_speed,
-            tare=TarePolicy.SESSION,
-            until=drive.against(some, CAUGHT),
-        )
+        speed = context.settings.lift_speed
+        end = straight(drive, part, CAUGHT, speed=speed, least=_SHORT)
         if isinstance(end, FaultFound):
             return end
     fault = to_rest(context, limb.name)

@@ -7,11 +7,11 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import LegOutcome, TarePolicy
+from debrisgrasp.control import LegOutcome
 
 from .context import Context
 from .drive import Drive, LegEnd
-from .folding import free_share
+from .folding import straight
 from .moves import pull_of
 from .relief import relieve
 from .result import FaultFound
@@ -32,20 +32,9 @@ _LEAST = 2e-3
 
 
 def pushed_to(drive: Drive, way: FloatArray, most: float) -> LegEnd | FaultFound:
-    """Move an open hand slowly by an offset (3,) [m], until it is pushed so hard.
-
-    It goes only as far as the arm does not fold onto the robot.
-    """
-    length, q = float(np.linalg.norm(way)), drive.context.posture(drive.limb)
-    share = free_share(drive.limb, q, way)
-    if share * length < _LEAST:
-        return LegEnd(LegOutcome.BLOCKED, 0.0, length)
-    return drive.leg(
-        share * way,
-        speed=0.5 * drive.context.settings.lift_speed,
-        tare=TarePolicy.SESSION,
-        until=drive.against(way, most),
-    )
+    """Move an open hand slowly by an offset (3,) [m], until it is pushed so hard."""
+    speed = 0.5 * drive.context.settings.lift_speed
+    return straight(drive, way, most, speed=speed, least=_LEAST)
 
 
 def nudged(drive: Drive, way: FloatArray) -> LegEnd | FaultFound:

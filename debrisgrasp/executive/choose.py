@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import counted
 from debrisgrasp.motion import MotionSpace, MotionStatus, UnknownSpace
 from debrisgrasp.pipeline import (
@@ -66,11 +67,10 @@ def select(context: Context) -> StepResult:
     for candidate in seen.order(context.pipeline.policy):
         segment = seen.segmentation.segment(candidate.label)
         name = _named(context, segment)
-        reason = _not_in_the_way(context, seen, segment)
-        own = seen.cloud.points[seen.segmentation.points_of(segment.label)]
-        if reason or was_shown(before, own):
-            continue
         triage = _triage(context, seen, segment)
+        own = seen.cloud.points[seen.segmentation.points_of(segment.label)]
+        if _not_in_the_way(context, seen, own, triage) or was_shown(before, own):
+            continue
         why = context.marks.why_left(
             segment.centroid, context.n_changes, context.settings.tries
         )
@@ -106,6 +106,11 @@ def select(context: Context) -> StepResult:
         return _nothing_more(context, left, len(failed))
     if seen.segmentation.ground.plane is None:
         return FaultFound("empty_cloud", "no ground was seen: nothing says it is clear")
+    return _clear(context, left)
+
+
+def _clear(context: Context, left: dict[str, str]) -> StepResult:
+    """End the task where all of the way was seen; look there, or drive back, first."""
     gaze = never_shown(context)
     if gaze is not None:
         context.cycle.gaze = gaze
@@ -130,7 +135,8 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
     assert marked is not None
     own = seen.segmentation.labels[marked]
     label = int(np.bincount(own[own > 0], minlength=1).argmax())
-    if not label or _bare_ground(context, seen, label):
+    points = seen.cloud.points[seen.segmentation.labels == label]
+    if not label or _bare_ground(context, seen, points):
         if context.n_removed:
             return Done({"cleared": True}, State.CLEARED)
         # It was never seen, so nothing says that it is gone.
@@ -184,27 +190,27 @@ def _named(context: Context, segment: Segment) -> str:
     return f"{name}, {size} cm at ({x:.2f}, {y:.2f}, {z:.2f})"
 
 
-def _not_in_the_way(context: Context, seen: Perception, segment: Segment) -> str:
-    """Why something that was divided off is no object in the way, or nothing."""
+def _not_in_the_way(
+    context: Context, seen: Perception, points: FloatArray, triage: Triage
+) -> str:
+    """Why points (n, 3) that were divided off are no object in the way, or nothing."""
     config = context.pipeline.config
-    points = seen.cloud.points[seen.segmentation.points_of(segment.label)]
     # Only the side towards the camera was seen: what is behind it counts, too.
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     if context.is_in_way(points).mean() < _INSIDE and not context.is_in_way(middle):
         return "outside the workspace"
-    is_low = _triage(context, seen, segment).way is Way.DRIVE_OVER
+    is_low = triage.way is Way.DRIVE_OVER
     least = config.min_object_points if is_low else _SPECK
     return (
-        _bare_ground(context, seen, segment.label)
+        _bare_ground(context, seen, points)
         or too_small(points, config.planner.scene.spacing, least)
         or ""
     )
 
 
-def _bare_ground(context: Context, seen: Perception, label: int) -> str:
-    """Why what was divided off is the ground itself, or nothing."""
+def _bare_ground(context: Context, seen: Perception, points: FloatArray) -> str:
+    """Why points (n, 3) that were divided off are the ground itself, or nothing."""
     config = context.pipeline.config.segmentation.ground
-    points = seen.cloud.points[seen.segmentation.points_of(label)]
     return is_ground(points, seen.segmentation.ground, config) or ""
 
 

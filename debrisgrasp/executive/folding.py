@@ -1,17 +1,39 @@
-"""How far an arm may go straight before it folds onto the robot."""
+"""Straight ways of a hand, as far as its arm does not fold onto the robot."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import CartesianLeg, LegPlanner
+from debrisgrasp.control import CartesianLeg, LegOutcome, LegPlanner, TarePolicy
 from debrisgrasp.motion import ExactTest, MotionSpace
 
 from .context import LimbState
+from .drive import Drive, LegEnd
 from .obstacles import BARE
+from .result import FaultFound
 
-__all__ = ["free_share", "is_folded"]
+__all__ = ["free_share", "is_folded", "straight"]
+
+
+def straight(
+    drive: Drive, way: FloatArray, most: float, *, speed: float, least: float
+) -> LegEnd | FaultFound:
+    """Move an open hand by an offset (3,) [m], until it is pushed so hard [N].
+
+    It goes only as far as the arm does not fold onto the robot; where that is less than
+    ``least`` [m], it stays.
+    """
+    length, q = float(np.linalg.norm(way)), drive.context.posture(drive.limb)
+    share = free_share(drive.limb, q, way)
+    if share * length < least:
+        return LegEnd(LegOutcome.BLOCKED, 0.0, length)
+    return drive.leg(
+        share * way,
+        speed=speed,
+        tare=TarePolicy.SESSION,
+        until=drive.against(way, most),
+    )
 
 
 def free_share(limb: LimbState, q: FloatArray, way: FloatArray) -> float:

@@ -24,7 +24,7 @@ from debrisgrasp.motion import (
 from .context import Context, LimbState
 from .drive import OUTSIDE, Drive
 from .fingers import loosen
-from .folding import free_share
+from .folding import free_share, straight
 from .obstacles import space_of
 from .pacing import widest_corners
 from .relief import relieve, standing_load, with_room
@@ -51,6 +51,8 @@ _HARDER = 15.0
 """A hand that does not come free is pulled by no more than so much than before [N]."""
 _BACK = 0.12
 """How far a hand backs out of the pile [m]."""
+_PART = 0.1
+"""Less than this share of it is not worth the leg."""
 _SPARE = 0.02
 """Before the last bit of a way that an arm can't go it could hardly go back [m]."""
 _UP = 0.12
@@ -147,17 +149,13 @@ def back_out(context: Context, arm: str) -> FaultFound | None:
             shift = -far * T.R[:, 2]
     if np.linalg.norm(shift) < 5e-3:
         return None
-    share = free_share(limb, q, shift)
-    if share < 0.1:
-        return None
-    way = share * shift
-    speed = context.settings.lift_speed
     drive = Drive(context, arm)
-    end = drive.leg(
-        way,
-        speed=speed,
-        tare=TarePolicy.SESSION,
-        until=drive.against(way, pull_of(drive)),
+    end = straight(
+        drive,
+        shift,
+        pull_of(drive),
+        speed=context.settings.lift_speed,
+        least=_PART * float(np.linalg.norm(shift)),
     )
     if isinstance(end, FaultFound) or end.outcome is not LegOutcome.CONTACT:
         return end if isinstance(end, FaultFound) else None
@@ -211,16 +209,8 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
 
 def _risen(drive: Drive) -> FaultFound | None:
     """Let an open hand rise a little, as far as nothing holds it."""
-    limb, up = drive.limb, np.array([0.0, 0.0, _UP])
-    way = free_share(limb, drive.context.posture(limb), up) * up
-    if way[2] < _LEAST:
-        return None
-    end = drive.leg(
-        way,
-        speed=drive.context.settings.lift_speed,
-        tare=TarePolicy.SESSION,
-        until=drive.against(way, pull_of(drive)),
-    )
+    up, speed = np.array([0.0, 0.0, _UP]), drive.context.settings.lift_speed
+    end = straight(drive, up, pull_of(drive), speed=speed, least=_LEAST)
     return end if isinstance(end, FaultFound) else None
 
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from debrisgrasp.control import LegOutcome
-from debrisgrasp.executive import caught, relief
+from debrisgrasp.executive import caught, folding, relief
 from debrisgrasp.executive import recover as recovery
 from debrisgrasp.executive.drive import Drive, LegEnd
 from debrisgrasp.executive.result import FaultFound
-from debrisgrasp.geometry import SE3
 from debrisgrasp.pipeline import Pipeline
 from tests.unit.executive.test_steps import executive
+from tests.unit.executive.test_way_back import gripped_below
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +50,7 @@ def caught_by(pipeline, monkeypatch):
         limb = context.limbs["right"]
         bars = Bars(limb.pose(context.posture(limb)).R, needed)
         monkeypatch.setattr(Drive, "leg", lambda *a, **k: bars.leg(*a, **k))
-        monkeypatch.setattr(caught, "free_share", lambda *_: 1.0)
+        monkeypatch.setattr(folding, "free_share", lambda *_: 1.0)
         monkeypatch.setattr(caught, "relieve", lambda *_: None)
         return context, bars
 
@@ -119,13 +117,7 @@ def test_a_weight_that_nothing_has_is_not_given_way_to(
     """A sensor that lies by a constant would have the hand press the other way."""
     _, task = executive(pipeline)
     context, done = task.context, []
-    limb = context.limbs["right"]
-    T = limb.pose(context.posture(limb))
-    grasp = SimpleNamespace(
-        T_base_hand=SE3.from_parts(p=[0.0, 0.0, -0.1]) @ T,
-        preshape=next(iter(limb.hand.preshapes)),
-    )
-    context.cycle.motion = SimpleNamespace(arm="right", grasp=grasp)
+    T = gripped_below(context, "right", 0.1)
 
     def lies(drive, _seconds):
         up = T.R.T @ np.array([0.0, 0.0, -weight])

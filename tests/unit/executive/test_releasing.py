@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import LegOutcome
-from debrisgrasp.executive import TaskSettings, caught, releasing
+from debrisgrasp.executive import TaskSettings, folding, releasing
 from debrisgrasp.executive.drive import LegEnd
 
 AXIS = np.array([0.0, 0.0, -1.0])
@@ -47,7 +47,7 @@ class Caught:
 
 @pytest.fixture(autouse=True)
 def unfolded(monkeypatch):
-    monkeypatch.setattr(caught, "free_share", lambda *_: 1.0)
+    monkeypatch.setattr(folding, "free_share", lambda *_: 1.0)
 
 
 @pytest.mark.parametrize("times", [0, 1, 3])
@@ -70,10 +70,10 @@ def test_a_hand_that_is_caught_for_good_is_told(times, push):
 
 
 def test_an_arm_that_would_fold_onto_the_robot_is_not_drawn_out_farther(monkeypatch):
-    monkeypatch.setattr(caught, "free_share", lambda *_: 0.25)
+    monkeypatch.setattr(folding, "free_share", lambda *_: 0.25)
     drive = Caught(0, [0.0, 0.0, 0.0])
     assert releasing._drawn_out(drive, AXIS).outcome is LegOutcome.DONE
     assert np.linalg.norm(drive.ways[0]) == pytest.approx(0.25 * 0.04)
-    monkeypatch.setattr(caught, "free_share", lambda *_: 0.0)
+    monkeypatch.setattr(folding, "free_share", lambda *_: 0.0)
     assert releasing._drawn_out(drive, AXIS).outcome is LegOutcome.BLOCKED
     assert len(drive.ways) == 1

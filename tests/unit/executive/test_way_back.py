@@ -14,7 +14,7 @@ from debrisgrasp.executive import carrying as carriage
 from debrisgrasp.executive import moves, releasing
 from debrisgrasp.executive import recover as recovery
 from debrisgrasp.executive.along import Along
-from debrisgrasp.executive.choose import _not_in_the_way
+from debrisgrasp.executive.choose import _not_in_the_way, _triage
 from debrisgrasp.executive.context import Context, Held
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
@@ -42,6 +42,18 @@ def holding():
     state = grip.preshape()
     points = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
     return Held(arm="right", grip=grip, watch=grip, state=state, points_hand=points)
+
+
+def gripped_below(context, arm, backed):
+    """Have a hand stand back from where it gripped by so much; its pose (4, 4)."""
+    limb = context.limbs[arm]
+    T = limb.pose(context.posture(limb))
+    grasp = SimpleNamespace(
+        T_base_hand=SE3.from_parts(p=[0.0, 0.0, -backed]) @ T,
+        preshape=next(iter(limb.hand.preshapes)),
+    )
+    context.cycle.motion = SimpleNamespace(arm=arm, grasp=grasp)
+    return T
 
 
 def after_a_look(pipeline):
@@ -310,13 +322,7 @@ def test_what_hangs_in_an_opened_hand_is_lowered_before_that_opens_wider(
 ):
     _, task = executive(pipeline)
     context, done = task.context, []
-    limb = context.limbs["right"]
-    T = limb.pose(context.posture(limb))
-    grasp = SimpleNamespace(
-        T_base_hand=SE3.from_parts(p=[0.0, 0.0, -backed]) @ T,
-        preshape=next(iter(limb.hand.preshapes)),
-    )
-    context.cycle.motion = SimpleNamespace(arm="right", grasp=grasp)
+    gripped_below(context, "right", backed)
 
     def hangs(drive, _seconds):
         drive.load = (0.0, 0.0, 50.0, 0.0, 0.0, 0.0)
@@ -458,5 +464,6 @@ def test_what_lies_across_the_border_of_the_workspace_is_in_the_way(
     border = float(np.quantile(points[:, 0], share))
     assert segment.centroid[0] > border
     monkeypatch.setattr(Context, "is_in_way", lambda _, p: p[..., 0] < border)
-    reason = _not_in_the_way(context, seen, segment)
+    triage = _triage(context, seen, segment)
+    reason = _not_in_the_way(context, seen, points, triage)
     assert (reason != "outside the workspace") is is_in_way

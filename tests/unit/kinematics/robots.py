@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+import yaml
 
 from debrisgrasp._files import data_path
 from debrisgrasp.kinematics import KinematicChain
@@ -52,6 +54,29 @@ def urdf_text(joints: Sequence[JointText], collision: str = "") -> str:
 def written(folder: Path, joints: Sequence[JointText], collision: str = "") -> Path:
     path = folder / "row.urdf"
     path.write_text(urdf_text(joints, collision), encoding="utf-8")
+    return path
+
+
+def row_robot(folder: Path, collision: str, frames: Any = None, **arm: Any) -> Path:
+    """Write a robot of six joints in a row whose links have a collision element."""
+    written(folder, [JointText()] * 6, collision)
+    content: dict[str, Any] = {"name": "row", "urdf": "row.urdf", "base": "link0"}
+    if frames is not None:
+        content["frames"] = frames
+    content["arms"] = {
+        "one": {
+            "tip": "link6",
+            "gripper": "none",
+            "hand": "link6",
+            "joints": [f"joint{i}" for i in range(1, 7)],
+            "postures": {"zero": {}},
+            "present": "zero",
+            "idle": "zero",
+            **arm,
+        }
+    }
+    path = folder / "row.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return path
 
 

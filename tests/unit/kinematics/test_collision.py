@@ -14,7 +14,7 @@ from debrisgrasp.kinematics.body import RobotBody
 from debrisgrasp.kinematics.exact import ExactSolids
 
 from .example_robots import PANDA, UR10, ExampleArm, loaded_or_skip
-from .robots import ROMAN_URDF, JointText, written
+from .robots import ROMAN_URDF, JointText, row_robot, written
 
 
 @pytest.fixture(scope="module")
@@ -140,20 +140,7 @@ def test_an_idle_arm_counts(roman: RobotModel, rng: np.random.Generator) -> None
 def _meshed_robot(folder: Path, mesh: str, scale: str = "1 1 1") -> RobotModel:
     shape = f'<mesh filename="{mesh}" scale="{scale}"/>'
     collision = f"<collision><geometry>{shape}</geometry></collision>"
-    written(folder, [JointText()] * 6, collision)
-    arm = {
-        "tip": "link6",
-        "gripper": "none",
-        "hand": "link6",
-        "joints": [f"joint{i}" for i in range(1, 7)],
-        "postures": {"zero": {}},
-        "present": "zero",
-        "idle": "zero",
-    }
-    robot = {"name": "row", "urdf": "row.urdf", "base": "link0", "arms": {"one": arm}}
-    path = folder / "row.yaml"
-    path.write_text(yaml.safe_dump(robot), encoding="utf-8")
-    return RobotModel.load(path)
+    return RobotModel.load(row_robot(folder, collision))
 
 
 def test_a_collision_mesh_is_taken_as_the_hulls_of_its_pieces(tmp_path: Path) -> None:

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Sphere
 from debrisgrasp.kinematics import ArmCollision, RobotModel, with_hand
 
-from .robots import JointText, written
+from .robots import row_robot
 
 TURNED = SE3.exp(np.array([0.01, 0.02, 0.1, 0.3, -0.4, 0.5]))
 HAND = (
@@ -26,27 +25,14 @@ HAND = (
 def bare(tmp_path: Path) -> RobotModel:
     """A row of six joints that ends at a flange without any solid in front of it."""
     block = '<geometry><box size="0.05 0.05 0.05"/></geometry>'
-    joints = [JointText()] * 6
-    written(tmp_path, joints, f'<collision><origin xyz="0 0 -0.1"/>{block}</collision>')
-    arm = {
-        "tip": "palm",
-        "gripper": "jaw",
-        "hand": "link6",
-        "joints": [f"joint{i}" for i in range(1, 7)],
-        "postures": {"zero": {}},
-        "present": "zero",
-        "idle": "zero",
-        "limits": {"acceleration": 1.0, "force": 100.0, "torque": 20.0},
-    }
-    content = {
-        "name": "row",
-        "urdf": "row.urdf",
-        "base": "link0",
-        "frames": {"palm": {"parent": "link6", "position": [0.0, 0.0, 0.05]}},
-        "arms": {"one": arm},
-    }
-    path = tmp_path / "row.yaml"
-    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    path = row_robot(
+        tmp_path,
+        f'<collision><origin xyz="0 0 -0.1"/>{block}</collision>',
+        frames={"palm": {"parent": "link6", "position": [0.0, 0.0, 0.05]}},
+        tip="palm",
+        gripper="jaw",
+        limits={"acceleration": 1.0, "force": 100.0, "torque": 20.0},
+    )
     return RobotModel.load(path)
 
 
