@@ -7,7 +7,7 @@ single rotation is quicker as a row-major tuple of nine, a vector as a tuple of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, cos, hypot, sin, sqrt
+from math import atan2, cos, hypot, isfinite, sin, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,7 @@ __all__ = [
     "added",
     "cross",
     "exp3",
+    "floats_of",
     "left_jacobian_times",
     "log3",
     "norm",
@@ -45,6 +46,15 @@ Rotation = tuple[float, ...]
 """Nine: the matrix row by row."""
 
 IDENTITY: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def floats_of(values: Sequence[float] | FloatArray) -> tuple[float, ...]:
+    """Plain floats of a sequence or an array; empty if any is not finite."""
+    try:
+        plain = values if type(values) is tuple else tuple(map(float, values))
+        return plain if isfinite(sum(plain)) else ()
+    except (TypeError, ValueError, OverflowError):
+        return ()
 
 
 def turned(R: Rotation, v: Vector) -> Vector:

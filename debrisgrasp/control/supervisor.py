@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import hypot, inf, isfinite
 
-from debrisgrasp._arrays import FloatArray
 from debrisgrasp.errors import InputError
 from debrisgrasp.kinematics import LimitSet
 
-from ._rigid import Wrench
+from ._rigid import Wrench, floats_of
 from .faults import Fault, Stop
 from .loads import LoadModel
 from .posture import PostureKinematics
@@ -87,7 +86,7 @@ class Supervisor:
         InputError
             If the first reading is not finite, or its wrench is too old.
         """
-        q, raw = _floats(reading.q), _floats(reading.wrench_ft)
+        q, raw = floats_of(reading.q), floats_of(reading.wrench_ft)
         is_whole = len(q) == self._kinematics.n_joints and len(raw) == 6
         if not is_whole or not isfinite(reading.time):
             raise InputError(
@@ -137,7 +136,7 @@ class Supervisor:
             if not isfinite(gap):
                 words = f"a time of {reading.time}"
             return self._stopped(state, Fault.CLOCK_GAP, words, now)
-        q = _floats(reading.q)
+        q = floats_of(reading.q)
         fault, words, is_following = self._judged_joints(state, q, commanded, gap)
         if fault is not None:
             return self._stopped(state, fault, words, now)
@@ -147,7 +146,7 @@ class Supervisor:
             words = f"off by more than {self.config.following_error:g} for "
             words += f"{1000 * (now - followed):.0f} ms"
             return self._stopped(state, Fault.JOINT_STUCK, words, now)
-        raw = _floats(reading.wrench_ft)
+        raw = floats_of(reading.wrench_ft)
         stamp = reading.wrench_time
         # A NaN fails every comparison, and so is not fresh.
         is_fresh = (
@@ -299,15 +298,6 @@ class Supervisor:
     ) -> Verdict:
         measured = self._kinematics.pose(state.q)
         return Verdict(state.load, is_fresh, may_advance, measured)
-
-
-def _floats(values: Sequence[float] | FloatArray) -> tuple[float, ...]:
-    """Plain floats of a sequence or an array; empty if any is not finite."""
-    try:
-        plain = values if type(values) is tuple else tuple(map(float, values))
-        return plain if isfinite(sum(plain)) else ()
-    except (TypeError, ValueError, OverflowError):
-        return ()
 
 
 def _median(a: Wrench, b: Wrench, c: Wrench) -> Wrench:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from math import hypot
+from math import hypot, isnan, nan
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control._rigid import floats_of
 
 from .result import FaultFound
 from .senses import Senses
@@ -44,12 +45,12 @@ class Along:
         """Force and torque on the hand [N, N m]; NaN if the sensor tells none."""
         senses = self._senses
         reading = senses.read()
-        raw = np.asarray(reading.wrench_ft, dtype=float)
-        if raw.shape != (6,) or not np.isfinite(raw).all():
-            return np.nan, np.nan
-        q = np.asarray(reading.q, dtype=float)
-        R, _ = senses.limb.kinematics.pose(q.tolist())
-        load = senses.limb.loads.load_ee(raw.tolist(), R)
+        raw, q = floats_of(reading.wrench_ft), floats_of(reading.q)
+        kinematics = senses.limb.kinematics
+        if len(raw) != 6 or len(q) != kinematics.n_joints:
+            return nan, nan
+        R, _ = kinematics.pose(q)
+        load = senses.limb.loads.load_ee(raw, R)
         return hypot(*load[:3]), hypot(*load[3:])
 
     def met(self) -> FaultFound | None:
@@ -58,7 +59,7 @@ class Along:
         force, torque = self._bears()
         if limb.doubt is not None:
             return limb.doubt
-        self._n_silent = self._n_silent + 1 if np.isnan(force) else 0
+        self._n_silent = self._n_silent + 1 if isnan(force) else 0
         if self._n_silent >= _SILENT:
             words = "the sensor of an arm that is taken along tells no numbers"
             return FaultFound("wrench_nan", words, limb.name)

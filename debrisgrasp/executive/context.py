@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import BoolArray, FloatArray, Rng
 from debrisgrasp.calibration import DriftMonitor
@@ -27,7 +26,7 @@ from debrisgrasp.robot import Arm, Base, Head, Limb, Robot
 
 from .known import KnownSpace
 from .marks import Marks
-from .plausible import Felt
+from .plausible import Felt, Measured
 from .result import FaultFound
 from .settings import TaskSettings
 from .states import State
@@ -88,14 +87,10 @@ class LimbState:
     is_own_joint: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Which of its joints no other arm moves, shape (d,)."""
 
-    def feel(self, q: ArrayLike, wrench_ft: ArrayLike) -> None:
+    def feel(self, q: Measured, wrench_ft: Measured) -> None:
         """Take a reading, and note whether it can follow the last one."""
-        joints = np.asarray(q, dtype=np.float64).tolist()
-        raw = np.asarray(wrench_ft, dtype=np.float64).tolist()
-        if self.felt is None:
-            self.felt = Felt(joints, raw)
-            return
-        self.felt = self.felt.followed_by(joints, raw, self.is_own_joint.tolist())
+        before = self.felt or Felt()
+        self.felt = before.followed_by(q, wrench_ft, self.is_own_joint.tolist())
         if self.felt.fault and self.doubt is None:
             self.doubt = FaultFound(self.felt.fault, self.felt.message, self.name)
 

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot, isfinite
+from math import hypot
 
-__all__ = ["Felt"]
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control._rigid import floats_of
+
+__all__ = ["Felt", "Measured"]
+
+Measured = Sequence[float] | FloatArray
+"""Values as a device tells them; any may be missing or no number."""
 
 _STANDS = 4e-4
 """Between two readings a joint that stands moves by less [rad]."""
@@ -23,20 +29,20 @@ much [N, N m]."""
 class Felt:
     """One reading of a limb, and whether it can follow the one before."""
 
-    q: Sequence[float]
+    q: tuple[float, ...] = ()
     """Joints [rad or m], length d."""
-    wrench_ft: Sequence[float]
+    wrench_ft: tuple[float, ...] = ()
     """Raw values of the sensor [N, N m], length 6."""
     is_moving: bool = False
     """Whether a joint moved since the reading before."""
-    unturned: Sequence[float] | None = None
+    unturned: tuple[float, ...] | None = None
     """What the sensor measured before all of it changed its sign; None: it did not."""
     fault: str = ""
     """What a reading that can't be true is called; nothing: it may be."""
     message: str = ""
 
     def followed_by(
-        self, q: Sequence[float], wrench_ft: Sequence[float], is_own: Sequence[bool]
+        self, q: Measured, wrench_ft: Measured, is_own: Sequence[bool]
     ) -> Felt:
         """Take the next reading.
 
@@ -51,10 +57,13 @@ class Felt:
         is_own
             Which joints no other arm moves, length d.
         """
-        q = _heard(q, self.q)
-        wrench_ft = _heard(wrench_ft, self.wrench_ft)
-        gone = (abs(a - b) for a, b, own in zip(q, self.q, is_own, strict=False) if own)
-        away = max(gone, default=0.0)
+        heard = floats_of(q)
+        q = heard or self.q
+        wrench_ft = floats_of(wrench_ft) or self.wrench_ft
+        away = 0.0
+        if q != self.q:
+            ways = zip(q, self.q, is_own, strict=False)
+            away = max([abs(a - b) for a, b, own in ways if own], default=0.0)
         before = self.wrench_ft if self.unturned is None else self.unturned
         is_turned = _is_turned(before, wrench_ft)
         fault = message = ""
@@ -66,16 +75,11 @@ class Felt:
             message = "all that the sensor measures changed its sign at once"
         unturned = before if is_turned else None
         # Who is not heard moves on, or brakes.
-        is_moving = self.is_moving if q is self.q else away > _STANDS
+        is_moving = away > _STANDS if heard else self.is_moving
         return Felt(q, wrench_ft, is_moving, unturned, fault, message)
 
 
-def _heard(values: Sequence[float], before: Sequence[float]) -> Sequence[float]:
-    """Return values, or those before if one is missing or no finite number."""
-    return values if len(values) and all(map(isfinite, values)) else before
-
-
-def _is_turned(before: Sequence[float], after: Sequence[float]) -> bool:
+def _is_turned(before: tuple[float, ...], after: tuple[float, ...]) -> bool:
     """Whether a raw wrench is about the negative of another."""
     if not len(before) == len(after) == 6:
         return False
