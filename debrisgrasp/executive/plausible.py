@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import hypot
+from typing import NamedTuple
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control._rigid import floats_of
@@ -25,8 +25,7 @@ _SAME, _NOISE = 0.2, (2.0, 0.5)
 much [N, N m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Felt:
+class Felt(NamedTuple):
     """One reading of a limb, and whether it can follow the one before."""
 
     q: tuple[float, ...] = ()
