@@ -35,7 +35,14 @@ _NUMPY_SCALAR = re.compile(r"\bnp\.\w+\(([^()]*)\)")
 
 
 class DebrisGraspError(Exception):
-    """Root of all exceptions that debrisgrasp raises on purpose."""
+    """Root of all exceptions that debrisgrasp raises on purpose.
+
+    They can be pickled, so that they come out of worker processes as they are.
+    """
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Rebuild from message and facts, not from the parameters of a subclass."""
+        return _rebuilt, (type(self), self.args, self.__dict__)
 
 
 class InputError(DebrisGraspError, ValueError):
@@ -172,3 +179,12 @@ class MissingExtraError(DebrisGraspError, ImportError):
         super().__init__(
             f"{feature} needs the extra {extra!r}: pip install 'debrisgrasp[{extra}]'"
         )
+
+
+def _rebuilt(
+    kind: type[DebrisGraspError], args: tuple[object, ...], facts: dict[str, object]
+) -> DebrisGraspError:
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(facts)
+    return error

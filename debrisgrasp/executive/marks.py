@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._memo import Memo
 from debrisgrasp.geometry import SE3
 from debrisgrasp.planning import Grasp
 
@@ -55,9 +55,7 @@ class Mark:
     """Whether it is too heavy to carry: by the scales, or because it never comes."""
     failed: list[Grasp] = field(default_factory=list)
     """Grasps that were tried on it."""
-    unreached: WeakKeyDictionary[object, list[Grasp]] = field(
-        default_factory=WeakKeyDictionary
-    )
+    unreached: Memo[object, list[Grasp]] = field(default_factory=Memo)
     """By look, as long as it is kept: grasps to which no way was found as the pile lies
     there."""
 

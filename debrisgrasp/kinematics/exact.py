@@ -21,8 +21,12 @@ class ExactSolids:
     def __init__(self, solids: Sequence[Solid]) -> None:
         import coal  # slow to load
 
-        self._coal = coal
+        self._solids, self._coal = tuple(solids), coal
         self._shapes = [_shape(coal, solid) for solid in solids]
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # The checker's own shapes stay behind, and are made anew.
+        return ExactSolids, (self._solids,)
 
     def touch(
         self, i: int, T_base_i: FloatArray, j: int, T_base_j: FloatArray, margin: float

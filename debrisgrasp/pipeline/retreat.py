@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._memo import Memo
 from debrisgrasp.control import PullConfig, choose_pull
 from debrisgrasp.planning import Grasp, GraspPlanner, GraspScene, Retreat
 
@@ -40,7 +40,7 @@ class Retreats:
     """Gives grasps their retreats; the pull of an object is chosen once in a scene."""
 
     def __init__(self) -> None:
-        self._pulls: WeakKeyDictionary[GraspScene, _Pull] = WeakKeyDictionary()
+        self._pulls: Memo[GraspScene, _Pull] = Memo()
 
     def added(
         self, grasps: Sequence[Grasp], planner: GraspPlanner, scene: GraspScene

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray, Rng
+from debrisgrasp._memo import Memo
 from debrisgrasp._words import arm_called
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import PrototypeLibrary
@@ -85,9 +85,7 @@ class GraspPlanner:
             for shape in library.grippers[p.gripper].preshapes.values()
         )
         self._config = config
-        self._likely: WeakKeyDictionary[GraspScene, tuple[ObjectMass, ...]] = (
-            WeakKeyDictionary()
-        )
+        self._likely: Memo[GraspScene, tuple[ObjectMass, ...]] = Memo()
 
     def plan(
         self,

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Protocol
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.special import log_expit, logit
 
 from debrisgrasp._arrays import FloatArray, IntArray, Rng
+from debrisgrasp._memo import Memo
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import PrototypeLibrary
 
@@ -67,7 +67,7 @@ class GraspSearch:
         self._frames = own_frames(self._packed)
         self.tools = Tools.of(library, config)
         self._config, self._wider = config, config.wider()
-        self._looks: WeakKeyDictionary[GraspScene, Looks] = WeakKeyDictionary()
+        self._looks: Memo[GraspScene, Looks] = Memo()
 
     def similarity(self, scene: GraspScene) -> ShapeSimilarity:
         """S of a scene, with every point that the final score uses."""

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from debrisgrasp.errors import InputError, UnknownNameError
+import pickle
+
+import pytest
+
+from debrisgrasp.errors import (
+    DriverError,
+    FrameMismatchError,
+    InputError,
+    MissingExtraError,
+    OutputError,
+    UnknownNameError,
+)
 
 
 def test_a_message_names_value_limit_and_mend():
@@ -36,3 +47,22 @@ def test_of_many_known_names_only_the_nearest_are_shown():
 def test_a_command_that_lists_the_known_names_is_named():
     error = UnknownNameError("fault", "foo", ["slip"], listed_by="x --faults list")
     assert "`x --faults list` lists them" in str(error)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        InputError("depth", got=[-1.0], expected="0 m or more", mend="Flip it."),
+        UnknownNameError("fault", "foo", ["slip"], listed_by="x --faults list"),
+        FrameMismatchError("cloud", expected_frame="base", got_frame="camera"),
+        DriverError("arm", "no answer", mend="Look at its cable."),
+        OutputError("plan.json", "disk full"),
+        MissingExtraError("the viewer", "viz"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_an_error_comes_whole_out_of_another_process(error):
+    other = pickle.loads(pickle.dumps(error))
+    assert type(other) is type(error)
+    assert str(other) == str(error)
+    assert vars(other) == vars(error)

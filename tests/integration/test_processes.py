@@ -1,0 +1,37 @@
+"""What users hand to worker processes, and what comes back from them."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+
+import pytest
+
+from debrisgrasp.errors import UnknownNameError
+from debrisgrasp.io.plan_json import plan_to_json
+from debrisgrasp.pipeline import Pipeline
+
+
+@pytest.mark.parametrize("is_used", [False, True], ids=["fresh", "used"])
+def test_a_pipeline_plans_the_same_in_another_process(
+    dictionary, pipe_capture, is_used
+):
+    pipeline = Pipeline(arm="right", prototypes=dictionary)
+    before = pipeline.plan(pipe_capture) if is_used else None
+    other = pickle.loads(pickle.dumps(pipeline))
+    result = before or pipeline.plan(pipe_capture)
+    plans = [pickle.loads(pickle.dumps(result)).plan, other.plan(pipe_capture).plan]
+    assert plans[0].grasps
+    one, two = (plan_to_json(replace(plan, seconds={})) for plan in plans)
+    assert one == two
+
+
+def test_an_error_in_a_worker_process_arrives_as_it_is():
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=context) as pool:
+        task = pool.submit(Pipeline, robot="no_such_robot")
+        with pytest.raises(UnknownNameError, match="no_such_robot") as caught:
+            task.result(timeout=120.0)
+    assert "roman" in caught.value.known
