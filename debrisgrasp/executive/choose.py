@@ -314,7 +314,7 @@ def _ordered(
 
     def worth(grasp: Grasp) -> float:
         liked = _PREFERRED if grasp.arm == preferred else 0.0
-        return grasp.score + liked - _REPEATED * n_failed[grasp.prototype]
+        return grasp.rank + liked - _REPEATED * n_failed[grasp.prototype]
 
     return tuple(sorted(grasps, key=worth, reverse=True))
 

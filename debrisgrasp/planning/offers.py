@@ -9,7 +9,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, IntArray, Rng
 
 from .easing import LEEWAY, way_of
-from .plan import Grasp, worth
+from .plan import Grasp
 from .reach import Arm
 
 __all__ = ["Offers"]
@@ -88,11 +88,11 @@ class Offers:
     def _ease(self, grasps: list[Grasp], yields: BoolArray) -> None:
         """Put stiff grasps that are better than all others into another posture."""
         giving = [grasp for grasp, gives in zip(grasps, yields, strict=True) if gives]
-        best = max(map(worth, [*self._sure, *giving]), default=-np.inf)
+        best = max((grasp.rank for grasp in (*self._sure, *giving)), default=-np.inf)
         rows = [
             row
             for row, grasp in enumerate(grasps)
-            if not yields[row] and worth(grasp) > best
+            if not yields[row] and grasp.rank > best
         ]
         eased = self._eased([grasps[row] for row in rows]) if rows else {}
         for i, grasp in eased.items():

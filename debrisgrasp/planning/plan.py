@@ -12,7 +12,7 @@ from .ledger import Rejections
 from .load_forecast import LoadForecast
 from .success import SuccessForecast
 
-__all__ = ["Grasp", "GraspPlan", "PassedOver", "Retreat", "worth"]
+__all__ = ["Grasp", "GraspPlan", "PassedOver", "Retreat"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,9 +61,9 @@ class Grasp:
     """Quality expected when the hand ends up a little beside the pose (see
     `PoseUncertainty`), in [0, 1]."""
     score: float
-    """What the list is sorted by, best first: the probability that it holds, from
-    ``expected``, the load, the faces at the pads and the room around the hand (see
-    `SuccessModel`). What is overloaded (see `LoadForecast`) comes last all the same."""
+    """The probability that it holds, from ``expected``, the load, the faces at the pads
+    and the room around the hand (see `SuccessModel`). The list is sorted by it, but for
+    what is overloaded (see `LoadForecast`): that comes last."""
     arm: str | None = None
     joints: Mapping[str, float] | None = None
     """Joint positions [rad or m] that take the pose; None for a floating hand."""
@@ -87,16 +87,17 @@ class Grasp:
         return None if self.success is None else self.success.probability
 
     @property
+    def rank(self) -> float:
+        """What grasps are sorted by: all within the limits before all beyond, then
+        by score."""
+        is_beyond = self.load is not None and self.load.is_overloaded
+        return self.score - is_beyond
+
+    @property
     def approach_distance(self) -> float:
         """Length of the straight approach [m]."""
         step = self.T_base_hand.p - self.T_base_pregrasp.p
         return float((step @ step) ** 0.5)
-
-
-def worth(grasp: Grasp) -> float:
-    """Put all that is within the limits before all beyond, and order both by score."""
-    is_beyond = grasp.load is not None and grasp.load.is_overloaded
-    return grasp.score - is_beyond
 
 
 @dataclass(frozen=True, slots=True)

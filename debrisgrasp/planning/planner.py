@@ -22,7 +22,7 @@ from .ledger import Ledger, Rejections
 from .load import LoadModel, Loads
 from .mass import ObjectMass, likely_objects
 from .offers import Offers
-from .plan import Grasp, worth
+from .plan import Grasp
 from .postures import joint_columns
 from .reach import Arm, Distance
 from .scene import GraspScene
@@ -294,7 +294,7 @@ class GraspPlanner:
             [grasp.gripper for grasp in grasps],
             [grasp.prototype for grasp in grasps],
             self._is_symmetric[which],
-            np.array([worth(grasp) for grasp in grasps]),
+            np.array([grasp.rank for grasp in grasps]),
             self._config,
         )
 

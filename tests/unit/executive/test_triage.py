@@ -222,8 +222,8 @@ def test_settings_of_another_type_are_refused(name, value):
 
 
 def test_what_failed_on_an_object_comes_after_other_prototypes_about_as_likely():
-    def grasp(prototype, score, arm="left"):
-        return SimpleNamespace(prototype=prototype, score=score, arm=arm)
+    def grasp(prototype, rank, arm="left"):
+        return SimpleNamespace(prototype=prototype, rank=rank, arm=arm)
 
     span, rim, other = grasp("span", 0.6), grasp("rim", 0.5), grasp("other", 0.1)
     triage = SimpleNamespace(arms=("right", "left"))
