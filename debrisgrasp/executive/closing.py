@@ -166,14 +166,8 @@ def _nudged(
     until: Callable[[Wrench], bool] | None = None,
 ) -> FaultFound | None:
     """Move the hand a little (3,) [m] while its fingers stay as they are."""
-    held, context.held = context.held, None
-    end = drive.leg(
-        way,
-        speed=0.02,
-        tare=TarePolicy.SESSION,
-        until=until,
-    )
-    context.held = held
+    with context.fingers_as_they_are():
+        end = drive.leg(way, speed=0.02, tare=TarePolicy.SESSION, until=until)
     return end if isinstance(end, FaultFound) else None
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -247,6 +248,15 @@ class Context:
     def n_changes(self) -> int:
         """How often something changed that may let a try succeed that failed."""
         return self.n_removed + self.n_moves + self.n_pushed
+
+    @contextmanager
+    def fingers_as_they_are(self) -> Iterator[None]:
+        """Squeeze and watch nothing for a while, whatever is held."""
+        held, self.held = self.held, None
+        try:
+            yield
+        finally:
+            self.held = held
 
     def is_in_way(self, points: FloatArray) -> BoolArray:
         """Which points (..., 3), base frame [m], lie in the workspace."""

@@ -350,12 +350,12 @@ def let_go(context: Context, opening: float | None = None) -> FaultFound | None:
     held = context.held
     if held is None:
         return None
-    context.held = None
     most = held.grip.config.opening if opening is None else opening
-    fault = loosen(Drive(context, held.arm), most)
+    with context.fingers_as_they_are():
+        fault = loosen(Drive(context, held.arm), most)
     if fault is not None:
-        context.held = held
         return fault
+    context.held = None
     context.cycle.speed = 1.0  # what was held swings and touches no more
     if held.is_lifted:
         limb = context.limbs[held.arm]

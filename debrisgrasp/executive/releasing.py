@@ -67,9 +67,8 @@ def _shaken_open(context: Context) -> FaultFound | None:
     preshape = (
         next(iter(limb.hand.preshapes)) if motion is None else (motion.grasp.preshape)
     )
-    context.held = None  # its fingers are to squeeze no more
-    fault = _nudged(drive, -_SHAKE * _UP)
-    context.held = held
+    with context.fingers_as_they_are():
+        fault = _nudged(drive, -_SHAKE * _UP)
     fault = fault or let_go(context, limb.hand.preshape(preshape).widest)
     fault = fault or relieve(context, limb.name)
     return fault or _nudged(drive, _SHAKE * _UP) or _nudged(drive, -_SHAKE * _UP)

@@ -88,8 +88,7 @@ class Grasp:
 
     @property
     def rank(self) -> float:
-        """What grasps are sorted by: all within the limits before all beyond, then
-        by score."""
+        """What grasps are sorted by: the score, but what is overloaded comes last."""
         is_beyond = self.load is not None and self.load.is_overloaded
         return self.score - is_beyond
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import LegOutcome
-from debrisgrasp.executive import TaskSettings, folding, releasing
+from debrisgrasp.errors import DriverError
+from debrisgrasp.executive import TaskSettings, folding, moves, releasing
+from debrisgrasp.executive.context import Context
 from debrisgrasp.executive.drive import LegEnd
 
 AXIS = np.array([0.0, 0.0, -1.0])
@@ -77,3 +79,17 @@ def test_an_arm_that_would_fold_onto_the_robot_is_not_drawn_out_farther(monkeypa
     monkeypatch.setattr(folding, "free_share", lambda *_: 0.0)
     assert releasing._drawn_out(drive, AXIS).outcome is LegOutcome.BLOCKED
     assert len(drive.ways) == 1
+
+
+def test_a_gripper_that_does_not_answer_has_let_nothing_go(monkeypatch):
+    def refuses(*_):
+        raise DriverError("gripper right", "no answer")
+
+    context = SimpleNamespace(held=SimpleNamespace(arm="right"))
+    context.fingers_as_they_are = lambda: Context.fingers_as_they_are(context)
+    held = context.held
+    monkeypatch.setattr(moves, "Drive", lambda *_: None)
+    monkeypatch.setattr(moves, "loosen", refuses)
+    with pytest.raises(DriverError):
+        moves.let_go(context, 0.1)
+    assert context.held is held
