@@ -19,10 +19,10 @@ from scipy.spatial import cKDTree
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp.geometry import DepthSight, LineOfSight, voxel_downsample
 from debrisgrasp.io import Capture
+from debrisgrasp.pipeline.self_filter import are_near, body_at
 
 from .context import Context, Held
 from .dropoff import with_underside
-from .own_body import are_own
 from .perceive import image, is_close, look_towards, sight_of
 from .result import FaultFound
 
@@ -38,6 +38,8 @@ _BRIDGED = 0.12
 """Parts no farther apart may belong together behind an arm [m]."""
 _SKIN = 0.015
 """What is so near to an object is taken for the object itself [m]."""
+_HAND = 0.02
+"""What is so near to the hand is the hand [m]."""
 _FEW = 20
 """Fewer points than this are noise."""
 _PLACE, _BESIDE = 0.3, 0.8
@@ -84,7 +86,7 @@ def looked_at(context: Context, held: Held) -> int:
     is_near = _near(old[is_own], points, _TOGETHER)
     is_new = ~(np.abs(gap) <= _MOVED) | is_near  # without depth before: new
     grasp, is_robot = motion.grasp, np.zeros(len(points), dtype=bool)
-    is_robot[is_new] = are_own(
+    is_robot[is_new] = _are_own(
         context, held.arm, grasp.preshape, grasp.width, points[is_new]
     )
     points, gap, is_new = points[~is_robot], gap[~is_robot], is_new[~is_robot]
@@ -176,7 +178,7 @@ def _lying(
     points, sight = _cloud(taken)
     is_near = (_away(points, place) < _BESIDE) & (points[:, 2] > _LOW)
     points = points[is_near & ~context.is_in_way(points)]
-    points = points[~are_own(context, arm, preshape, opening, points)]
+    points = points[~_are_own(context, arm, preshape, opening, points)]
     part, cells = _parts(points)
     points = points[cells[part] >= _FEW]
 
@@ -185,7 +187,7 @@ def _lying(
 
     # Nor does anything lie where the robot stands.
     left = [
-        body[~are_own(context, arm, preshape, opening, body)]
+        body[~_are_own(context, arm, preshape, opening, body)]
         for body in map(still, context.dropped)
     ]
     context.dropped[:] = [body for body in left if len(body)]
@@ -264,3 +266,20 @@ def _parts(points: FloatArray) -> tuple[IntArray, IntArray]:
     links = coo_array((np.ones(len(a)), (a, b)), shape=(len(kept),) * 2)
     part = connected_components(links, directed=False)[1]
     return part[tree.query(points)[1]], np.bincount(part)
+
+
+def _are_own(
+    context: Context, arm: str, preshape: str, opening: float, points: FloatArray
+) -> BoolArray:
+    """Which points (n, 3) are of the robot as it stands, a hand open so far, (n,)."""
+    limb = context.limbs[arm]
+    T_base_hand = limb.pose(context.posture(limb))
+    # Fingers may read a bit beyond their range.
+    opening = min(opening, limb.hand.preshape(preshape).widest)
+    hand = limb.hand.solids(preshape, opening)
+    body = body_at(context.model, context.joint_values(), without=arm)
+    body += [(solid.moved(T_base_hand), _HAND) for solid in hand]
+    found = np.zeros(len(points), dtype=bool)
+    for solid, within in body:
+        found |= are_near(points, [solid], within)
+    return found

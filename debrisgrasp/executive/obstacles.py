@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray
-from debrisgrasp.geometry import SE3, PointCloud, Solid
+from debrisgrasp.geometry import SE3, PointCloud
 from debrisgrasp.kinematics.urdf import UrdfShape
 from debrisgrasp.motion import MotionPlanner, MotionSpace, UnknownSpace
+from debrisgrasp.pipeline.self_filter import are_near
 
 from .context import Context, LimbState
 
-__all__ = ["BARE", "are_near", "box_around", "lying", "room_for", "space_of"]
+__all__ = ["BARE", "box_around", "lying", "room_for", "space_of"]
 
 _UNSURE = 0.015
 """How much farther than its points what was let go may reach [m]."""
@@ -100,16 +101,6 @@ def room_for(
             stands = limb.planner, q
             return space_of(context, without, unknown=unknown, stands=stands)
     return space
-
-
-def are_near(points: FloatArray, solids: Sequence[Solid], within: float) -> BoolArray:
-    """Which points (n, 3) are so near to a solid [m], shape (n,)."""
-    found = np.zeros(len(points), dtype=bool)
-    for solid in solids:
-        low, high = solid.bounds.lower - within, solid.bounds.upper + within
-        rows = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
-        found[rows] |= solid.signed_distance(points[rows]) < within
-    return found
 
 
 def lying(T_base_hand: SE3, points_hand: FloatArray) -> FloatArray:

@@ -14,11 +14,11 @@ from debrisgrasp.errors import DebrisGraspError, DriverError
 from debrisgrasp.geometry import SE3, DepthSight, Intrinsics
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import mask_notes
+from debrisgrasp.pipeline.self_filter import body_at, own_pixels
 from debrisgrasp.robot import DepthFrame
 
 from .context import Context
 from .known import KnownSpace
-from .own_body import own_body, own_pixels
 from .result import Done, FaultFound, StepResult
 
 __all__ = [
@@ -99,9 +99,8 @@ def _own(context: Context, taken: Capture) -> BoolArray | FaultFound:
     assert taken.intrinsics is not None
     assert taken.T_base_camera is not None
     camera, T_base_camera = taken.intrinsics, taken.T_base_camera
-    is_own = own_pixels(
-        np.asarray(taken.depth), camera, T_base_camera, own_body(context)
-    )
+    body = body_at(context.model, context.joint_values())
+    is_own = own_pixels(np.asarray(taken.depth), camera, T_base_camera, body)
     if not is_own.any():
         return is_own
     inside = _on_ground(camera, T_base_camera, context.is_in_way)

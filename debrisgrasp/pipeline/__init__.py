@@ -10,6 +10,7 @@ from .pipeline import Pipeline, PipelineConfig, Progress
 from .reasons import is_ground, too_small
 from .recall import recall_plan
 from .result import PlanningResult
+from .self_filter import without_robot
 from .targets import Target, choose_targets
 
 __all__ = [
@@ -32,4 +33,5 @@ __all__ = [
     "recall_plan",
     "too_small",
     "with_hands",
+    "without_robot",
 ]

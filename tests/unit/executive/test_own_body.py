@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from debrisgrasp.errors import CaptureError, UnknownNameError
 from debrisgrasp.executive import Executive, TaskSettings
-from debrisgrasp.executive.obstacles import are_near
-from debrisgrasp.executive.own_body import own_body, own_pixels
 from debrisgrasp.executive.perceive import capture, image, segment
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3
-from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.io import Capture
+from debrisgrasp.pipeline import Pipeline, without_robot
+from debrisgrasp.pipeline.self_filter import are_near, body_at
 from debrisgrasp.robot import FakeConfig, fake_robot
 from debrisgrasp.worlds import World, make_body
 
 SIZES = {"length": 0.2, "width": 0.1, "height": 0.06}
+BASE = SE3.identity()
 IN_VIEW = {"right": "ready", "left": "ready"}
 
 
@@ -56,14 +58,31 @@ def test_without_an_arm_in_the_picture_nothing_is_removed(pipeline):
 
 def test_pixels_of_the_robot_are_those_whose_points_are_near_to_it(pipeline):
     context = context_of(pipeline, IN_VIEW)
-    taken, body = image(context, "own"), own_body(context)
+    taken, joints = image(context, "own"), context.joint_values()
     points = taken.intrinsics.deproject(taken.depth).reshape(-1, 3)
     points = taken.T_base_camera.apply(points)
     expected = np.zeros(len(points), dtype=bool)
-    for solid, within in body:
+    for solid, within in body_at(pipeline.robot, joints):
         expected |= are_near(points, [solid], within)
-    found = own_pixels(taken.depth, taken.intrinsics, taken.T_base_camera, body)
-    np.testing.assert_array_equal(found.ravel(), expected)
+    assert expected.sum() > 1000
+    was_measured = np.isfinite(points).all(axis=1)
+    left = np.isfinite(without_robot(taken, pipeline.robot, joints).depth).ravel()
+    np.testing.assert_array_equal(was_measured & ~left, was_measured & expected)
+    cloud = Capture(points=points, viewpoint=taken.T_base_camera.p, T_base_camera=BASE)
+    left = np.isfinite(without_robot(cloud, pipeline.robot, joints).points[:, 0])
+    np.testing.assert_array_equal(was_measured & ~left, was_measured & expected)
+
+
+def test_where_a_picture_was_taken_from_must_be_known_to_find_the_robot(pipeline):
+    cloud = Capture(points=np.ones((9, 3)), viewpoint=np.zeros(3))
+    with pytest.raises(CaptureError, match="T_base_camera"):
+        without_robot(cloud, pipeline.robot)
+
+
+def test_a_joint_that_the_robot_lacks_is_named(pipeline):
+    cloud = Capture(points=np.ones((9, 3)), viewpoint=np.zeros(3), T_base_camera=BASE)
+    with pytest.raises(UnknownNameError, match="elbow"):
+        without_robot(cloud, pipeline.robot, {"elbow": 0.0})
 
 
 def test_a_robot_that_hides_the_pile_does_not_find_the_way_clear(pipeline):
