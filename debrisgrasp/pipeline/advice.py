@@ -90,8 +90,8 @@ def _idle(arms: Sequence[ArmReach]) -> list[ArmReach]:
 
 
 def _footprint(arms: Sequence[ArmReach]) -> Bounds | None:
-    """Box around what no arm moves."""
-    if not arms:
+    """Box around what no arm moves; None if nothing drives."""
+    if not arms or not arms[0].robot.drives:
         return None
     parts = arms[0].collision.body.parts
     still = [part.solid.bounds for part in parts if not part.segment]

@@ -81,8 +81,8 @@ class Situation:
     owners: IntArray
     """Label of the object that each point of the scene belongs to, shape (n,)."""
     footprint: Bounds | None
-    """Box around what stands still of the robot, base frame; None for a floating
-    hand."""
+    """Box around what stands still of the robot, base frame; None if its base does not
+    drive, and for a floating hand."""
     least_mass: float
     """Lower bound on the mass of the object [kg]."""
     idle: Sequence[Arm] = ()

@@ -44,6 +44,13 @@ def test_an_object_out_of_reach_is_reached_from_where_the_advice_sends_the_base(
     assert roman.plan(moved).plan.grasps
 
 
+def test_a_base_that_stands_fast_is_sent_nowhere(roman, dictionary):
+    fast = Pipeline(robot=replace(roman.robot, drives=False), prototypes=dictionary)
+    plan = fast.plan(FAR, advise=True).plan
+    assert not plan.grasps
+    assert not [advice for advice in plan.advice if advice.kind == "base"]
+
+
 def test_there_is_no_advice_once_the_deadline_has_passed(roman):
     plan = roman.plan(FAR, deadline=1e-3, advise=True).plan
     assert not plan.advice
