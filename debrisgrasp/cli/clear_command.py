@@ -80,6 +80,13 @@ def _add_clear(subparsers: Subparsers) -> None:
         help="leave what is measured at least 1 cm lower than this [m] (default: 0.10)",
     )
     parser.add_argument(
+        "--pushes",
+        type=int,
+        default=20,
+        metavar="N",
+        help="push at most so often aside what no hand can hold; 0: never (default: 20)",
+    )
+    parser.add_argument(
         "--record",
         type=some_path,
         metavar="DIR",
@@ -186,6 +193,7 @@ def _task(arguments: argparse.Namespace) -> SimulatedTask:
         faults=tuple(filter(None, arguments.faults.split(","))),
         max_removals=arguments.max_removals,
         drive_over=arguments.drive_over,
+        pushes=arguments.pushes,
     )
 
 

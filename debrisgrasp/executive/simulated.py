@@ -91,6 +91,8 @@ class SimulatedTask:
     max_removals: int | None = None
     drive_over: float = 0.10
     """See `TaskSettings` [m]."""
+    pushes: int = 20
+    """See `TaskSettings`."""
 
     def __post_init__(self) -> None:
         for name in ("arms", "faults"):
@@ -106,6 +108,7 @@ class SimulatedTask:
             require_range("objects", self.objects, 1, 50)
         if self.max_removals is not None:
             require_range("max_removals", self.max_removals, 1, 10_000)
+        require_range("pushes", self.pushes, 0, 100)
         if self.seed < 0:
             raise ConfigError("seed", got=self.seed, expected="an integer of 0 or more")
         if self.mask is not None and self.region is not None:
@@ -228,6 +231,7 @@ class SimulatedTask:
             lift_speed=min(usual.lift_speed, site.limits.hand_speed),
             max_removals=self.max_removals,
             drive_over=self.drive_over,
+            pushes=self.pushes,
             mark=None if self.mask is None else StaysMarked.of(Capture.load(self.mask)),
             region=self._bounds(),
         )

@@ -156,6 +156,7 @@ def test_what_was_typed_wrong_is_found_before_anything_is_read(refused, tmp_path
         ("plan {} --pick 900,100,300", "--pick: got a coordinate"),
         ("clear --max-removals 0 --objects 1", "--max-removals: got 0"),
         ("clear --drive-over 7", "--drive-over [m]: got 7"),
+        ("clear --pushes -1", "--pushes: got -1"),
         ("clear --objects 99", "--objects: got 99"),
         ("clear --region 500 0 0 900 300 400", "--region: got a coordinate"),
     ],
