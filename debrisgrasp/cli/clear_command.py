@@ -84,7 +84,7 @@ def _add_clear(subparsers: Subparsers) -> None:
         type=int,
         default=20,
         metavar="N",
-        help="push at most so often aside what no hand can hold; 0: never (default: 20)",
+        help="push so often aside what no hand can hold; 0: never (default: 20)",
     )
     parser.add_argument(
         "--record",
