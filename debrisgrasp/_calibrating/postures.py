@@ -154,9 +154,11 @@ def _shown(
     rig: CalibrationRig, T_base_camera: SE3, view: View, rng: Rng
 ) -> tuple[FloatArray, SE3]:
     """Postures that show the fiducial, one in each cell, and where it then is."""
-    kept = np.zeros((0, rig.chain.n_joints))
+    kept, values = np.zeros((0, rig.chain.n_joints)), rig.robot.joint_values()
+    idle = np.array([values[name] for name in rig.chain.joint_names])
     for _ in range(_MOST_BATCHES):
-        q = rig.chain.sampled(_BATCH, rng=rng)
+        # A joint that turns by more than a circle shows the same from nearer by.
+        q = rig.chain.unwound(rig.chain.sampled(_BATCH, rng=rng), idle)
         T = rig.chain.fk(q)
         q = q[is_in_view(T, T_base_camera, view)]
         kept = np.concatenate([kept, q])
@@ -165,7 +167,10 @@ def _shown(
         if len(first) > 0.5 * len(kept):
             continue  # most cells hold one posture only: there are more to find
         break
-    # More than one for each cell, since collision will cost some.
+    # More than one for each cell, since collision will cost some; of many, those that
+    # the arm gets to with the least motion.
+    kept = kept[np.argsort(rig.chain.travel(kept, idle), kind="stable")]
+    cells = np.floor(rig.chain.fk(kept).p / _CELL).astype(int)
     _, cell = np.unique(cells, axis=0, return_inverse=True)
     cell = cell.reshape(-1)
     order = np.argsort(cell, kind="stable")

@@ -195,6 +195,23 @@ def test_the_camera_sees_what_was_chosen_and_nothing_is_touched(rig, rng):
             assert not solid.contains(ray).any(), link
 
 
+def test_joints_that_turn_twice_are_not_wound_up(rng):
+    rig = CalibrationRig(robot=RobotModel.load("roman"), fiducial=LED)
+    chain = rig.chain
+    wide = replace(chain, lower=2.0 * chain.lower, upper=2.0 * chain.upper)
+    rig.__dict__["chain"] = wide
+    values = rig.robot.joint_values()
+    idle = np.array([values[name] for name in chain.joint_names])
+    q = np.array(
+        [wide.vector(p.joints) for p in choose_postures(rig, 6, rng=rng).postures]
+    )
+    nearer = q + 2.0 * np.pi * np.array([-1.0, 1.0])[:, None, None]
+    is_possible = (nearer >= wide.lower) & (nearer <= wide.upper)
+    assert is_possible.any()
+    away = np.where(is_possible, np.abs(nearer - idle), np.inf)
+    assert (np.abs(q - idle) <= away + 1e-9).all()
+
+
 def test_the_torso_does_not_matter(rig):
     given = load_observations(LOOKS)
     turned = ObservationFile(
