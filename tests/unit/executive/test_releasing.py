@@ -10,6 +10,9 @@ import pytest
 from debrisgrasp.control import LegOutcome
 from debrisgrasp.executive import TaskSettings, folding, releasing
 from debrisgrasp.executive.drive import LegEnd
+from debrisgrasp.executive.result import Done
+from debrisgrasp.executive.states import State
+from tests.unit.executive.rigs import POINTS, before_a_brick, holding
 
 AXIS = np.array([0.0, 0.0, -1.0])
 
@@ -77,3 +80,17 @@ def test_an_arm_that_would_fold_onto_the_robot_is_not_drawn_out_farther(monkeypa
     monkeypatch.setattr(folding, "free_share", lambda *_: 0.0)
     assert releasing._drawn_out(drive, AXIS).outcome is LegOutcome.BLOCKED
     assert len(drive.ways) == 1
+
+
+def test_what_is_let_go_twice_lies_in_one_place(pipeline, monkeypatch):
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    context.state = State.RELEASE
+    monkeypatch.setattr(releasing, "_shaken_open", lambda _: None)
+    monkeypatch.setattr(releasing, "put_down", lambda *_: None)
+    context.held = held = holding(points_hand=POINTS)
+    for _ in range(2):
+        context.cycle.reached.append(State.RELEASE)
+        assert isinstance(releasing.release(context), Done)
+        context.held = held  # it still hangs in the hand
+    assert len(context.dropped) == 1

@@ -7,42 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
+from debrisgrasp.executive import SimulatedTask, TaskSettings
 from debrisgrasp.executive.choose import select
-from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.perceive import capture
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.shown import _is_in, never_shown, share_missing, was_shown
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3
-from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.robot import FakeConfig, fake_robot
-from debrisgrasp.worlds import World, make_body
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
+from debrisgrasp.worlds import make_body
+from tests.unit.executive.rigs import look, task_before
 
 
 def looking(pipeline, *bodies, **settings):
-    fake = fake_robot(
-        pipeline.robot,
-        World(bodies),
-        rng=np.random.default_rng(0),
-        config=FakeConfig(is_initialised=True),
-    )
-    task = Executive(
-        fake.robot,
-        TaskSettings(**{"repositions": 0, **settings}),
-        pipeline=pipeline,
-        rng=np.random.default_rng(0),
-    )
+    settings = TaskSettings(**{"repositions": 0, **settings})
+    _, task = task_before(pipeline, *bodies, settings=settings)
     return task.context
 
 
 def looked(context):
-    for step in (capture, segment):
-        assert isinstance(step(context), Done)
+    look(context)
     return select(context)
 
 
