@@ -18,9 +18,10 @@ from debrisgrasp.robot import DepthFrame
 
 from .context import Context, LimbState
 from .drive import Drive
+from .gaze import look_of, turn_head
 from .moves import planned, reversed_motion
 from .pacing import widest_corners
-from .perceive import look_around, look_of, turn_head
+from .perceive import look_around
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["calib_check"]

@@ -57,7 +57,7 @@ def test_an_arm_that_met_something_is_away_before_the_trunk_turns(
     context, order = task.context, []
     context.cycle.motion = SimpleNamespace(arm="left")
     monkeypatch.setattr(recovery, "relieve", lambda *_: None)
-    monkeypatch.setattr(recovery, "to_rest", lambda _, arm: order.append(arm))
+    monkeypatch.setattr(recovery, "put_away", lambda _, arm: order.append(arm))
     assert recovery.clear_up(context) is None
     assert order == ["left", "right"]
 
@@ -77,6 +77,6 @@ def test_a_camera_that_fails_keeps_no_arm_from_going_to_rest(pipeline, monkeypat
     monkeypatch.setattr(recovery, "_hanging", lambda *_: None)
     monkeypatch.setattr(recovery, "_remember", lambda *_: True)
     monkeypatch.setattr(recovery, "looked_after", fails)
-    monkeypatch.setattr(recovery, "to_rest", lambda _, arm: order.append(arm))
+    monkeypatch.setattr(recovery, "put_away", lambda _, arm: order.append(arm))
     assert recovery.clear_up(context) is None
     assert order == ["right", "left"]

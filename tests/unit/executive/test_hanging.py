@@ -116,7 +116,7 @@ def test_what_was_put_down_is_seen_where_it_lies(lifted):
     grid = np.stack(np.meshgrid(*3 * [[-0.03, 0.0, 0.03]]), axis=-1).reshape(-1, 3)
     guess = grid + np.array([0.75, -0.85, 0.5])
     context.dropped[:] = [hand, guess]
-    assert looked_after(context, "right", 0.1) > 50
+    assert looked_after(context, "right") > 50
     (lying,) = context.lain
     assert lying[:, 2].max() == pytest.approx(0.2, abs=0.03)
     beside = np.abs(lying[:, :2] - [0.75, -0.85]).max(axis=1) < 0.18
@@ -145,7 +145,7 @@ def test_what_stands_on_end_is_seen_up_to_its_top(lifted, monkeypatch, height, b
         lambda w: World((*w.bodies, post.at(SE3.from_parts(p=place))), w.ground)
     )
     context.dropped[:] = [np.add(place, [[-0.05, 0.0, -0.2], [0.05, 0.0, 0.2]])]
-    assert looked_after(context, "right", 0.1) > 50
+    assert looked_after(context, "right") > 50
     (lying,) = context.lain
     assert lying[:, 2].max() == pytest.approx(height, abs=0.03)
 
@@ -163,7 +163,7 @@ def test_a_head_at_its_stop_takes_no_picture_twice(lifted, monkeypatch):
     monkeypatch.setattr(
         hanging, "image", lambda *a, **k: taken.append(a) or image(*a, **k)
     )
-    assert looked_after(context, "right", 0.1) > 50
+    assert looked_after(context, "right") > 50
     assert len(taken) == 1
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
-from debrisgrasp.executive.recover import _moved_inside
+from debrisgrasp.executive.inside import moved_inside
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
@@ -30,10 +30,7 @@ def test_joints_are_moved_back_inside_from_where_they_are_by_then(pipeline):
         context.wait(context.settings.period)
     arm.stop()  # and that joint still moves a little
     arm.reset()
-    event = task._event(
-        State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
-    )
-    assert _moved_inside(context, event) is None
+    assert moved_inside(context, "") is None
     assert arm.q[7] == pytest.approx(limits.planner.upper[7], abs=1e-6)
     assert fake.truth().violations == ()
 
@@ -48,10 +45,7 @@ def test_a_sensor_that_fails_on_the_way_back_inside_stops_the_arms(
     monkeypatch.setattr(
         Drive, "weighed", lambda _drive: (next(forces, np.nan), *[0.0] * 5)
     )
-    event = task._event(
-        State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
-    )
-    assert "on the way back" in _moved_inside(task.context, event).message
+    assert "on the way back" in moved_inside(task.context, "").message
     assert all(arm.is_stopped for arm in fake.arms.values())
     assert arm.q[7] > limit + 0.1
 
@@ -100,10 +94,7 @@ def test_a_jump_on_the_way_back_inside_ends_it(pipeline, monkeypatch):
             fake._drives.put(left.joints[own], left.q[own] + 0.3)
 
     monkeypatch.setattr(arm, "command", command)
-    event = task._event(
-        State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
-    )
-    found = _moved_inside(task.context, event)
+    found = moved_inside(task.context, "")
     assert (found.fault, found.arm) == ("encoder_jump", "left")
     assert len(sent) == 20
     assert all(arm.is_stopped for arm in fake.arms.values())
@@ -117,9 +108,6 @@ def test_a_jump_of_one_arm_is_noticed_though_the_other_was_moved_back_inside(pip
     own = int(np.flatnonzero(limb.is_own_joint)[3])
     fake._drives.put(left.joints[own], left.q[own] + 0.3)
     fake._drives.put(fake.arms["right"].joints[7], limits.upper[7] + 0.05)
-    event = task._event(
-        State.TRANSPORT, FaultFound("start_outside_limits", ""), Action.RETRY
-    )
-    found = _moved_inside(context, event)
+    found = moved_inside(context, "")
     assert (found.fault, found.arm) == ("encoder_jump", "left")
     assert Drive(context, "left").engage().fault == "encoder_jump"

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from debrisgrasp.executive import moves, releasing
+from debrisgrasp.executive import releasing, resting
 from debrisgrasp.executive.drive import Drive
-from debrisgrasp.executive.moves import planned, to_rest
+from debrisgrasp.executive.moves import planned
 from debrisgrasp.executive.obstacles import room_for, space_of
+from debrisgrasp.executive.resting import to_rest
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.motion import UnknownSpace
@@ -21,7 +22,7 @@ def test_a_hand_that_was_cleared_up_is_not_drawn_back_once_more(pipeline, monkey
     context, drawn = task.context, []
     context.cycle.motion = SimpleNamespace(arm="right")
     monkeypatch.setattr(releasing, "back_out", lambda _, arm: drawn.append(arm))
-    monkeypatch.setattr(releasing, "to_rest", lambda *_: None)
+    monkeypatch.setattr(releasing, "put_away", lambda *_: None)
     for is_in_pile, expected in (("right", ["right"]), (None, ["right"])):
         context.is_in_pile = is_in_pile
         assert isinstance(releasing.retreat(context), Done)
@@ -111,7 +112,7 @@ def test_after_a_touch_a_pressed_hand_gives_way_and_goes_back_slowly(
         return touch
 
     monkeypatch.setattr(Drive, "follow", follow)
-    monkeypatch.setattr(moves, "relieve", lambda _, __, tight: eased.append(tight))
+    monkeypatch.setattr(resting, "relieve", lambda _, __, tight: eased.append(tight))
     assert to_rest(context, "right") is touch
     assert to_rest(context, "right") is touch
     assert paces[0] == 1.0
@@ -176,12 +177,12 @@ def test_the_way_to_a_grasp_is_no_way_back_where_the_base_has_moved(
     assert Drive(context, "right").follow(reach.trajectory) is None
     context.cycle.motion = SimpleNamespace(arm="right", reach=reach)
     context.dragged, asked = SE3.identity(), []
-    plain = moves._way_to
+    plain = resting._way_to
 
     def way_to(*args):
         asked.append(args)
         return plain(*args)
 
-    monkeypatch.setattr(moves, "_way_to", way_to)
+    monkeypatch.setattr(resting, "_way_to", way_to)
     assert to_rest(context, "right") is None
     assert len(asked) == 1
