@@ -12,7 +12,7 @@ from debrisgrasp.control import LegOutcome
 from .caught import felt_out, nudged, pushed_to
 from .context import Context
 from .drive import Drive, LegEnd
-from .grasping import aside_of
+from .grasping import STANDING, aside_of
 from .hanging import looked_after
 from .moves import CAUGHT, back_out, let_go, put_down
 from .obstacles import lying
@@ -24,7 +24,6 @@ __all__ = ["release", "retreat", "verify_release"]
 
 _LOWERED = 0.12
 """How far an object is lowered at most [m]."""
-_STANDING = 0.24
 _GROWN = 50.0
 """More than while a hand brakes [N]: something else pushes, or the sensor lies."""
 _OUT = 0.04
@@ -105,7 +104,7 @@ def verify_release(context: Context) -> StepResult:
         return backed
     if backed.outcome is LegOutcome.CONTACT:
         begun = max(hypot(*drive.load[:3]), CAUGHT)
-        stood = drive.stand(_STANDING)  # does it grow while nothing moves?
+        stood = drive.stand(STANDING)  # does it grow while nothing moves?
         if isinstance(stood, FaultFound):
             return stood
         load = hypot(*drive.weighed()[:3])
@@ -115,7 +114,7 @@ def verify_release(context: Context) -> StepResult:
         words = f"{load:.0f} N as the open hand rises: it is caught"
         context.held = held
         return FaultFound("not_released", words, held.arm)
-    readings = drive.stand(_STANDING)
+    readings = drive.stand(STANDING)
     if isinstance(readings, FaultFound):
         return readings
     weight = drive.carried(drive.mean_load(readings))

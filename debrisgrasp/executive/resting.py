@@ -35,7 +35,7 @@ each other as near as that [rad or m]."""
 _PRESSED = 0.3
 """Share of a limit above which a hand gives way before it is taken elsewhere."""
 _GUARDED = 0.25
-"""Share of the planned speed that is left on it."""
+"""Share of the planned speed that is left after a touch, or where one is likely."""
 
 
 def put_away(context: Context, arm: str) -> FaultFound | None:
