@@ -36,119 +36,22 @@ from debrisgrasp.workbench import (
     taught_by_joints,
 )
 
-from .capture_arguments import add_capture, load_capture
-from .site_arguments import add_grippers, add_site, hands_of, site_of
+from .capture_arguments import load_capture
+from .prototype_arguments import SIZES, add_mesh, add_new, add_record
+from .site_arguments import hands_of, site_of
 from .tables import columns
-from .values import add_region, number, region_of, some_path
+from .values import region_of
 
 __all__ = ["add_makers"]
 
-_SIZES = ("diameter", "width", "height", "length", "thickness", "depth", "standoff")
-_OPTIONS = tuple(f"--{name}" for name in (*_SIZES, "plate", "ends"))
-_SHAPES = ("bar", "box", "cylinder", "edge", "handle", "rim")
+_OPTIONS = tuple(f"--{name}" for name in (*SIZES, "plate", "ends"))
 
 
 def add_makers(actions: Any) -> None:
     """Add the actions that write prototypes."""
-    new = actions.add_parser(
-        "new",
-        help="from a shape and its sizes",
-        description="Make a prototype of a shape; its place in the hand, its width and "
-        "its opening are found by closing the fingers on it. Lengths in metres.",
-    )
-    new.add_argument("--shape", required=True, choices=_SHAPES, help="its kind")
-    for size in (*_SIZES, "plate"):
-        new.add_argument(f"--{size}", type=number, metavar="M", help="if it has one")
-    new.add_argument("--radius", type=number, metavar="M", help="half the diameter")
-    new.add_argument("--ends", help="open, closed, one or both, as the shape has them")
-    new.add_argument(
-        "--grip",
-        choices=("tip", "power"),
-        default="tip",
-        help="between the fingertips, or near the palm (default: tip)",
-    )
-    new.add_argument(
-        "--position", nargs=3, type=number, metavar=("X", "Y", "Z"), help="in the palm"
-    )
-    new.add_argument(
-        "--rpy-deg", nargs=3, type=number, metavar=("R", "P", "Y"), help="turn of it"
-    )
-    new.set_defaults(run=run_new)
-
-    mesh = actions.add_parser(
-        "from-mesh", help="from an STL, OBJ or PLY mesh of an object"
-    )
-    mesh.add_argument("mesh", type=some_path, help="the file")
-    mesh.add_argument(
-        "--scale",
-        type=number,
-        default=1.0,
-        help="metres in a unit of the file: 0.001 for millimetres (default: 1)",
-    )
-    mesh.add_argument(
-        "--pose",
-        metavar="POSE",
-        help="palm in the frame of the mesh: x,y,z,roll,pitch,yaw or a file with a 4x4",
-    )
-    mesh.set_defaults(run=run_mesh)
-
-    recording = actions.add_parser(
-        "record", help="from a piece of a capture and a taught or proposed hand pose"
-    )
-    add_capture(recording)
-    recording.add_argument("--object", type=int, metavar="N", help="this object")
-    add_region(recording, "only what is in this box")
-    recording.add_argument(
-        "--pose",
-        metavar="POSE",
-        help="taught palm in the base frame: x,y,z,roll,pitch,yaw or a file with a 4x4",
-    )
-    recording.add_argument(
-        "--joints",
-        metavar="NAME=VALUE,...",
-        help="joint values of the arm that stands at the grasp, rad",
-    )
-    recording.add_argument("--robot", help="default: the site's, or roman")
-    recording.add_argument("--arm", help="default: the arm that carries the hand")
-    recording.set_defaults(run=run_record)
-
-    for action in (new, mesh, recording):
-        action.add_argument("--name", required=True, help="a-z, 0-9 and _")
-        action.add_argument("--gripper", help="default: the site's, or robotiq_3f")
-        action.add_argument("--preshape", help="of the fingers; default: what fits")
-        action.add_argument(
-            "--out",
-            type=some_path,
-            default=Path("prototypes"),
-            metavar="DIR",
-            help="folder to write to (default: prototypes)",
-        )
-        action.add_argument(
-            "--force",
-            action="store_true",
-            help="replace files, and write what does not fit the hand",
-        )
-        action.add_argument(
-            "--kind",
-            choices=("generic", "object-specific"),
-            help="sought on every object, or only where a mask or region is given",
-        )
-        action.add_argument("--description", default="", help="a line for its file")
-        add_grippers(action)
-        if action is not recording:
-            add_site(action)
-            action.add_argument("--json", action="store_true", help="print JSON")
-    for action in (mesh, recording):
-        action.add_argument(
-            "--closed", type=number, metavar="M", help="width when closed, metres"
-        )
-        action.add_argument(
-            "--choice",
-            type=int,
-            default=1,
-            metavar="N",
-            help="which of the proposed poses to take (default: 1, the best)",
-        )
+    add_new(actions).set_defaults(run=run_new)
+    add_mesh(actions).set_defaults(run=run_mesh)
+    add_record(actions).set_defaults(run=run_record)
 
 
 def run_new(arguments: argparse.Namespace) -> int:
@@ -161,7 +64,7 @@ def run_new(arguments: argparse.Namespace) -> int:
                 "size", got="both --radius and --diameter", expected="one of them"
             )
         arguments.diameter = 2 * arguments.radius
-    for name in (*_SIZES, "plate", "ends", "position", "rpy_deg"):
+    for name in (*SIZES, "plate", "ends", "position", "rpy_deg"):
         value = getattr(arguments, name)
         if value is not None:
             shape[name] = value

@@ -10,23 +10,14 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control._rigid import floats_of
 
 from .result import FaultFound
-from .senses import Senses
+from .senses import Senses, met_from
 
-__all__ = ["Along", "met_from", "taken_along"]
+__all__ = ["Along", "taken_along"]
 
-_TOUCH, _MORE = (45.0, 12.0), (15.0, 4.0)
-"""An empty hand that is taken elsewhere touches something when it bears so much, or
-more than at first by so much [N, N m]: it is as fast as the plan lets it, and what it
-bears grows until it stands ..."""
 _IN_A_ROW = 2
-"""... so many times; one sample may be wrong."""
+"""So many times in a row it must bear more: one sample may be wrong."""
 _SILENT = 10
 """So many samples without a number tell nothing of what it meets."""
-
-
-def met_from(force: float, torque: float) -> tuple[float, float]:
-    """From which load on an empty hand that bears so much it touches more [N, N m]."""
-    return max(_TOUCH[0], force + _MORE[0]), max(_TOUCH[1], torque + _MORE[1])
 
 
 class Along:

@@ -25,10 +25,11 @@ from .dropoff import postures_at
 from .fingers import open_hand
 from .folding import free_share, straight
 from .marks import Mark
-from .moves import CAUGHT, planned, to_rest
+from .moves import CAUGHT, planned
 from .obstacles import room_for
 from .pacing import hand_corners, widest_corners
 from .relief import relieve
+from .resting import put_away
 from .result import Done, FaultFound, StepResult
 from .states import State
 
@@ -283,8 +284,8 @@ def _begins(
 
 def _closed(limb: LimbState) -> tuple[str, float]:
     """Preshape and opening of a hand that pushes [m]."""
-    name, shape = next(iter(limb.hand.preshapes.items()))
-    return name, max(float(shape.openings[-1]), 0.0)
+    name = limb.first_preshape
+    return name, max(float(limb.hand.preshape(name).openings[-1]), 0.0)
 
 
 def _taken_there(context: Context, drive: Drive, push: _Push) -> FaultFound | None:
@@ -323,8 +324,7 @@ def _left(context: Context, drive: Drive, way: FloatArray) -> FaultFound | None:
         end = straight(drive, part, CAUGHT, speed=speed, least=_SHORT)
         if isinstance(end, FaultFound):
             return end
-    fault = to_rest(context, limb.name)
+    fault = put_away(context, limb.name)
     if fault is None:
-        limb.limb.arm.disengage()
         context.is_in_pile = None
     return fault

@@ -18,9 +18,11 @@ from debrisgrasp.robot import DepthFrame
 
 from .context import Context, LimbState
 from .drive import Drive
+from .gaze import look_of, turn_head
 from .moves import planned, reversed_motion
+from .obstacles import BARE
 from .pacing import widest_corners
-from .perceive import look_around, look_of, turn_head
+from .perceive import look_around
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["calib_check"]
@@ -41,7 +43,6 @@ _NOISE = 0.003
 _SIGMAS = 8.0
 """Mount and joints of the head are each known to this part of the shift allowed: what
 they do to the hand together is then an alarm from about that shift on."""
-_LEVEL = np.array([0.0, 0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -197,7 +198,7 @@ def _way_into_view(
     context.known.saw(sight)
     fault: FaultFound | None = None
     for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
-        space = MotionSpace.build(cloud, sight, _LEVEL, unknown=unknown)
+        space = MotionSpace.build(cloud, sight, BARE, unknown=unknown)
         found = planned(context, limb, q, space)
         if not isinstance(found, FaultFound):
             assert found.trajectory is not None

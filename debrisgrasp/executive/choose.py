@@ -29,7 +29,7 @@ from .dropoff import drop_postures, no_place, object_in_hand
 from .obstacles import room_for
 from .reposition import repositioned, stepped_back
 from .result import Done, FaultFound, StepResult
-from .shown import never_shown, share_missing, was_shown
+from .shown import never_shown, was_shown
 from .states import State
 from .triage import Triage, Way, judge
 
@@ -111,11 +111,10 @@ def select(context: Context) -> StepResult:
 
 def _clear(context: Context, left: dict[str, str]) -> StepResult:
     """End the task where all of the way was seen; look there, or drive back, first."""
-    gaze = never_shown(context)
+    missing, gaze = never_shown(context)
     if gaze is not None:
         context.cycle.gaze = gaze
         return Done({"looks_at": np.round(gaze, 2).tolist()}, State.CAPTURE)
-    missing = share_missing(context)
     moved = stepped_back(context, missing)
     if moved:
         share = round(missing, 3)
@@ -258,13 +257,8 @@ def plan_grasp(context: Context) -> StepResult:
         is_taken = any(grasp.arm in context.limbs for grasp in found.plan.grasps)
         if mark is not None and is_taken:
             why = mark.reason  # all are like those that failed
-        unreached = found.plan.rejections.get("out of reach", 0)
-        name = (
-            "unreachable"
-            if unreached and _mostly(found.plan.rejections)
-            else ("no_grasp")
-        )
-        return FaultFound(name, why)
+        is_far = _mostly_far(found.plan.rejections)
+        return FaultFound("unreachable" if is_far else "no_grasp", why)
     cycle.plan = replace(
         found, plan=replace(found.plan, grasps=_ordered(grasps, cycle.triage, failed))
     )
@@ -295,7 +289,8 @@ def _is_like(grasp: Grasp, failed: Grasp) -> bool:
     return bool(np.linalg.norm(T.p - T_failed.p) < _ALIKE and turn < _ALIKE_TURN)
 
 
-def _mostly(rejections: Mapping[str, int]) -> bool:
+def _mostly_far(rejections: Mapping[str, int]) -> bool:
+    """Whether most poses were ruled out because no arm gets there."""
     return 2 * rejections.get("out of reach", 0) > sum(rejections.values())
 
 

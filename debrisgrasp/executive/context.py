@@ -112,6 +112,11 @@ class LimbState:
         return MotionPlanner.of_arm(self.reach, limits=self.limits.planner)
 
     @property
+    def first_preshape(self) -> str:
+        """Name of the preshape of a hand that no grasp asks for another."""
+        return next(iter(self.hand.preshapes))
+
+    @property
     def rest_of(self) -> str:
         """Name of the idle posture."""
         return self.reach.robot.arm(self.name).idle
@@ -262,6 +267,13 @@ class Context:
         """Which points (..., 3), base frame [m], lie in the workspace."""
         T_way_base = self.T_base_way.inverse()
         return self.settings.bounds.contains(T_way_base.apply(points))
+
+    def preshape_of(self, limb: LimbState) -> str:
+        """Name of the preshape that a hand has taken."""
+        motion = self.cycle.motion
+        if motion is not None and motion.arm == limb.name:
+            return motion.grasp.preshape
+        return limb.first_preshape
 
     def count_removal(self) -> None:
         """Count the object of this cycle, which lies at the drop-off, once."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import hypot
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control import (
     CartesianLeg,
     Compliance,
@@ -20,7 +19,6 @@ from debrisgrasp.control import (
     LegOutcome,
     LegState,
     Reading,
-    SafetyConfig,
     SafetyState,
     Supervisor,
     TarePolicy,
@@ -30,21 +28,14 @@ from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
-from .along import met_from, taken_along
+from .along import taken_along
 from .noticed import refused
 from .pacing import careful, paced, widest_corners
 from .result import FaultFound
-from .senses import Senses
-from .states import State
+from .senses import SAFETY, Senses
 
 __all__ = ["OUTSIDE", "Drive", "LegEnd"]
 
-_SAFETY = SafetyConfig()
-_CARRYING = replace(_SAFETY, motion_force=30.0, motion_torque=8.0)
-"""What is carried should touch nothing ..."""
-_UNSURE_COM = 0.15
-"""... but how high its centre of mass lies was only seen, to this [m]: as the hand
-leans, the torque changes by so much times the weight."""
 _BRAKES_WITHIN = 0.03
 """Slower is a leg on which the joints need longer to stop [s]."""
 _AT_START = 0.03
@@ -61,6 +52,9 @@ _RUN_OUT = 1.5
 """A leg that is done has come to rest within so long [s]."""
 _ENGAGES_WITHIN = 0.5
 """[s]."""
+
+
+_Begun = tuple[LegController, LegState]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,11 +95,6 @@ class Drive(Senses):
             return self._doubted(self.limb.doubt)
         broken = self.limb.limits.controller.violation(q, tolerance=OUTSIDE)
         return FaultFound("start_outside_limits", broken, name) if broken else None
-
-    def _doubted(self, why: FaultFound) -> FaultFound:
-        """Stop, for nobody knows where the arm is, or what presses on it."""
-        self._halt()
-        return why
 
     def stand(
         self, seconds: float, until: Callable[[Wrench], bool] | None = None
@@ -221,18 +210,15 @@ class Drive(Senses):
         engaged = self.engage()
         if engaged is not None:
             return engaged
-        pace = speed
-        for _ in range(4):
-            found = self._begun(goal, pace, guard, compliance, tare, limits)
-            if isinstance(found, FaultFound):
-                if "brake" not in found.message:
-                    break
-                pace *= 0.5
-                continue
-            time = found[0].braking_time(found[1].servo)
-            if time <= _BRAKES_WITHIN:
-                break
-            pace *= max(0.95 * _BRAKES_WITHIN / time, 0.125)
+        begin = partial(
+            self._begun,
+            goal,
+            guard=guard,
+            compliance=compliance,
+            tare=tare,
+            limits=limits,
+        )
+        found = _slow_enough(begin, speed)
         if isinstance(found, FaultFound):
             return found
         controller, state = found
@@ -282,11 +268,13 @@ class Drive(Senses):
         self,
         goal: SE3 | ArrayLike,
         speed: float,
+        *,
         guard: ContactGuard | None,
         compliance: Compliance | None,
         tare: TarePolicy,
         limits: LimitSet | None,
-    ) -> tuple[LegController, LegState] | FaultFound:
+    ) -> _Begun | FaultFound:
+        """Begin a leg where the arm stands; or why it is refused."""
         limb = self.limb
         reading = self.read()
         q = self._stands_at(reading)
@@ -302,7 +290,7 @@ class Drive(Senses):
                 limb.loads,
                 leg,
                 ControllerConfig(
-                    period=self.period, speed=speed, tare=tare, safety=_SAFETY
+                    period=self.period, speed=speed, tare=tare, safety=SAFETY
                 ),
                 compliance=compliance,
                 guard=guard,
@@ -335,65 +323,21 @@ class Drive(Senses):
         inside = np.clip(q, self.limits.lower, self.limits.upper)
         return inside if np.abs(inside - q).max() <= OUTSIDE else q
 
-    @property
-    def _safety(self) -> SafetyConfig:
-        held = self.context.held
-        if self.context.state is not State.TRANSPORT or held is None:
-            return _SAFETY
-        turn = GRAVITY * held.payload.mass * _UNSURE_COM
-        return replace(_CARRYING, motion_torque=(_CARRYING.motion_torque or 0.0) + turn)
 
-    def supervised(
-        self, *, is_free: bool = False
-    ) -> tuple[Supervisor, SafetyState | FaultFound]:
-        """Begin to watch the arm: who watches, and its state, or why not.
-
-        Parameters
-        ----------
-        is_free
-            The hand is empty, and should touch nothing more than it does now.
-        """
-        limb, safety, reading = self.limb, self._safety, self.read()
-        if is_free:
-            self.weighed()
-            force, torque = met_from(hypot(*self.load[:3]), hypot(*self.load[3:]))
-            safety = replace(safety, motion_force=force, motion_torque=torque)
-        supervisor = Supervisor(
-            limb.kinematics,
-            self.limits,
-            limb.loads,
-            self.period,
-            safety,
-            limb.baseline_time,
-        )
-        if limb.doubt is not None:
-            return supervisor, self._doubted(limb.doubt)
-        try:
-            return supervisor, supervisor.start(reading)
-        except InputError as error:
-            return supervisor, refused(str(error), reading, limb.name)
-
-    def ticked(
-        self,
-        supervisor: Supervisor,
-        state: SafetyState,
-        commanded: tuple[float, ...] | list[float],
-        *,
-        is_moving: bool,
-        with_fingers: bool = True,
-    ) -> tuple[FaultFound | None, SafetyState, Reading]:
-        """Wait one period, read, and judge."""
-        clock = self.clock
-        clock.wait_until(clock.now() + self.period)
-        reading = self.read()
-        if self.limb.doubt is not None:
-            return self._doubted(self.limb.doubt), state, reading
-        state, verdict = supervisor.step(
-            state, reading, commanded, self._expected(state), is_moving=is_moving
-        )
-        self._note(reading.time, verdict.load)
-        if state.stop is not None:
-            return self._stopped(state.stop, reading), state, reading
-        if with_fingers:
-            return self._watched_fingers(verdict.load), state, reading
-        return None, state, reading
+def _slow_enough(
+    begin: Callable[[float], _Begun | FaultFound], speed: float
+) -> _Begun | FaultFound:
+    """Begin a leg at a speed [m/s], or slower, from which the joints soon brake."""
+    for _ in range(4):
+        found = begin(speed)
+        if isinstance(found, FaultFound):
+            if "brake" not in found.message:
+                break
+            speed *= 0.5
+            continue
+        controller, state = found
+        time = controller.braking_time(state.servo)
+        if time <= _BRAKES_WITHIN:
+            break
+        speed *= max(0.95 * _BRAKES_WITHIN / time, 0.125)
+    return found

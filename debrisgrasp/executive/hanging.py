@@ -23,7 +23,8 @@ from debrisgrasp.pipeline.self_filter import are_near, body_at
 
 from .context import Context, Held
 from .dropoff import with_underside
-from .perceive import image, is_close, look_towards, sight_of
+from .gaze import look_towards
+from .perceive import image, is_close, sight_of
 from .result import FaultFound
 
 __all__ = ["looked_after", "looked_at"]
@@ -109,22 +110,18 @@ def looked_at(context: Context, held: Held) -> int:
     return len(seen)
 
 
-def looked_after(context: Context, arm: str, opening: float) -> int:
+def looked_after(context: Context, arm: str) -> int:
     """See what lies where a hand put something down, and where nothing does.
 
     Until then it was taken for a box where the hand let it go, larger than it and
     perhaps elsewhere, or smaller than what was never seen of it.
-
-    Parameters
-    ----------
-    opening
-        Of the hand, which is empty now [m].
 
     Returns
     -------
     int
         Points seen there [count]; 0: the image is none to go by, or shows nothing.
     """
+    opening = max(context.limbs[arm].limb.gripper.read().openings)
     if context.cycle.motion is None or not context.dropped:
         return 0
     place = context.dropped[-1].mean(axis=0)

@@ -141,7 +141,7 @@ def hand_corners(limb: LimbState, preshape: str, opening: float) -> FloatArray:
 
 def widest_corners(limb: LimbState) -> FloatArray:
     """Corners of an open hand's solids, whatever its preshape, frame of it, (n, 3)."""
-    preshape = next(iter(limb.hand.preshapes))
+    preshape = limb.first_preshape
     return hand_corners(limb, preshape, limb.hand.preshape(preshape).widest)
 
 

@@ -20,8 +20,9 @@ from debrisgrasp.motion import UnknownSpace
 from .context import Context, LimbState
 from .drive import Drive
 from .fingers import open_hand
-from .moves import planned, to_rest
+from .moves import planned
 from .obstacles import space_of
+from .resting import to_rest
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["self_test"]
@@ -96,7 +97,7 @@ def _gripper(context: Context, limb: LimbState) -> FaultFound | None:
 def _baseline(context: Context, limb: LimbState) -> FloatArray | FaultFound:
     """Find the bias in free space, with gravity from two sides."""
     drive = Drive(context, limb.name)
-    preshape = next(iter(limb.hand.preshapes))
+    preshape = limb.first_preshape
     widest = limb.hand.preshape(preshape).widths[1]
     fault = open_hand(drive, preshape, widest)
     if fault is not None:
@@ -155,8 +156,7 @@ def _look(context: Context, drive: Drive, widest: float) -> BaselineLook | Fault
 
 def _height(limb: LimbState, T_base_hand: SE3, opening: float) -> float:
     """Of the hand over the ground [m]."""
-    preshape = next(iter(limb.hand.preshapes))
-    solids = limb.hand.solids(preshape, opening)
+    solids = limb.hand.solids(limb.first_preshape, opening)
     return min(float(s.moved(T_base_hand).bounds.lower[2]) for s in solids)
 
 

@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from math import dist
 
 import numpy as np
 
-from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3, Bounds
 
 from .caught import felt_out
 from .context import Context, Held
-from .drag import drive_back
 from .drive import Drive
 from .faults import Action
 from .fingers import loosen
 from .folding import free_share
 from .hanging import looked_after
-from .moves import back_out, let_go, lower, put_down, to_rest
+from .inside import moved_inside
+from .moves import back_out, let_go, lower, put_down
 from .outcome import FaultEvent
 from .relief import doubted, heaviest, relieve
+from .resting import put_away
 from .result import Done, FaultFound, StepResult
 from .states import State
+from .stopping import reset_stops, stop_all
 from .table import Answer
 
-__all__ = ["clear_up", "recover", "reset_stops", "stop_all"]
+__all__ = ["clear_up", "recover"]
 
 _RECONNECT = 2.0
 """How long a device that does not answer is asked again [s]."""
 _CALM = 1.0
 """How long to stand after something swung [s]."""
-_STANDS_WITHIN, _STILL = 2.0, 0.05
-"""[s]."""
 _UPWARDS = 30.0
 """Nothing pushes a hand up so hard [N] that was drawn back; a sensor may be wrong."""
 _LOOK = 0.1
@@ -42,9 +40,6 @@ _STIRRED = 0.2
 """So far around a hand things may have slid or rolled [m]."""
 _LOW = 5e-3
 """What hangs no higher than it lay falls no way [m]."""
-_MET = (30.0, 10.0)
-"""A load on a hand that changes by so much is a contact [N, N m]; what is carried
-weighs some other way by half of that, as the hand turns."""
 _LOWERED = 0.3
 """What is put back is lowered so far, or to the ground, until it lies [m]."""
 
@@ -58,7 +53,7 @@ def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
         stop_all(context)  # it was in motion: the next one begins at rest
     reset_stops(context)
     if event.fault == "start_outside_limits":
-        fault = _moved_inside(context, event)
+        fault = moved_inside(context, event.message)
         if fault is not None:
             return fault
     busy = context.is_in_pile if context.held is None else context.held.arm
@@ -103,7 +98,7 @@ def clear_up(context: Context) -> FaultFound | None:
     first, motion = busy, context.cycle.motion
     if first is None and motion is not None:
         first = motion.arm
-    for name, limb in sorted(context.limbs.items(), key=lambda item: item[0] != first):
+    for name in sorted(context.limbs, key=lambda name: name != first):
         if name == busy:
             fault = back_out(context, name)
             if fault is not None and fault.fault in ("too_heavy", "not_released"):
@@ -118,10 +113,9 @@ def clear_up(context: Context) -> FaultFound | None:
             fault = relieve(context, name)  # on its way it may have met something
         if fault is not None:
             return fault
-        fault = to_rest(context, name) or drive_back(context)
+        fault = put_away(context, name)
         if fault is not None:
             return fault
-        limb.limb.arm.disengage()
     context.is_in_pile = None
     return None
 
@@ -129,7 +123,7 @@ def clear_up(context: Context) -> FaultFound | None:
 def _looked(context: Context, arm: str) -> None:
     """Look at what was put back beside the way, if there is a camera that answers."""
     with suppress(DriverError):  # what answers no more is noticed by the next motion
-        looked_after(context, arm, max(context.limbs[arm].limb.gripper.read().openings))
+        looked_after(context, arm)
 
 
 def _remember(context: Context, held: Held) -> bool:
@@ -176,14 +170,11 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
         return doubted(context, arm, weight)
     limb = drive.limb
     motion = context.cycle.motion
-    preshape = next(iter(limb.hand.preshapes))
-    if motion is not None and motion.arm == arm:
-        preshape = motion.grasp.preshape
     # From up here it would fall past the fingers that open, and strike them.
     risen = 0.0 if motion is None else _risen(context, drive, motion.grasp.T_base_hand)
     fault = lower(drive, risen) if risen > _LOW else None
     if fault is None:
-        fault = loosen(drive, limb.hand.preshape(preshape).widest)
+        fault = loosen(drive, limb.hand.preshape(context.preshape_of(limb)).widest)
     if fault is None and risen > _LOW:
         fault = back_out(context, arm)
     stood = drive.stand(_LOOK)
@@ -203,36 +194,6 @@ def _risen(context: Context, drive: Drive, grasp: SE3) -> float:
     return height * free_share(drive.limb, q, np.array([0.0, 0.0, -height]))
 
 
-def stop_all(context: Context) -> list[str]:
-    """Latch a stop on every arm and the base; returns what did not answer."""
-    silent = []
-    for name, limb in context.limbs.items():
-        try:
-            limb.limb.arm.stop()
-        except Exception as error:  # noqa: BLE001 - the others must still be stopped
-            silent.append(f"{arm_called(name)}: {error}")
-    if context.robot.base is not None:
-        try:
-            context.robot.base.stop()
-        except Exception as error:  # noqa: BLE001 - as above
-            silent.append(f"base: {error}")
-    return silent
-
-
-def reset_stops(context: Context) -> None:
-    """End latched stops, once the arms stand: the answer says to go on."""
-    for limb in context.limbs.values():
-        arm = limb.limb.arm
-        if not arm.is_stopped:
-            continue
-        for _ in range(int(_STANDS_WITHIN / _STILL)):
-            before = context.posture(limb)
-            context.wait(_STILL)
-            if np.abs(context.posture(limb) - before).max() < 1e-4:
-                break
-        arm.reset()
-
-
 def _reconnected(context: Context) -> FaultFound | None:
     """Ask every device again until all answer."""
     end, words = context.now() + _RECONNECT, ""
@@ -248,56 +209,6 @@ def _reconnected(context: Context) -> FaultFound | None:
             continue
         return None
     return FaultFound("connection_lost", f"{words} Asked for {_RECONNECT:g} s.")
-
-
-def _moved_inside(context: Context, event: FaultEvent) -> FaultFound | None:
-    """Move joints that stand outside their limits straight back inside.
-
-    A hand that meets something on the way is the end of it: tried again, it would press
-    harder.
-    """
-    drives = {name: Drive(context, name) for name in context.limbs}
-    for drive in drives.values():
-        drive.read()
-        if drive.limb.doubt is not None:
-            return drive.limb.doubt  # it may stand elsewhere
-    for name, limb in context.limbs.items():
-        limits = limb.limits.planner
-        q = context.posture(limb)
-        inside = np.clip(q, limits.lower, limits.upper)
-        away = float(np.abs(inside - q).max())
-        if not np.isfinite(away) or away > 0.2:
-            return FaultFound("start_outside_limits", event.message, name)
-        if away < 1e-9:
-            continue
-        arm = limb.limb.arm
-        arm.engage()
-        context.wait(0.1)
-        q = context.posture(limb)  # it swayed on while it was engaged
-        inside = np.clip(q, limits.lower, limits.upper)
-        # So long that the joints begin and end with half of their acceleration.
-        away = float(np.abs(inside - q).max())
-        time = np.sqrt(12.0 * away / float(limits.acceleration.min()))
-        n = int(np.ceil(time / context.settings.period)) + 1
-        begun = {other: drives[other].weighed() for other in drives}
-        for k in range(n + 1):
-            share = (k / n) ** 2 * (3.0 - 2.0 * k / n)
-            arm.command((q + (inside - q) * share).tolist())
-            context.wait(context.settings.period)
-            for other, drive in drives.items():
-                load, before = drive.weighed(), begun[other]
-                if drive.limb.doubt is not None:
-                    stop_all(context)
-                    return drive.limb.doubt
-                force = dist(load[:3], before[:3])
-                torque = dist(load[3:], before[3:])
-                if not (force <= _MET[0] and torque <= _MET[1]):
-                    stop_all(context)
-                    words = f"{force:.0f} N and {torque:.1f} N m more on the {other} "
-                    words += "hand on the way back inside"
-                    return FaultFound("ratchet", words, other)
-        context.wait(0.1)
-    return None
 
 
 def _opened(context: Context, arm: str) -> FaultFound | None:

@@ -11,20 +11,19 @@ from debrisgrasp.control import LegOutcome
 
 from .caught import felt_out, nudged, pushed_to
 from .context import Context
-from .drag import drive_back
 from .drive import Drive, LegEnd
-from .grasping import aside_of
+from .grasping import STANDING, aside_of
 from .hanging import looked_after
-from .moves import CAUGHT, back_out, let_go, put_down, to_rest
+from .moves import CAUGHT, back_out, let_go, put_down
 from .obstacles import lying
 from .relief import relieve
+from .resting import put_away
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["release", "retreat", "verify_release"]
 
 _LOWERED = 0.12
 """How far an object is lowered at most [m]."""
-_STANDING = 0.24
 _GROWN = 50.0
 """More than while a hand brakes [N]: something else pushes, or the sensor lies."""
 _OUT = 0.04
@@ -63,13 +62,11 @@ def _shaken_open(context: Context) -> FaultFound | None:
     held = context.held
     assert held is not None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
-    motion = context.cycle.motion
-    preshape = (
-        next(iter(limb.hand.preshapes)) if motion is None else (motion.grasp.preshape)
-    )
     with context.fingers_as_they_are():
         fault = _nudged(drive, -_SHAKE * _UP)
-    fault = fault or let_go(context, limb.hand.preshape(preshape).widest)
+    fault = fault or let_go(
+        context, limb.hand.preshape(context.preshape_of(limb)).widest
+    )
     fault = fault or relieve(context, limb.name)
     return fault or _nudged(drive, _SHAKE * _UP) or _nudged(drive, -_SHAKE * _UP)
 
@@ -106,7 +103,7 @@ def verify_release(context: Context) -> StepResult:
         return backed
     if backed.outcome is LegOutcome.CONTACT:
         begun = max(hypot(*drive.load[:3]), CAUGHT)
-        stood = drive.stand(_STANDING)  # does it grow while nothing moves?
+        stood = drive.stand(STANDING)  # does it grow while nothing moves?
         if isinstance(stood, FaultFound):
             return stood
         load = hypot(*drive.weighed()[:3])
@@ -116,7 +113,7 @@ def verify_release(context: Context) -> StepResult:
         words = f"{load:.0f} N as the open hand rises: it is caught"
         context.held = held
         return FaultFound("not_released", words, held.arm)
-    readings = drive.stand(_STANDING)
+    readings = drive.stand(STANDING)
     if isinstance(readings, FaultFound):
         return readings
     weight = drive.carried(drive.mean_load(readings))
@@ -138,17 +135,15 @@ def retreat(context: Context) -> StepResult:
     arm = context.cycle.motion.arm if context.cycle.motion else None
     if arm is None:
         return Done()
-    limb = context.limbs[arm]
     # After a fault it may have been cleared up, and is at rest already.
     fault = back_out(context, arm) if context.is_in_pile == arm else None
     if fault is not None and fault.fault == "not_released":
         fault = felt_out(context, arm)
     n_seen = 0
     if fault is None and context.cycle.is_removed:
-        n_seen = looked_after(context, arm, max(limb.limb.gripper.read().openings))
-    fault = fault or to_rest(context, arm) or drive_back(context)
+        n_seen = looked_after(context, arm)
+    fault = fault or put_away(context, arm)
     if fault is not None:
         return fault
-    limb.limb.arm.disengage()
     context.is_in_pile = None
     return Done({"removed": context.n_removed, "points": n_seen})

@@ -9,8 +9,8 @@ from typing import Any
 __all__ = ["Difference", "decisions", "differences"]
 
 _DECISIONS = ("done", "fault", "attempt", "recovered", "stop", "end")
-_LEFT_OUT = ("trace",)
 _CLOSE = 1e-6
+"""Numbers that differ by no more, as a share of the larger one, are the same."""
 
 
 @dataclass(frozen=True, slots=True)

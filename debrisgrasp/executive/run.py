@@ -26,10 +26,11 @@ from .faults import Action, fault_named
 from .limbs import limbs_of
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
 from .record import NoRecord
-from .recover import clear_up, recover, reset_stops, stop_all
+from .recover import clear_up, recover
 from .result import Done, FaultFound, StepResult
 from .settings import TaskSettings
 from .states import State
+from .stopping import reset_stops, stop_all
 from .table import FOLLOWING, Answer, answer_to
 
 __all__ = ["STEPS", "Executive", "Observer"]
@@ -263,11 +264,9 @@ class Executive:
         """End in order, as far as the robot lets us."""
         context = self.context
         last = self._faults[-1] if self._faults else None
-        is_silent = last is not None and last.fault == "connection_lost"
-        is_busy = context.held is not None or context.is_in_pile is not None
-        if is_silent:
+        if last is not None and last.fault == "connection_lost":
             return self._stopped()
-        if not is_busy:
+        if context.held is None and context.is_in_pile is None:
             return RunEnd.LEFT if _is_nothing_more(last) else RunEnd.ABORTED
         result = _guarded(lambda: _cleared_up(context))
         self._flush_trace(State.ABORT)

@@ -9,6 +9,7 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control import (
     Fault,
     FingerReading,
@@ -19,17 +20,29 @@ from debrisgrasp.control import (
     SafetyConfig,
     SafetyState,
     Stop,
+    Supervisor,
 )
 from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.errors import InputError
 
 from .context import FINGER_TICKS, Context, Held
-from .noticed import fault_of_stop
+from .noticed import fault_of_stop, refused
 from .result import FaultFound
 from .states import State
 
-__all__ = ["ZERO", "Senses", "mean_wrench"]
+__all__ = ["SAFETY", "Senses", "mean_wrench", "met_from"]
 
-ZERO: Wrench = (0.0,) * 6
+_ZERO: Wrench = (0.0,) * 6
+SAFETY = SafetyConfig()
+_CARRYING = replace(SAFETY, motion_force=30.0, motion_torque=8.0)
+"""What is carried should touch nothing ..."""
+_UNSURE_COM = 0.15
+"""... but how high its centre of mass lies was only seen, to this [m]: as the hand
+leans, the torque changes by so much times the weight."""
+_TOUCH, _MORE = (45.0, 12.0), (15.0, 4.0)
+"""An empty hand that is taken elsewhere touches something when it bears so much, or
+more than at first by so much [N, N m]: it is as fast as the plan lets it, and what it
+bears grows until it stands."""
 _CLOSING = (State.CLOSE, State.VERIFY_GRASP)
 _SLACK = 10.0
 """With which fingers stay where they were stopped [N]."""
@@ -40,7 +53,7 @@ _LETS_GO = 0.15
 
 
 class Senses:
-    """Reads one limb, and judges what its fingers say."""
+    """Reads one limb, and judges at each tick what it and its fingers feel."""
 
     def __init__(self, context: Context, arm: str) -> None:
         self.context, self.limb = context, context.limbs[arm]
@@ -53,7 +66,7 @@ class Senses:
             load=context.settings.load_share
         )
         """At which a motion is stopped: what grows until the arm stands has room."""
-        self.load: Wrench = ZERO
+        self.load: Wrench = _ZERO
         """Latest load at the hand, absolute, in its axes [N, N m]."""
 
     def read(self) -> Reading:
@@ -85,7 +98,7 @@ class Senses:
         """Load of what is carried, as the hand is turned now."""
         held = self.context.held
         if held is None or held.payload.mass <= 0.0:
-            return ZERO
+            return _ZERO
         if self._loaded is None:
             self._loaded = self.limb.loads.with_payload(held.payload)
         return self._loaded.payload_ee(self.limb.kinematics.pose(state.q)[0])
@@ -95,6 +108,11 @@ class Senses:
         self.devices.arm.stop()
         if self.context.state in _CLOSING:
             self.halt_fingers()
+
+    def _doubted(self, why: FaultFound) -> FaultFound:
+        """Stop, for nobody knows where the arm is, or what presses on it."""
+        self._halt()
+        return why
 
     def halt_fingers(self) -> None:
         """Leave the fingers where they are, with hardly any force."""
@@ -196,6 +214,69 @@ class Senses:
 
         return is_met
 
+    @property
+    def _safety(self) -> SafetyConfig:
+        held = self.context.held
+        if self.context.state is not State.TRANSPORT or held is None:
+            return SAFETY
+        turn = GRAVITY * held.payload.mass * _UNSURE_COM
+        return replace(_CARRYING, motion_torque=(_CARRYING.motion_torque or 0.0) + turn)
+
+    def supervised(
+        self, *, is_free: bool = False
+    ) -> tuple[Supervisor, SafetyState | FaultFound]:
+        """Begin to watch the arm: who watches, and its state, or why not.
+
+        Parameters
+        ----------
+        is_free
+            The hand is empty, and should touch nothing more than it does now.
+        """
+        limb, safety, reading = self.limb, self._safety, self.read()
+        if is_free:
+            self.weighed()
+            force, torque = met_from(hypot(*self.load[:3]), hypot(*self.load[3:]))
+            safety = replace(safety, motion_force=force, motion_torque=torque)
+        supervisor = Supervisor(
+            limb.kinematics,
+            self.limits,
+            limb.loads,
+            self.period,
+            safety,
+            limb.baseline_time,
+        )
+        if limb.doubt is not None:
+            return supervisor, self._doubted(limb.doubt)
+        try:
+            return supervisor, supervisor.start(reading)
+        except InputError as error:
+            return supervisor, refused(str(error), reading, limb.name)
+
+    def ticked(
+        self,
+        supervisor: Supervisor,
+        state: SafetyState,
+        commanded: tuple[float, ...] | list[float],
+        *,
+        is_moving: bool,
+        with_fingers: bool = True,
+    ) -> tuple[FaultFound | None, SafetyState, Reading]:
+        """Wait one period, read, and judge."""
+        clock = self.clock
+        clock.wait_until(clock.now() + self.period)
+        reading = self.read()
+        if self.limb.doubt is not None:
+            return self._doubted(self.limb.doubt), state, reading
+        state, verdict = supervisor.step(
+            state, reading, commanded, self._expected(state), is_moving=is_moving
+        )
+        self._note(reading.time, verdict.load)
+        if state.stop is not None:
+            return self._stopped(state.stop, reading), state, reading
+        if with_fingers:
+            return self._watched_fingers(verdict.load), state, reading
+        return None, state, reading
+
     def _note(self, time: float, load: tuple[float, ...]) -> None:
         self._tick += 1
         self.load = load
@@ -237,3 +318,8 @@ def mean_wrench(readings: list[Reading]) -> FloatArray:
     raw = np.array([np.asarray(r.wrench_ft, dtype=np.float64) for r in readings])
     mean: FloatArray = raw.mean(axis=0)
     return mean
+
+
+def met_from(force: float, torque: float) -> tuple[float, float]:
+    """From which load on an empty hand that bears so much it touches more [N, N m]."""
+    return max(_TOUCH[0], force + _MORE[0]), max(_TOUCH[1], torque + _MORE[1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,9 +13,9 @@ from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.geometry import DepthSight
 
 from .context import Context
-from .perceive import look_towards
+from .gaze import look_towards
 
-__all__ = ["never_shown", "share_missing", "was_shown"]
+__all__ = ["NeverShown", "never_shown", "was_shown"]
 
 _PACE = 0.05
 """Spacing of places that must have been in a picture before the way counts as clear
@@ -30,19 +31,34 @@ _GAINED = 0.05
 does not turn there."""
 
 
-def never_shown(context: Context) -> FloatArray | None:
-    """Middle of some of the workspace's ground that no capture shows, frame of the way.
+class NeverShown(NamedTuple):
+    """Ground of the workspace that no capture shows."""
 
-    In metres, shape (3,). What is missing on both sides is looked at one after the
-    other, the larger part first. None: there is none, or the head can't turn there.
+    share: float
+    """Of all of it."""
+    middle: FloatArray | None
+    """Of some of it, frame of the way [m], shape (3,); None: there is none, or the head
+    can't turn there."""
+
+
+def never_shown(context: Context) -> NeverShown:
+    """Find what no capture shows, and where to look next.
+
+    What is missing on both sides is looked at one after the other, the larger part
+    first.
     """
     is_in, places = _looked_at(context)
-    n_missing = int((~is_in.any(axis=0)).sum())
+    is_missing = ~is_in.any(axis=0)
+    share = float(1.0 - is_in.any(axis=0).mean())
     n_before = int((~is_in[:-1].any(axis=0)).sum())
-    is_in_vain = len(is_in) > 1 and n_missing >= (1.0 - _GAINED) * n_before
+    is_in_vain = len(is_in) > 1 and is_missing.sum() >= (1.0 - _GAINED) * n_before
     if context.robot.head is None or is_in_vain:
-        return None
-    places = places[~is_in.any(axis=0)]
+        return NeverShown(share, None)
+    return NeverShown(share, _next_middle(context, places[is_missing]))
+
+
+def _next_middle(context: Context, places: FloatArray) -> FloatArray | None:
+    """Middle of many of some places (n, 3), base frame, that the head can show."""
     while len(places) >= _FEWER:
         tree = cKDTree(places)
         counts = tree.query_ball_point(places, _AROUND, return_length=True)
@@ -52,12 +68,6 @@ def never_shown(context: Context) -> FloatArray | None:
             return np.asarray(context.T_base_way.inverse().apply(middle))
         places = np.delete(places, tree.query(middle, _FEWER)[1], axis=0)
     return None
-
-
-def share_missing(context: Context) -> float:
-    """Share of the workspace's ground that no capture shows."""
-    is_in, _ = _looked_at(context)
-    return float(1.0 - is_in.any(axis=0).mean())
 
 
 def was_shown(sights: Sequence[DepthSight], points: FloatArray) -> bool:

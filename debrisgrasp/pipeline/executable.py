@@ -21,7 +21,7 @@ from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.kinematics import ArmReach, RobotModel, with_hand
 from debrisgrasp.motion import MotionSpace
-from debrisgrasp.planning import GraspPlan
+from debrisgrasp.planning import Grasp, GraspPlan
 
 from .grasp_chain import GraspChain, GraspMotion, MotionsConfig
 from .passage import Passage
@@ -131,12 +131,7 @@ def first_executable(
             continue
         key = grasp.arm, grasp.preshape, grasp.opening
         if key not in chains:
-            fingers, opened = {}, robot
-            if passage is not None:
-                fingers = passage.finger_joints(grasp)
-                opened = with_hand(robot, grasp.arm, passage.hand_solids(grasp))
-            held = _on_robot(fingers, robot, grasp.arm)
-            arm = ArmReach(opened, grasp.arm, present=present, locked=held)
+            arm = _arm_for(grasp, grasp.arm, robot, passage, present)
             ways = (known or {}).get(grasp.arm)
             chains[key] = GraspChain(arm, space, passage, config, ways)
         watch.report("motion", index / len(plan.grasps))
@@ -173,6 +168,22 @@ def _sought(
             passed_over.update(dict.fromkeys(indices, refused))
             chain.drop(indices)
     return None
+
+
+def _arm_for(
+    grasp: Grasp,
+    name: str,
+    robot: RobotModel,
+    passage: Passage | None,
+    present: Mapping[str, float] | None,
+) -> ArmReach:
+    """Arm that takes a grasp, its fingers as they stand on the way in."""
+    fingers, opened = {}, robot
+    if passage is not None:
+        fingers = passage.finger_joints(grasp)
+        opened = with_hand(robot, name, passage.hand_solids(grasp))
+    held = _on_robot(fingers, robot, name)
+    return ArmReach(opened, name, present=present, locked=held)
 
 
 def _on_robot(

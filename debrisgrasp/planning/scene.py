@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -159,13 +160,7 @@ class GraspScene:
             )
         # Thinned apart, or a cell that both touch would lose one of them.
         target, others = near[wanted], near[~wanted]
-        kept = np.concatenate(
-            [
-                part[voxel_downsample(cloud.points.take(part, axis=0), config.spacing)]
-                for part in (target, others)
-                if len(part)
-            ]
-        )
+        kept = _thinned(cloud, (target, others), config.spacing)
         thinned = cloud.selected(kept)
         is_target = np.isin(kept, target, assume_unique=True)
         if belongs is None:
@@ -177,8 +172,7 @@ class GraspScene:
 
         with beside(filled, workers=workers) as grid:
             usable = np.flatnonzero(is_target & np.isfinite(thinned.normals[:, 0]))
-            stride = max(1, -(-len(usable) // config.max_target_points))
-            usable = usable[::stride]
+            usable = usable[:: max(1, -(-len(usable) // config.max_target_points))]
             tangents = _tangents(
                 thinned.points[is_target],
                 thinned.points[usable],
@@ -211,6 +205,17 @@ class GraspScene:
         """Mean of the object's visible points, one per cell [m], shape (3,)."""
         mean: FloatArray = self.cloud.points[self.is_target].mean(axis=0)
         return mean
+
+
+def _thinned(cloud: PointCloud, parts: Iterable[IntArray], spacing: float) -> IntArray:
+    """One point per cell of each part of a cloud: indices as those of the parts."""
+    return np.concatenate(
+        [
+            part[voxel_downsample(cloud.points.take(part, axis=0), spacing)]
+            for part in parts
+            if len(part)
+        ]
+    )
 
 
 def _filled(

@@ -250,10 +250,8 @@ class FakeRobot:
             config,
             self.violations,
         )
-        hand, T_ee_ft = (
-            self._make_hand(name, grippers[spec.gripper]),
-            self._T_ee_ft(name),
-        )
+        hand = self._make_hand(name, grippers[spec.gripper])
+        T_ee_ft = self._T_ee_ft(name)
         loads = LoadModel(
             T_ee_ft=T_ee_ft,
             tool=_tool(hand.model, self._weighed(hand.model), T_ee_ft),

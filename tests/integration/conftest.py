@@ -16,6 +16,7 @@ from debrisgrasp._files import data_path
 from debrisgrasp.cli import main
 from debrisgrasp.geometry import SE3, Box
 from debrisgrasp.io import Capture
+from debrisgrasp.pipeline import Pipeline
 from tests.scenes import capture_of, lying_pipe
 
 PIPE = lying_pipe()
@@ -119,3 +120,9 @@ def floor_file(floor_capture, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("captures") / "floor.npz"
     floor_capture.save(path)
     return path
+
+
+@pytest.fixture(scope="session")
+def floating(dictionary):
+    """Return a floating hand with three generic prototypes and one of a handle."""
+    return Pipeline(robot="none", prototypes=dictionary)

@@ -23,11 +23,6 @@ def roman(dictionary):
 
 
 @pytest.fixture(scope="module")
-def floating(dictionary):
-    return Pipeline(robot="none", prototypes=dictionary)
-
-
-@pytest.fixture(scope="module")
 def heavy(floating):
     return floating.plan(capture_of([lying_pipe()]), mass=400.0).plan
 

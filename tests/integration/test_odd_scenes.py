@@ -36,11 +36,6 @@ shape: {{type: bar, width: 0.10, height: 0.3, length: 0.6, position: [0, 0, 0.35
 """
 
 
-@pytest.fixture(scope="module")
-def hand(dictionary) -> Pipeline:
-    return Pipeline(robot="none", prototypes=dictionary)
-
-
 def points_only(points: np.ndarray) -> Capture:
     return Capture(
         points=points, viewpoint=np.array([0.0, 0.0, 1.2]), T_base_camera=SE3.identity()
@@ -62,11 +57,11 @@ def spread(dimensions: int, n: int, rng: np.random.Generator) -> np.ndarray:
 )
 @settings(max_examples=12, deadline=None)
 def test_degenerate_clouds_end_in_grasps_a_reason_or_a_clear_error(
-    hand, dimensions, n, seed
+    floating, dimensions, n, seed
 ):
     points = spread(dimensions, n, np.random.default_rng(seed))
     try:
-        plan = hand.plan(points_only(points)).plan
+        plan = floating.plan(points_only(points)).plan
     except DebrisGraspError:
         return
     assert bool(plan.grasps) == (plan.why_empty is None)
@@ -77,17 +72,17 @@ def test_degenerate_clouds_end_in_grasps_a_reason_or_a_clear_error(
 
 
 @pytest.mark.parametrize("extent", [0.0, 0.3])
-def test_points_and_lines_offer_no_grasp(hand, extent):
+def test_points_and_lines_offer_no_grasp(floating, extent):
     line = np.array([0.9, 0.0, 0.4]) + np.linspace(0, extent, 500)[:, None] * [1, 0, 0]
-    plan = hand.plan(points_only(line)).plan
+    plan = floating.plan(points_only(line)).plan
     assert not plan.grasps
     assert plan.why_empty
 
 
-def test_a_region_larger_than_memory_is_refused_with_the_figure(hand, pipe_capture):
+def test_a_region_larger_than_memory_is_refused_with_the_figure(floating, pipe_capture):
     everywhere = Bounds(np.full(3, -20.0), np.full(3, 20.0))
     with pytest.raises(InputError, match=r"region.*40000000 cells.*coarser"):
-        hand.plan(pipe_capture, region=everywhere)
+        floating.plan(pipe_capture, region=everywhere)
 
 
 def test_an_object_larger_than_memory_is_passed_over_with_the_figure(dictionary):
@@ -119,13 +114,13 @@ def test_a_prototype_inside_its_own_hand_is_refused(tmp_path, height):
 
 
 @pytest.mark.parametrize("deadline", [0.0, -1.0, float("nan")])
-def test_deadlines_that_mean_nothing_are_refused(hand, pipe_capture, deadline):
+def test_deadlines_that_mean_nothing_are_refused(floating, pipe_capture, deadline):
     with pytest.raises(ConfigError, match="deadline"):
-        hand.plan(pipe_capture, deadline=deadline)
+        floating.plan(pipe_capture, deadline=deadline)
 
 
-def test_a_deadline_that_has_passed_at_once_still_gives_a_grasp(hand, pipe_capture):
-    plan = hand.plan(hand.perceive(pipe_capture), deadline=1e-6).plan
+def test_a_deadline_that_has_passed_at_once_still_gives_a_grasp(floating, pipe_capture):
+    plan = floating.plan(floating.perceive(pipe_capture), deadline=1e-6).plan
     assert plan.grasps
 
 

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import gc
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from types import SimpleNamespace
-from weakref import ref
 
 import numpy as np
 import pytest
@@ -19,22 +15,15 @@ from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline, PipelineConfig
 from debrisgrasp.planning import PlannerConfig
-from debrisgrasp.planning.config import SETTLED
-from debrisgrasp.planning.exploration import explore
 from debrisgrasp.segmentation import PriorityPoint
 from tests.scenes import capture_of, lying_pipe
 
 from .conftest import BLOCK, PIPE
 
-SWEEPS = PlannerConfig().schedule.sweeps
 FAR_PIPE = lying_pipe(length=0.8, position=(2.0, 0.0, 0.3))
+
+
 NEAR_PIPE = lying_pipe(length=0.4)
-
-
-@pytest.fixture(scope="session")
-def pipeline(dictionary):
-    """Return a floating hand with three generic prototypes and one of a handle."""
-    return Pipeline(robot="none", prototypes=dictionary)
 
 
 @pytest.fixture(scope="session")
@@ -59,8 +48,8 @@ def pipes_only(dictionary, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def pipe_result(pipeline, pipe_capture):
-    return pipeline.plan(pipe_capture)
+def pipe_result(floating, pipe_capture):
+    return floating.plan(pipe_capture)
 
 
 @pytest.fixture(scope="session")
@@ -71,42 +60,9 @@ def roman_result(dictionary):
     return roman.plan(capture_of([FAR_PIPE, NEAR_PIPE]))
 
 
-def test_a_doubtful_search_sets_out_once_more_with_more_walkers(
-    pipeline, pipe_capture, monkeypatch
-):
-    set_out = []
-
-    def counted(*args, **kwargs):
-        set_out.append(args[4].walkers)
-        return explore(*args, **kwargs)
-
-    monkeypatch.setattr("debrisgrasp.planning.search.explore", counted)
-    scores = [
-        pipeline.plan(pipe_capture, mass=mass).plan.grasps[0].score
-        for mass in (1.0, 12.0)
-    ]
-    n, share = pipeline.config.planner.walkers, pipeline.config.planner.doubtful_share
-    assert scores[0] > SETTLED > scores[1]
-    assert set_out == [n, n, share * n]
-
-
-def test_progress_of_a_search_never_goes_back(pipeline, pipe_capture):
-    told = []
-    pipeline.plan(
-        pipe_capture, mass=12.0, progress=lambda *step: told.append(step)
-    )  # it is doubtful, and explores once more
-    begun = told.index(("search", 0.0)) + 1
-    ended = told.index(("search", 1.0), begun + SWEEPS)
-    for name in ("search", "wider search"):
-        shares = [share for stage, share in told[begun:ended] if stage == name]
-        assert len(shares) == SWEEPS
-        assert shares == sorted(shares)
-        assert shares[-1] == 1.0
-
-
-def test_equal_input_and_seed_give_an_equal_plan(pipeline, pipe_capture, pipe_result):
-    pipeline.plan(pipe_capture, seed=1)
-    again = pipeline.plan(pipe_capture)
+def test_equal_input_and_seed_give_an_equal_plan(floating, pipe_capture, pipe_result):
+    floating.plan(pipe_capture, seed=1)
+    again = floating.plan(pipe_capture)
     assert plan_to_json(again.plan) == plan_to_json(pipe_result.plan)
 
 
@@ -137,94 +93,16 @@ def test_numbers_of_every_grasp_agree_with_each_other(pipe_result):
 
 
 def test_turning_scene_and_camera_together_turns_the_answer(
-    pipeline, pipe_capture, pipe_result
+    floating, pipe_capture, pipe_result
 ):
     turn = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, 0.6])))
-    turned = pipeline.plan(pipe_capture.posed(turn @ pipe_capture.T_base_camera))
+    turned = floating.plan(pipe_capture.posed(turn @ pipe_capture.T_base_camera))
     assert len(turned.segmentation.segments) == len(pipe_result.segmentation.segments)
     # The grid stands still while the scene turns in it, and the dice fall otherwise.
     best, before = turned.plan.grasps[0], pipe_result.plan.grasps[0]
     assert abs(best.expected - before.expected) < 0.08
     axis = turn.rotate(PIPE.T_frame_solid.R[:, 2])
     assert abs(best.T_base_hand.R[:, 0] @ axis) < 0.2
-
-
-class FakeTime:
-    """A clock on which one sweep of the search takes a second, and nothing else any."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-        self.sweeps = 0
-
-    def monotonic(self) -> float:
-        return self.now
-
-    def progress(self, stage: str, share: float) -> None:
-        if stage == "search" and 0.0 < share <= 1.0:
-            self.now += 1.0
-            self.sweeps += 1
-
-
-@pytest.fixture
-def fake_time(monkeypatch):
-    clock = FakeTime()
-    monkeypatch.setattr(
-        "debrisgrasp._stopwatch.time", SimpleNamespace(monotonic=clock.monotonic)
-    )
-    return clock
-
-
-def test_without_a_deadline_every_sweep_is_made(pipeline, pipe_capture, fake_time):
-    pipeline.plan(pipe_capture, progress=fake_time.progress)
-    assert fake_time.sweeps == SWEEPS + 1  # the end of the stage is told too
-
-
-def test_a_deadline_ends_the_search_and_offers_what_was_found(
-    pipeline, pipe_capture, fake_time
-):
-    result = pipeline.plan(pipe_capture, deadline=4.5, progress=fake_time.progress)
-    assert fake_time.sweeps == 5 + 1
-    assert result.plan.grasps
-
-
-def test_after_the_deadline_objects_are_tried_until_one_offers_a_grasp(
-    dictionary, block_capture, fake_time
-):
-    config = PipelineConfig(doubtful=1.0)
-    hands = Pipeline(robot="none", prototypes=dictionary, config=config)
-    plan = hands.plan(block_capture, deadline=0.5, progress=fake_time.progress).plan
-    assert plan.grasps
-    assert plan.object_label == 2
-    tried = [passed.label for passed in plan.passed_over]
-    assert 1 in tried
-    # The shortest search of each, and nothing further once there is a grasp.
-    assert fake_time.sweeps == (len(tried) + 1) * (1 + 1)
-
-
-def test_one_worker_makes_the_plan_of_two(
-    pipeline, dictionary, block_capture, monkeypatch
-):
-    monkeypatch.setattr("debrisgrasp._workers.cores", lambda: 2)
-    config = PipelineConfig(workers=1)
-    alone = Pipeline(robot="none", prototypes=dictionary, config=config)
-    one, two = (p.plan(block_capture).plan for p in (alone, pipeline))
-    assert one.grasps
-    assert plan_to_json(replace(one, seconds={})) == plan_to_json(
-        replace(two, seconds={})
-    )
-
-
-def test_threads_that_share_a_pipeline_get_the_plans_of_one(
-    pipeline, pipe_capture, block_capture
-):
-    captures = [pipe_capture, block_capture, pipe_capture]
-    alone = [pipeline.plan(capture).plan for capture in captures]
-    with ThreadPoolExecutor(3) as pool:
-        together = [r.plan for r in pool.map(pipeline.plan, captures)]
-    for one, other in zip(alone, together, strict=True):
-        assert [g.score for g in one.grasps] == [g.score for g in other.grasps]
-        poses = [[g.T_base_hand.matrix for g in p.grasps] for p in (one, other)]
-        assert np.array_equal(*poses)
 
 
 def test_an_object_that_does_not_fit_is_passed_over_with_a_reason(
@@ -261,8 +139,8 @@ def test_a_chosen_object_is_the_only_one_tried(pipes_only, block_capture):
     assert plan.passed_over[0].reason in plan.why_empty
 
 
-def test_a_bare_floor_offers_nothing_and_says_so(pipeline, floor_capture):
-    result = pipeline.plan(floor_capture)
+def test_a_bare_floor_offers_nothing_and_says_so(floating, floor_capture):
+    result = floating.plan(floor_capture)
     assert not result.plan.grasps
     assert result.plan.object_label == 0
     assert result.plan.region is None
@@ -270,13 +148,13 @@ def test_a_bare_floor_offers_nothing_and_says_so(pipeline, floor_capture):
     assert len(result.plan.passed_over) == len(result.segmentation.segments)
 
 
-def test_an_object_of_a_few_points_is_not_searched(pipeline):
+def test_an_object_of_a_few_points_is_not_searched(floating):
     points = np.array([[x, y, 0.5] for x in (0.90, 0.93) for y in (0.0, 0.03)])
     many = np.repeat(points, 40, axis=0) + 1e-4 * np.arange(160)[:, None] / 160
     crumb = Capture(
         points=many, viewpoint=np.array([0, 0, 1.0]), T_base_camera=SE3.identity()
     )
-    plan = pipeline.plan(crumb).plan
+    plan = floating.plan(crumb).plan
     assert not plan.grasps
     assert "too small" in plan.why_empty or "no object was found" in plan.why_empty
 
@@ -295,18 +173,18 @@ def handle_on_a_plate() -> list[Solid]:
     return [solid.moved(T_base_handle) for solid in (bar, *posts, plate)]
 
 
-def test_prototypes_of_one_object_are_tried_only_where_it_is_marked(pipeline):
+def test_prototypes_of_one_object_are_tried_only_where_it_is_marked(floating):
     capture = capture_of(handle_on_a_plate(), has_floor=False)
     is_handle = np.isfinite(capture.depth)
-    unmarked = pipeline.plan(capture).plan
+    unmarked = floating.plan(capture).plan
     assert "handle_025" not in {grasp.prototype for grasp in unmarked.grasps}
     # Whatever segmentation makes of bar and plate, the mark makes one object of them.
-    marked = pipeline.plan(replace(capture, mask=is_handle))
+    marked = floating.plan(replace(capture, mask=is_handle))
     labels = marked.segmentation.labels
     assert len(np.unique(labels[labels > 0])) == 1
     assert "handle_025" in {grasp.prototype for grasp in marked.plan.grasps[:5]}
     with pytest.raises(CaptureError, match="mask"):
-        pipeline.plan(replace(capture, mask=np.zeros_like(is_handle)))
+        floating.plan(replace(capture, mask=np.zeros_like(is_handle)))
 
 
 def test_an_object_out_of_reach_is_passed_over_for_one_within(roman_result):
@@ -376,27 +254,3 @@ def test_a_noisy_pile_offers_many_grasps_that_the_robot_can_take(shared_data):
     grasps = [grasp for plan in plans for grasp in plan.grasps]
     assert len(grasps) >= 20
     assert all(grasp.R == 1.0 and grasp.joints for grasp in grasps)
-
-
-def test_what_was_seen_is_let_go_with_its_perception(pipeline, pipe_capture):
-    seen = pipeline.perceive(pipe_capture)
-    pipeline.plan(seen)
-    gc.collect()
-    gc.disable()
-    try:
-        scene = ref(next(iter(seen._scenes.values())))
-        del seen
-        assert scene() is None
-    finally:
-        gc.enable()
-
-
-def test_plans_on_one_perception_equal_plans_on_the_capture(pipeline):
-    capture = capture_of([lying_pipe()])
-    seen = pipeline.perceive(capture)
-    for seed in (0, 1):
-        alone = pipeline.plan(capture, seed=seed).plan
-        shared = pipeline.plan(seen, seed=seed).plan
-        assert [g.score for g in shared.grasps] == [g.score for g in alone.grasps]
-        assert len(shared.grasps) > 0
-    assert seen.order(pipeline.policy) is seen.order(pipeline.policy)

@@ -12,8 +12,8 @@ from debrisgrasp import ros
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import Trajectory
-from debrisgrasp.planning import Grasp
 from debrisgrasp.prototypes import GripperModel
+from tests.grasps import grasp_at
 
 typesys = pytest.importorskip("rosbags.typesys")
 
@@ -192,19 +192,10 @@ def test_a_trajectory_is_sent_by_its_knots_or_at_a_period(sent):
 
 def test_a_grasp_becomes_one_of_moveit(sent):
     hand = GripperModel.load("robotiq_3f")
-    grasp = Grasp(
-        T_base_hand=TURNED,
-        T_base_pregrasp=TURNED @ SE3.from_parts(p=[0.0, 0.0, -0.12]),
-        gripper=hand.name,
-        preshape="basic",
-        opening=0.1,
-        width=0.06,
+    grasp = grasp_at(
+        TURNED,
+        TURNED @ SE3.from_parts(p=[0.0, 0.0, -0.12]),
         prototype="pipe",
-        S=0.9,
-        C=1.0,
-        R=1.0,
-        coverage=1.0,
-        support=3,
         expected=0.7,
         score=0.6,
         object_label=4,

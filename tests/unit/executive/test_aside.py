@@ -9,27 +9,20 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import DriverError
-from debrisgrasp.executive import Executive, TaskSettings
+from debrisgrasp.executive import TaskSettings
 from debrisgrasp.executive.aside import push_aside, to_push
 from debrisgrasp.executive.choose import select
 from debrisgrasp.executive.faults import Action
 from debrisgrasp.executive.outcome import FaultEvent
-from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.recover import recover
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
 from debrisgrasp.geometry import SE3, so3
-from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.robot import FakeConfig, fake_robot
-from debrisgrasp.worlds import World, make_body
+from debrisgrasp.worlds import make_body
+from tests.unit.executive.rigs import look, task_before
 
 CRATE = {"length": 0.38, "width": 0.27, "height": 0.24, "wall": 0.01}
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
 
 
 def before_a_crate(pipeline, place, mass=1.4, **settings):
@@ -38,21 +31,10 @@ def before_a_crate(pipeline, place, mass=1.4, **settings):
     crate = make_body("crate", CRATE, mass)
     low = min(solid.bounds.lower[2] for solid in crate.at(SE3.from_parts(over)).solids)
     crate = crate.at(SE3.from_parts(over, [*place, -float(low)]))
-    fake = fake_robot(
-        pipeline.robot,
-        World((crate,)),
-        rng=np.random.default_rng(0),
-        config=FakeConfig(is_initialised=True),
-    )
-    task = Executive(
-        fake.robot,
-        TaskSettings(repositions=0, **settings),
-        pipeline=pipeline,
-        rng=np.random.default_rng(0),
-    )
+    settings = TaskSettings(repositions=0, **settings)
+    fake, task = task_before(pipeline, crate, settings=settings)
     context = task.context
-    for step in (capture, segment):
-        assert isinstance(step(context), Done)
+    look(context)
     mark_tried(context)
     return fake, context
 

@@ -10,14 +10,7 @@ from debrisgrasp.executive import caught, folding, relief
 from debrisgrasp.executive import recover as recovery
 from debrisgrasp.executive.drive import Drive, LegEnd
 from debrisgrasp.executive.result import FaultFound
-from debrisgrasp.pipeline import Pipeline
-from tests.unit.executive.test_steps import executive
-from tests.unit.executive.test_way_back import gripped_below
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
+from tests.unit.executive.rigs import before_a_brick, gripped_below
 
 
 class Bars:
@@ -45,7 +38,7 @@ class Bars:
 @pytest.fixture
 def caught_by(pipeline, monkeypatch):
     def go(needed):
-        _, task = executive(pipeline)
+        _, task = before_a_brick(pipeline)
         context = task.context
         limb = context.limbs["right"]
         bars = Bars(limb.pose(context.posture(limb)).R, needed)
@@ -80,7 +73,7 @@ def test_a_hand_that_no_side_frees_is_told_and_not_pulled_harder(caught_by):
 def test_only_a_hand_that_is_stopped_by_a_load_on_its_way_out_feels_for_another(
     pipeline, monkeypatch, fault
 ):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context, felt = task.context, []
     context.is_in_pile = "right"
     stopped = FaultFound(fault, "as asked", "right")
@@ -98,7 +91,7 @@ def test_only_a_hand_that_is_stopped_by_a_load_on_its_way_out_feels_for_another(
 def test_what_pushes_a_hand_on_its_way_does_not_stop_it(
     pipeline, monkeypatch, push, is_stopped
 ):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     drive = Drive(task.context, "right")
     R = drive.limb.pose(task.context.posture(drive.limb)).R
     load = (*(R.T @ np.array(push, float)).tolist(), 0.0, 0.0, 0.0)
@@ -115,7 +108,7 @@ def test_a_weight_that_nothing_has_is_not_given_way_to(
     pipeline, monkeypatch, weight, expected
 ):
     """A sensor that lies by a constant would have the hand press the other way."""
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context, done = task.context, []
     T = gripped_below(context, "right", 0.1)
 
@@ -140,7 +133,7 @@ def test_a_weight_that_nothing_has_is_not_given_way_to(
 def test_an_empty_hand_gives_way_to_no_weight_that_nothing_has(
     pipeline, monkeypatch, weight, is_empty, expected
 ):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context, legs = task.context, []
     limb = context.limbs["right"]
     down = limb.pose(context.posture(limb)).R.T @ np.array([0.0, 0.0, -weight])

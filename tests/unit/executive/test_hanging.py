@@ -8,19 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from debrisgrasp.control import GripConfig, GripController
-from debrisgrasp.executive import Executive, TaskSettings, hanging
-from debrisgrasp.executive.context import Held
+from debrisgrasp.executive import hanging
 from debrisgrasp.executive.dropoff import object_in_hand
 from debrisgrasp.executive.hanging import _divided, looked_after, looked_at
 from debrisgrasp.executive.obstacles import space_of
-from debrisgrasp.executive.perceive import capture, image, segment
-from debrisgrasp.executive.result import Done
+from debrisgrasp.executive.perceive import image
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.motion import UnknownSpace
-from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.robot import FakeConfig, fake_robot
 from debrisgrasp.worlds import World, make_body
+from tests.unit.executive.rigs import holding, look, task_before
 
 LENGTH, UP = 0.5, 0.3
 WALL = {"length": 0.1, "width": 0.4, "height": 0.3}
@@ -28,29 +24,14 @@ BEAM = SE3.from_parts(so3.from_rpy(np.array([0.0, np.pi / 2, 0.0])), [1.2, 0.0, 
 BLOCK = SE3.from_parts(p=[1.0, 0.0, 0.15])
 
 
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
-
-
 @pytest.fixture
 def lifted(pipeline):
     """A beam that stood behind a block, whose top was seen and gripped, is lifted."""
     beam = make_body("brick", {"length": LENGTH, "width": 0.08, "height": 0.08}, 2.0)
     block = make_body("brick", WALL, 5.0, name="wall")
-    before = World((beam.at(BEAM), block.at(BLOCK)))
-    fake = fake_robot(
-        pipeline.robot,
-        before,
-        rng=np.random.default_rng(0),
-        config=FakeConfig(is_initialised=True),
-    )
-    task = Executive(
-        fake.robot, TaskSettings(), pipeline=pipeline, rng=np.random.default_rng(0)
-    )
+    fake, task = task_before(pipeline, beam.at(BEAM), block.at(BLOCK))
     context = task.context
-    assert isinstance(capture(context), Done)
-    assert isinstance(segment(context), Done)
+    look(context)
     seen, top = context.cycle.seen, BEAM.p + np.array([0.0, 0.0, 0.2])
     context.cycle.label = min(
         seen.segmentation.segments, key=lambda s: np.linalg.norm(s.centroid - top)
@@ -60,15 +41,8 @@ def lifted(pipeline):
     hand = context.limbs["right"].hand
     grasp = SimpleNamespace(preshape=next(iter(hand.preshapes)), width=0.08)
     context.cycle.motion = SimpleNamespace(arm="right", grasp=grasp)
-    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
-    held = Held(
-        arm="right",
-        grip=grip,
-        watch=grip,
-        state=grip.preshape(),
-        points_hand=T_base_hand(context).inverse().apply(points + np.array([0, 0, UP])),
-    )
-    context.held = held
+    lifted = T_base_hand(context).inverse().apply(points + np.array([0, 0, UP]))
+    context.held = held = holding(points_hand=lifted)
     rises = SE3.from_parts(p=[0.0, 0.0, UP])
     assert fake.change_world(
         lambda w: World((w.bodies[0].at(rises @ BEAM), w.bodies[1]), w.ground)
@@ -142,7 +116,7 @@ def test_what_was_put_down_is_seen_where_it_lies(lifted):
     grid = np.stack(np.meshgrid(*3 * [[-0.03, 0.0, 0.03]]), axis=-1).reshape(-1, 3)
     guess = grid + np.array([0.75, -0.85, 0.5])
     context.dropped[:] = [hand, guess]
-    assert looked_after(context, "right", 0.1) > 50
+    assert looked_after(context, "right") > 50
     (lying,) = context.lain
     assert lying[:, 2].max() == pytest.approx(0.2, abs=0.03)
     beside = np.abs(lying[:, :2] - [0.75, -0.85]).max(axis=1) < 0.18
@@ -171,7 +145,7 @@ def test_what_stands_on_end_is_seen_up_to_its_top(lifted, monkeypatch, height, b
         lambda w: World((*w.bodies, post.at(SE3.from_parts(p=place))), w.ground)
     )
     context.dropped[:] = [np.add(place, [[-0.05, 0.0, -0.2], [0.05, 0.0, 0.2]])]
-    assert looked_after(context, "right", 0.1) > 50
+    assert looked_after(context, "right") > 50
     (lying,) = context.lain
     assert lying[:, 2].max() == pytest.approx(height, abs=0.03)
 
@@ -189,7 +163,7 @@ def test_a_head_at_its_stop_takes_no_picture_twice(lifted, monkeypatch):
     monkeypatch.setattr(
         hanging, "image", lambda *a, **k: taken.append(a) or image(*a, **k)
     )
-    assert looked_after(context, "right", 0.1) > 50
+    assert looked_after(context, "right") > 50
     assert len(taken) == 1
 
 

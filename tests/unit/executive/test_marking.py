@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import CaptureError
-from debrisgrasp.executive import Executive, State, TaskSettings
+from debrisgrasp.executive import State, TaskSettings
 from debrisgrasp.executive.choose import select
 from debrisgrasp.executive.marking import StaysMarked
 from debrisgrasp.executive.marks import Marks
-from debrisgrasp.executive.perceive import capture, segment
-from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.perceive import segment
+from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.geometry import SE3, Bounds, Intrinsics, so3
 from debrisgrasp.io import Capture, measured
-from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.robot import FakeConfig, fake_robot
 from debrisgrasp.worlds import (
     World,
     let_down,
@@ -26,6 +24,7 @@ from debrisgrasp.worlds import (
     named_scene,
     render,
 )
+from tests.unit.executive.rigs import look, task_before
 
 CAMERA = Intrinsics(fx=120.0, fy=120.0, cx=63.5, cy=47.5, width=128, height=96)
 VIEW = look_at([0.1, 0.0, 1.2], [0.95, 0.0, 0.2])
@@ -81,23 +80,15 @@ def test_a_capture_that_marks_nothing_is_refused(mask):
 
 
 @pytest.fixture(scope="module")
-def handle():
+def handle(pipeline):
     """Return a way to look at the crate with a handle, with some settings."""
-    pipeline = Pipeline()
     crate = let_down(named_scene("crate_with_handle")).world
 
     def looked(world=crate, n_removed=0, **settings):
-        fake = fake_robot(
-            pipeline.robot,
-            world,
-            rng=np.random.default_rng(0),
-            config=FakeConfig(is_initialised=True),
-        )
         settings = TaskSettings(**settings)
-        rng = np.random.default_rng(0)
-        context = Executive(fake.robot, settings, pipeline=pipeline, rng=rng).context
-        assert isinstance(capture(context), Done)
-        assert isinstance(segment(context), Done)
+        _, task = task_before(pipeline, *world.bodies, settings=settings)
+        context = task.context
+        look(context)
         context.n_removed = n_removed
         return context, select(context)
 
@@ -125,8 +116,7 @@ def test_the_region_stays_where_it_was_when_the_base_has_moved(handle):
     T_now_before = base.read().inverse() @ before
     assert np.linalg.norm(T_now_before.p) > 0.1
     context.stands_elsewhere(T_now_before)
-    assert isinstance(capture(context), Done)
-    assert isinstance(segment(context), Done)
+    look(context)
     again = np.array(select(context).facts["centroid"])
     assert np.linalg.norm(again - T_now_before.apply(began)) < 0.03
 
@@ -182,8 +172,7 @@ def test_reasons_of_what_is_left_are_not_told_again_by_the_fault(handle, monkeyp
 
 def test_objects_of_two_looks_have_two_names_and_two_pictures(handle, monkeypatch):
     context, first = handle(region=HANDLE)
-    assert isinstance(capture(context), Done)
-    assert isinstance(segment(context), Done)
+    look(context)
     second = select(context)
     assert (first.facts["look"], second.facts["look"]) == (1, 2)
     assert context.cycle.capture.name == "capture_002"

@@ -6,37 +6,23 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import CaptureError, UnknownNameError
-from debrisgrasp.executive import Executive, TaskSettings
+from debrisgrasp.executive import TaskSettings
 from debrisgrasp.executive.perceive import capture, image, segment
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3
 from debrisgrasp.io import Capture
-from debrisgrasp.pipeline import Pipeline, without_robot
+from debrisgrasp.pipeline import without_robot
 from debrisgrasp.pipeline.self_filter import are_near, body_at
-from debrisgrasp.robot import FakeConfig, fake_robot
-from debrisgrasp.worlds import World, make_body
+from tests.unit.executive.rigs import before_a_brick
 
 SIZES = {"length": 0.2, "width": 0.1, "height": 0.06}
 BASE = SE3.identity()
 IN_VIEW = {"right": "ready", "left": "ready"}
 
 
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
-
-
 def context_of(pipeline, start, settings=None, **config):
-    brick = make_body("brick", SIZES, 2.0).at(SE3.from_parts(p=[1.3, 0.0, 0.03]))
-    fake = fake_robot(
-        pipeline.robot,
-        World((brick,)),
-        rng=np.random.default_rng(0),
-        config=FakeConfig(is_initialised=True, start=start, **config),
-    )
-    settings = settings or TaskSettings()
-    rng = np.random.default_rng(0)
-    return Executive(fake.robot, settings, pipeline=pipeline, rng=rng).context
+    _, task = before_a_brick(pipeline, settings=settings, start=start, **config)
+    return task.context
 
 
 def test_arms_in_the_picture_are_no_objects(pipeline):

@@ -24,9 +24,8 @@ from debrisgrasp.executive.pacing import (
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.motion import UnknownSpace
-from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.worlds import make_body
-from tests.unit.executive.test_steps import executive
+from tests.unit.executive.rigs import before_a_brick
 
 PERIOD, GAIN = 0.004, 0.4
 
@@ -134,14 +133,9 @@ def test_an_empty_hand_is_slow_only_near_the_ground_and_a_load_always(
 
 
 @pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
-
-
-@pytest.fixture(scope="module")
 def way(pipeline):
     """From rest to before the pile, and the limb that goes it."""
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     limb = task.context.limbs["right"]
     goal = pipeline.robot.posture("right", pipeline.robot.arm("right").present)
     space = space_of(task.context, unknown=UnknownSpace.IGNORED)
@@ -155,7 +149,7 @@ def met(pipeline, way, share, offset, size, *, is_known=False):
     T = limb.pose(trajectory.at(np.array([share * trajectory.duration]))[0][0])
     sizes = dict.fromkeys(("length", "width", "height"), size)
     body = make_body("brick", sizes, 500.0, name="unseen")
-    fake, task = executive(pipeline, body.at(SE3.from_parts(p=T.p + offset)))
+    fake, task = before_a_brick(pipeline, body.at(SE3.from_parts(p=T.p + offset)))
     context = task.context
     drive = Drive(context, "right")
     context.wait(0.01)

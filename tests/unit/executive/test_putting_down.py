@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp.control import GripConfig, GripController, LegOutcome
+from debrisgrasp.control import LegOutcome
 from debrisgrasp.executive.carrying import _is_beside
-from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drive import Drive, LegEnd
 from debrisgrasp.executive.dropoff import (
     _at_rest,
@@ -19,25 +18,19 @@ from debrisgrasp.executive.dropoff import (
     no_place,
     object_in_hand,
 )
+from debrisgrasp.executive.moves import lower
 from debrisgrasp.executive.obstacles import lying
-from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.releasing import verify_release
-from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3, so3
-from debrisgrasp.pipeline import Pipeline
-from tests.unit.executive.test_steps import executive
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
+from tests.unit.executive.rigs import before_a_brick, holding, look
 
 
 def test_the_unseen_underside_is_as_far_down_as_the_object_is_wide(pipeline):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
-    assert isinstance(capture(context), Done)
-    assert isinstance(segment(context), Done)
+    look(context)
     segments = context.cycle.seen.segmentation.segments
     context.cycle.label = min(
         segments, key=lambda s: np.linalg.norm(s.centroid - [1.3, 0.0, 0.05])
@@ -50,11 +43,9 @@ def test_the_unseen_underside_is_as_far_down_as_the_object_is_wide(pipeline):
 
 
 def test_a_hand_that_is_caught_as_it_rises_is_not_free(pipeline, monkeypatch):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
-    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
-    state = grip.preshape()
-    context.released = Held(arm="right", grip=grip, watch=grip, state=state)
+    context.released = holding()
     monkeypatch.setattr(
         Drive, "leg", lambda *_args, **_options: LegEnd(LegOutcome.CONTACT, 0.2, 0.04)
     )
@@ -66,7 +57,7 @@ def test_a_hand_that_is_caught_as_it_rises_is_not_free(pipeline, monkeypatch):
 
 
 def test_nothing_is_put_down_where_the_arm_rests(pipeline):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
     balls = _at_rest(context, context.limbs["right"])
     points = np.zeros((1, 3))
@@ -77,11 +68,9 @@ def test_nothing_is_put_down_where_the_arm_rests(pipeline):
 
 
 def test_what_hangs_low_beside_the_way_may_be_put_down_there(pipeline):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
     limb = context.limbs["right"]
-    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
-    state = grip.preshape()
     T = limb.pose(context.posture(limb))
     for place, expected in (
         ((0.2, -0.9, 0.1), True),
@@ -90,14 +79,14 @@ def test_what_hangs_low_beside_the_way_may_be_put_down_there(pipeline):
         ((0.2, -0.25, 0.15), False),  # over a track
     ):
         point = T.inverse().apply(np.array([place]))
-        held = Held(arm="right", grip=grip, watch=grip, state=state, points_hand=point)
+        held = holding(points_hand=point)
         assert _is_beside(context, limb, held) is expected
 
 
 def test_postures_over_a_drop_off_hold_the_object_over_the_ground_and_are_free(
     pipeline,
 ):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
     limb = context.limbs["right"]
     q, asked = context.posture(limb), []
@@ -120,7 +109,7 @@ def test_postures_over_a_drop_off_hold_the_object_over_the_ground_and_are_free(
 
 
 def test_what_has_a_box_with_a_corner_below_it_is_held_higher(pipeline):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
     limb = context.limbs["right"]
     q, s = context.posture(limb), 0.15
@@ -145,7 +134,7 @@ def test_what_has_a_box_with_a_corner_below_it_is_held_higher(pipeline):
 
 
 def test_what_hangs_on_a_corner_is_put_down_on_a_side(pipeline):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
     limb = context.limbs["right"]
     q = context.posture(limb)
@@ -163,7 +152,7 @@ def test_what_hangs_on_a_corner_is_put_down_on_a_side(pipeline):
 
 
 def test_no_end_of_something_long_is_laid_onto_the_tracks(pipeline):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
     limb = context.limbs["right"]
     q = context.posture(limb)
@@ -177,7 +166,7 @@ def test_no_end_of_something_long_is_laid_onto_the_tracks(pipeline):
 
 
 def test_nothing_is_laid_onto_a_finger(pipeline):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
     limb = context.limbs["right"]
     q = context.posture(limb)
@@ -194,7 +183,7 @@ def test_nothing_is_laid_onto_a_finger(pipeline):
 
 
 def test_an_object_goes_where_nothing_lies_and_not_into_the_way(pipeline):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
     limb, R = context.limbs["right"], np.eye(3)
     x, y = context.settings.drop_off["right"]
@@ -232,15 +221,13 @@ def test_an_object_goes_where_nothing_lies_and_not_into_the_way(pipeline):
 
 
 def test_what_hangs_low_over_what_was_put_down_may_be_put_down_on_it(pipeline):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context = task.context
     limb = context.limbs["right"]
-    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
-    state = grip.preshape()
     point = (
         limb.pose(context.posture(limb)).inverse().apply(np.array([[0.2, -0.9, 0.6]]))
     )
-    held = Held(arm="right", grip=grip, watch=grip, state=state, points_hand=point)
+    held = holding(points_hand=point)
     assert not _is_beside(context, limb, held)
     context.dropped.append(np.array([[0.2, -0.9, 0.5]]))
     assert _is_beside(context, limb, held)
@@ -282,3 +269,40 @@ def test_what_stands_on_something_is_longer_than_was_seen(tilt, room, lowest):
         axis = so3.exp([tilt, 0.0, 0.0])[:, 2]
         end = first[first[:, 2] < 0.01].mean(axis=0) - seen.mean(axis=0)
         assert abs(end @ axis) > 0.98 * np.linalg.norm(end)
+
+
+def hang(context, limb, weight, monkeypatch):
+    """Let the sensor of a limb feel a weight on its hand that nothing lifts, [N]."""
+    sensor, loads = limb.limb.sensor, limb.loads
+    read = type(sensor).read
+
+    def loaded(self):
+        felt = read(self)
+        if self is not sensor:
+            return felt
+        R, _ = limb.kinematics.pose(context.posture(limb).tolist())
+        none = np.array(loads.load_ee([0.0] * 6, R))
+        of_raw = np.column_stack([loads.load_ee(e, R) for e in np.eye(6).tolist()])
+        down = -weight * np.reshape(R, (3, 3))[2]
+        added = np.linalg.solve(of_raw - none[:, None], [*down, 0.0, 0.0, 0.0])
+        return felt._replace(wrench_ft=np.asarray(felt.wrench_ft) + added)
+
+    monkeypatch.setattr(type(sensor), "read", loaded)
+
+
+@pytest.mark.parametrize(("share", "goes"), [(0.5, True), (1.0, True), (1.5, False)])
+def test_what_hangs_near_the_limit_of_a_motion_is_still_put_down(
+    pipeline, monkeypatch, share, goes
+):
+    """Above what the hand bears it is let go where it hangs."""
+    _, task = before_a_brick(pipeline)
+    context, limb = task.context, task.context.limbs["right"]
+    context.state = State.RECOVER
+    drive = Drive(context, "right")
+    hang(context, limb, share * drive.limits.force, monkeypatch)
+    height = limb.pose(context.posture(limb)).p[2]
+    limb.limb.arm.engage()
+    assert lower(drive, 0.05) is None
+    lowered = height - limb.pose(context.posture(limb)).p[2]
+    assert lowered == pytest.approx(0.05 if goes else 0.0, abs=2e-3)
+    assert not limb.limb.arm.is_stopped

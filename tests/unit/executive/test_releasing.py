@@ -12,6 +12,9 @@ from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import TaskSettings, folding, moves, releasing
 from debrisgrasp.executive.context import Context
 from debrisgrasp.executive.drive import LegEnd
+from debrisgrasp.executive.result import Done
+from debrisgrasp.executive.states import State
+from tests.unit.executive.rigs import POINTS, before_a_brick, holding
 
 AXIS = np.array([0.0, 0.0, -1.0])
 
@@ -93,3 +96,17 @@ def test_a_gripper_that_does_not_answer_has_let_nothing_go(monkeypatch):
     with pytest.raises(DriverError):
         moves.let_go(context, 0.1)
     assert context.held is held
+
+
+def test_what_is_let_go_twice_lies_in_one_place(pipeline, monkeypatch):
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    context.state = State.RELEASE
+    monkeypatch.setattr(releasing, "_shaken_open", lambda _: None)
+    monkeypatch.setattr(releasing, "put_down", lambda *_: None)
+    context.held = held = holding(points_hand=POINTS)
+    for _ in range(2):
+        context.cycle.reached.append(State.RELEASE)
+        assert isinstance(releasing.release(context), Done)
+        context.held = held  # it still hangs in the hand
+    assert len(context.dropped) == 1

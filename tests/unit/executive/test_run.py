@@ -18,24 +18,12 @@ from debrisgrasp.executive import (
 )
 from debrisgrasp.executive import run as module
 from debrisgrasp.executive.result import Done, FaultFound
-from debrisgrasp.geometry import SE3
-from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.robot import FakeConfig, fake_robot
-from debrisgrasp.worlds import World, make_body
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
+from tests.unit.executive.rigs import brick_at, task_before
 
 
 @pytest.fixture
 def fake(pipeline):
-    sizes = {"length": 0.2, "width": 0.1, "height": 0.06}
-    brick = make_body("brick", sizes, 2.0).at(SE3.from_parts(p=[1.0, 0.0, 0.03]))
-    config = FakeConfig(is_initialised=True)
-    rng = np.random.default_rng(0)
-    return fake_robot(pipeline.robot, World((brick,)), rng=rng, config=config)
+    return task_before(pipeline, brick_at(1.0))[0]
 
 
 @pytest.fixture

@@ -8,27 +8,19 @@ import pytest
 from debrisgrasp.control import (
     Fault,
     GripCommand,
-    GripConfig,
-    GripController,
     GripPhase,
     Reading,
     Stop,
 )
-from debrisgrasp.executive.context import FINGER_TICKS, Held
+from debrisgrasp.executive.context import FINGER_TICKS
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.noticed import fault_of_stop
 from debrisgrasp.executive.states import State
-from debrisgrasp.pipeline import Pipeline
-from tests.unit.executive.test_steps import executive
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
+from tests.unit.executive.rigs import before_a_brick, holding
 
 
 def test_the_trace_leaves_out_no_peak(pipeline, rng):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context, drive = task.context, Drive(task.context, "right")
     loads = rng.normal(scale=20.0, size=(10 * FINGER_TICKS + 3, 6))
     for k, load in enumerate(loads):
@@ -54,21 +46,19 @@ def test_a_touch_that_ends_a_motion_is_called_one():
 def test_fingers_that_lose_what_still_lies_close_no_further(
     pipeline, monkeypatch, is_lifted
 ):
-    _, task = executive(pipeline)
+    _, task = before_a_brick(pipeline)
     context, drive = task.context, Drive(task.context, "right")
     context.state = State.LIFT
     openings = drive.fingers().openings
     squeeze = GripCommand((0.0,) * 3, 54.0)
-    grip = GripController(GripConfig(opening=0.1, width=0.05, sides=(-1, 1, 1)))
-    state = grip.preshape()._replace(phase=GripPhase.SLIPPED, held_openings=openings)
+    context.held = held = holding(is_lifted=is_lifted)
+    state = held.state._replace(phase=GripPhase.SLIPPED, held_openings=openings)
 
     class Watch:
         def step(self, _state, _fingers):
             return state, squeeze
 
-    context.held = Held(
-        arm="right", grip=grip, watch=Watch(), state=state, is_lifted=is_lifted
-    )
+    held.watch, held.state = Watch(), state
     sent = []
     monkeypatch.setattr(drive.devices.gripper, "command", sent.append)
     found = drive._watched_fingers((0.0,) * 6)

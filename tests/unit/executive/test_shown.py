@@ -7,42 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
+from debrisgrasp.executive import SimulatedTask, TaskSettings
 from debrisgrasp.executive.choose import select
-from debrisgrasp.executive.perceive import capture, segment
+from debrisgrasp.executive.perceive import capture
 from debrisgrasp.executive.result import Done, FaultFound
-from debrisgrasp.executive.shown import _is_in, never_shown, share_missing, was_shown
+from debrisgrasp.executive.shown import _is_in, never_shown, was_shown
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3
-from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.robot import FakeConfig, fake_robot
-from debrisgrasp.worlds import World, make_body
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
+from debrisgrasp.worlds import make_body
+from tests.unit.executive.rigs import look, task_before
 
 
 def looking(pipeline, *bodies, **settings):
-    fake = fake_robot(
-        pipeline.robot,
-        World(bodies),
-        rng=np.random.default_rng(0),
-        config=FakeConfig(is_initialised=True),
-    )
-    task = Executive(
-        fake.robot,
-        TaskSettings(**{"repositions": 0, **settings}),
-        pipeline=pipeline,
-        rng=np.random.default_rng(0),
-    )
+    settings = TaskSettings(**{"repositions": 0, **settings})
+    _, task = task_before(pipeline, *bodies, settings=settings)
     return task.context
 
 
 def looked(context):
-    for step in (capture, segment):
-        assert isinstance(step(context), Done)
+    look(context)
     return select(context)
 
 
@@ -94,7 +77,7 @@ def test_all_ground_is_looked_at_to_which_the_head_turns(pipeline):
     while looked(context).next is State.CAPTURE:
         assert len(context.shown) < 6
     # Right before the tracks it can't look down far enough: 10 % by a grid of looks.
-    assert 0.05 < share_missing(context) < 0.11
+    assert 0.05 < never_shown(context).share < 0.11
 
 
 def test_where_a_picture_has_no_depth_it_shows_nothing(pipeline):
@@ -126,7 +109,7 @@ def test_from_elsewhere_all_is_looked_at_anew(pipeline):
     assert context.cycle.gaze is None
     assert isinstance(capture(context), Done)
     assert len(context.shown) == 1
-    assert never_shown(context) is not None
+    assert never_shown(context).middle is not None
 
 
 def test_no_pile_lies_where_the_robot_stands():
@@ -175,4 +158,4 @@ def test_a_base_drives_back_only_as_long_as_that_shows_more(pipeline):
         found = looked(context)
     assert found.next is State.CLEARED
     assert context.n_moves <= 2
-    assert share_missing(context) < 0.02
+    assert never_shown(context).share < 0.02

@@ -9,28 +9,13 @@ from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Passage
 from debrisgrasp.pipeline.executable import _on_robot
-from debrisgrasp.planning import Grasp
 from debrisgrasp.prototypes import load_grippers
+from tests.grasps import grasp_at
 
 GRIPPERS = load_grippers()
 TOP_DOWN = so3.from_rpy(np.array([np.pi, 0.0, 0.0]))
 GRIP = SE3.from_parts(TOP_DOWN, [0.0, 0.0, 0.30])
-GRASP = Grasp(
-    T_base_hand=GRIP,
-    T_base_pregrasp=SE3.from_parts(p=[0.0, 0.0, 0.15]) @ GRIP,
-    gripper="robotiq_3f",
-    preshape="basic",
-    opening=0.10,
-    width=0.06,
-    prototype="cylinder_060_tip",
-    S=1.0,
-    C=1.0,
-    R=1.0,
-    coverage=1.0,
-    support=1,
-    expected=1.0,
-    score=1.0,
-)
+GRASP = grasp_at(GRIP, SE3.from_parts(p=[0.0, 0.0, 0.15]) @ GRIP)
 
 
 def block(center, size, spacing=0.01) -> np.ndarray:

@@ -23,6 +23,7 @@ from debrisgrasp.planning.easing import Easing
 from debrisgrasp.planning.ledger import Ledger
 from debrisgrasp.planning.offers import Offers
 from debrisgrasp.prototypes import PrototypeLibrary
+from tests.grasps import grasp_at
 from tests.scenes import CAMERA, capture_of, lying_pipe
 
 
@@ -42,20 +43,10 @@ class Arm:
 
 
 def grasp(arm: str, share: float, score: float) -> Grasp:
-    return Grasp(
-        T_base_hand=SE3.from_parts(p=(share, 0.0, 0.3)),
-        T_base_pregrasp=SE3.from_parts(p=(share, 0.0, 0.35)),
-        gripper="robotiq_3f",
+    return grasp_at(
+        SE3.from_parts(p=(share, 0.0, 0.3)),
+        SE3.from_parts(p=(share, 0.0, 0.35)),
         preshape="pinch",
-        opening=0.1,
-        width=0.06,
-        prototype="cylinder_060_tip",
-        S=1.0,
-        C=1.0,
-        R=1.0,
-        coverage=1.0,
-        support=1,
-        expected=1.0,
         score=score,
         arm=arm,
         joints={"j": share},

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from debrisgrasp.robot import CHECKS, MOVING_CHECKS, check_robot
-from tests.unit.robot.test_conformance import (
+from tests.unit.robot.broken_robots import (
     Changed,
     incomplete,
     lying_limits,

@@ -1,4 +1,4 @@
-"""Checks in motion: wrists that jump, arms that tell wrong limits, how they end."""
+"""Checks in motion: what each finds, wrists that jump, and how they end."""
 
 from __future__ import annotations
 
@@ -13,8 +13,136 @@ import pytest
 
 from debrisgrasp.errors import DriverError, InputError
 from debrisgrasp.robot import MOVING_CHECKS, check_robot, fake_robot
+from tests.unit.robot.broken_robots import (
+    Changed,
+    inverted_wrench,
+    made,
+    made_fake,
+    nothing,
+    stuck_joint,
+    with_limb,
+)
 from tests.unit.robot.rigs import ROMAN
-from tests.unit.robot.test_conformance import made, with_limb
+
+
+def eager(robot):
+    """A disengaged arm that follows all the same."""
+    arm = robot.limbs["right"].arm
+
+    def command(q):
+        arm.engage()
+        arm.command(q)
+
+    return with_limb(robot, "arm", command=command)
+
+
+def lazy(robot):
+    return with_limb(robot, "arm", command=nothing)
+
+
+def credulous(robot):
+    arm = robot.limbs["right"].arm
+    start = np.array(arm.read().q)
+
+    def command(q):
+        q = np.asarray(q, dtype=float)
+        arm.command(start + 0.001 if np.isnan(q).any() else q)
+
+    def read():
+        reading = arm.read()
+        moved = np.abs(np.array(reading.q) - start).max() > 5e-4
+        return reading._replace(q=np.full(8, np.nan)) if moved else reading
+
+    return with_limb(robot, "arm", command=command, read=read)
+
+
+def unfelt(robot):
+    """A sensor that is alive and measures nothing but its bias."""
+    limb, rng = robot.limbs["right"], np.random.default_rng(1)
+
+    def read():
+        wrench = limb.loads.bias + rng.normal(0.0, 0.05, 6)
+        return limb.sensor.read()._replace(wrench_ft=wrench)
+
+    return with_limb(robot, "sensor", read=read)
+
+
+def inverted_weight(robot):
+    """A sensor of the wrong sign; its model has the bias that it then seems to have."""
+    robot = inverted_wrench(robot)
+    limb = robot.limbs["right"]
+    R = robot.model.chain("right").fk(limb.arm.read().q).R @ limb.loads.T_ee_ft.R
+    weight = R.T @ (limb.loads.tool.mass * limb.loads.gravity)
+    moment = np.cross(limb.loads.tool.com, weight)
+    bias = -limb.loads.bias - 2.0 * np.concatenate([weight, moment])
+    limb = replace(limb, loads=limb.loads.with_bias(bias))
+    return replace(robot, limbs={**robot.limbs, "right": limb})
+
+
+def deaf_stop(robot):
+    return with_limb(robot, "arm", stop=nothing)
+
+
+def never_engaged(robot):
+    return with_limb(robot, "arm", engage=nothing)
+
+
+def stiff_hand(robot):
+    return with_limb(robot, "gripper", command=nothing, preshape=nothing)
+
+
+def never_zeroed(robot):
+    return with_limb(robot, "gripper", initialise=nothing)
+
+
+def still_head(robot):
+    return replace(robot, head=Changed(robot.head, move_to=nothing))
+
+
+@pytest.mark.parametrize(
+    ("broken", "check", "words"),
+    [
+        (eager, "disengaged_arm_stands", "though it was disengaged"),
+        (lazy, "arm_follows", "misses it"),
+        (stuck_joint, "arm_follows", "right_arm_joint5"),
+        (never_engaged, "arm_follows", "not engaged"),
+        (unfelt, "wrist_feels_weight", "right.*does it measure at all"),
+        (inverted_weight, "wrist_feels_weight", "right.*sign is inverted"),
+        (credulous, "nonsense_is_refused", "sent NaN"),
+        (deaf_stop, "stopped_arm_stands", "though it was stopped"),
+        (stiff_hand, "hand_moves", "missed by|misses it"),
+        (never_zeroed, "hand_moves", "not initialised"),
+        (still_head, "head_moves", "arrived"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_a_promise_broken_in_motion_fails_its_check(broken, check, words):
+    [one] = [c for c in MOVING_CHECKS if c.name == check]
+    problems = one(broken(made()))
+    assert problems
+    assert re.search(words, " ".join(problems)), problems
+
+
+def test_at_rest_no_check_sees_what_a_turn_of_the_wrist_shows():
+    assert check_robot(inverted_weight(made())).is_conformant
+
+
+def test_a_wrist_is_turned_though_joints_read_a_little_outside_their_limits():
+    [check] = [c for c in MOVING_CHECKS if c.name == "wrist_feels_weight"]
+    fake = made_fake()
+    arm = fake.arms["right"]
+    for joint in (2, 4):
+        fake._drives.put(arm.joints[joint], arm.limits.upper[joint] + 1e-4)
+    assert check(fake.robot) == ()
+
+
+def test_a_weight_too_small_for_the_noise_says_nothing():
+    [check] = [c for c in MOVING_CHECKS if c.name == "wrist_feels_weight"]
+    robot = unfelt(made())
+    limb = robot.limbs["right"]
+    loads = replace(limb.loads, tool=replace(limb.loads.tool, mass=0.1))
+    limbs = {**robot.limbs, "right": replace(limb, loads=loads)}
+    assert check(replace(robot, limbs=limbs)) == ()
 
 
 def spoiled_wrench(robot, spoil):

@@ -11,7 +11,6 @@ import pytest
 from debrisgrasp.cli.program import run
 from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
 from debrisgrasp.geometry import SE3, PointCloud, perturbed
-from debrisgrasp.planning import Grasp
 from debrisgrasp.prototypes import PrototypeLibrary, SurfaceShape, shape_distance
 from debrisgrasp.prototypes.surfaces import sample
 from debrisgrasp.workbench import (
@@ -22,6 +21,7 @@ from debrisgrasp.workbench import (
     recorded,
     save_records,
 )
+from tests.grasps import grasp_at
 
 LIBRARY = PrototypeLibrary.load()
 CHANCES = {"cylinder_040_tip": 0.8, "bar_4x4": 0.5, "edge_019": 0.0}
@@ -169,22 +169,7 @@ def test_a_record_is_made_of_what_was_seen_around_the_grip(rng):
         np.vstack([truth.normals, truth.normals]),
         np.zeros(3),
     )
-    grasp = Grasp(
-        T_base_hand=T,
-        T_base_pregrasp=T,
-        gripper="robotiq_3f",
-        preshape="basic",
-        opening=0.08,
-        width=0.04,
-        prototype="x",
-        S=1.0,
-        C=1.0,
-        R=1.0,
-        coverage=1.0,
-        support=1,
-        expected=1.0,
-        score=1.0,
-    )
+    grasp = grasp_at(T, opening=0.08, width=0.04)
     is_object = np.arange(len(cloud)) < len(truth.points)
     made = recorded(cloud, is_object, grasp, LIBRARY.grippers["robotiq_3f"], held=True)
     distance = shape_distance(

@@ -1,0 +1,160 @@
+"""Back to rest, by whatever way there is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.motion import MotionPlan, UnknownSpace
+
+from .context import Context, LimbState
+from .drag import drive_back
+from .drive import Drive
+from .folding import straight
+from .moves import LAST_RESORT, planned, pull_of, reversed_motion
+from .obstacles import space_of
+from .pacing import widest_corners
+from .relief import relieve
+from .result import FaultFound
+
+__all__ = ["put_away", "to_rest"]
+
+_UP = 0.12
+"""Where it finds no way from, a hand rises so far [m] ..."""
+_RISES = 3
+"""... and so often ..."""
+_LEAST, _AS_BEFORE = 5e-3, 2e-3
+"""... if it can by so much [m], and the arm is not as before then [rad or m]."""
+_STEP, _NEXT = 0.03, 0.5
+"""Between two postures of a way gone others are filled in, so far apart, if they follow
+each other as near as that [rad or m]."""
+_PRESSED = 0.3
+"""Share of a limit above which a hand gives way before it is taken elsewhere."""
+_GUARDED = 0.25
+"""Share of the planned speed that is left after a touch, or where one is likely."""
+
+
+def put_away(context: Context, arm: str) -> FaultFound | None:
+    """Bring an arm to rest, and the base back; then the arm holds by itself."""
+    fault = to_rest(context, arm) or drive_back(context)
+    if fault is None:
+        context.limbs[arm].limb.arm.disengage()
+    return fault
+
+
+def to_rest(context: Context, arm: str) -> FaultFound | None:
+    """Bring an arm back to its posture of rest."""
+    limb, drive = context.limbs[arm], Drive(context, arm)
+    rest = context.settings.rest or limb.rest_of
+    q_rest = limb.reach.chain.vector(context.model.posture(arm, rest))
+    q = context.posture(limb)
+    if np.abs(q - q_rest).max() < 0.01:
+        limb.trail.clear()
+        return None
+    eased = relieve(context, arm, _PRESSED) if limb.trail else None
+    if eased is None and context.cycle.speed <= _GUARDED:
+        eased = _risen(drive)  # it touched something: over that
+    if eased is not None:
+        return eased
+    q = context.posture(limb)
+    limb.went(q[None])
+    motion = context.cycle.motion
+    if motion is not None and motion.arm == arm and context.dragged is None:
+        reach = motion.reach.trajectory
+        assert reach is not None
+        is_there = np.abs(q - reach.q[-1]).max() < 0.01
+        is_from_rest = np.abs(reach.q[0] - q_rest).max() < 0.01
+        if is_there and is_from_rest:
+            return _back(drive, reversed_motion(reach))
+    found = _way_to(context, limb, q_rest)
+    for _ in range(_RISES):
+        if not isinstance(found, FaultFound) or found.fault != "plan_collision":
+            break
+        q = context.posture(limb)
+        fault = _risen(drive)
+        if fault is None and np.abs(context.posture(limb) - q).max() < _AS_BEFORE:
+            break
+        found = fault or _way_to(context, limb, q_rest)
+    if isinstance(found, FaultFound):
+        return found
+    assert found.trajectory is not None
+    return _back(drive, found.trajectory)
+
+
+def _risen(drive: Drive) -> FaultFound | None:
+    """Let an open hand rise a little, as far as nothing holds it."""
+    up, speed = np.array([0.0, 0.0, _UP]), drive.context.settings.lift_speed
+    end = straight(drive, up, pull_of(drive), speed=speed, least=_LEAST)
+    return end if isinstance(end, FaultFound) else None
+
+
+def _back(drive: Drive, trajectory: Trajectory) -> FaultFound | None:
+    """Follow a motion to rest, slowly near all that the empty hand may touch.
+
+    After a touch the next motion is a slower one.
+    """
+    cycle = drive.context.cycle
+    corners = widest_corners(drive.limb)
+    fault = drive.follow(trajectory, pace=cycle.speed, points=corners)
+    if fault is None:
+        drive.limb.trail.clear()
+    else:
+        cycle.speed = min(cycle.speed, _GUARDED)
+    return fault
+
+
+def _way_to(
+    context: Context, limb: LimbState, goal: FloatArray
+) -> MotionPlan | FaultFound:
+    """Plan to a posture; through what was not seen if there is no other way.
+
+    The way that the arm came leads back, if nothing shorter does. Then only what was
+    seen is in the way: all else is a guess, near which the arm goes slowly. What came
+    into the way since the arm went it moved there, and at last is moved again.
+    """
+    known = np.array(limb.trail) if limb.trail else None
+    q = context.posture(limb)
+    stands, gone = (limb.planner, q), (limb.planner, _way_gone(limb, q))
+    for unknown, leaves, with_guesses in (
+        (UnknownSpace.HIDDEN, None, True),
+        (UnknownSpace.IGNORED, None, True),
+        (UnknownSpace.IGNORED, stands, True),
+        (UnknownSpace.IGNORED, stands, False),
+        (UnknownSpace.IGNORED, gone, False),
+    ):
+        if leaves is stands and not (with_guesses or context.dropped or context.fallen):
+            continue
+        space = space_of(
+            context, unknown=unknown, stands=leaves, with_guesses=with_guesses
+        )
+        rounds = None if leaves is None else LAST_RESORT
+        found = planned(context, limb, goal, space, known=known, max_rounds=rounds)
+        if not isinstance(found, FaultFound):
+            return found if with_guesses else _slowed(found)
+    return found
+
+
+def _slowed(plan: MotionPlan) -> MotionPlan:
+    """Slow a plan down on which something may be touched, or pushed."""
+    slow = plan.trajectory
+    assert slow is not None
+    slow = replace(slow, times=slow.times / _GUARDED, dq=slow.dq * _GUARDED)
+    return replace(plan, trajectory=slow)
+
+
+def _way_gone(limb: LimbState, q: FloatArray) -> FloatArray:
+    """Postures of the way by which an arm came to one (d,), close together, (k, d)."""
+    ways = pairwise([*limb.trail, q])
+    steps = [_steps(one, other) for one, other in ways]
+    return np.concatenate([*steps, q[None]])
+
+
+def _steps(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Postures from one (d,) to another; only the first if they are far apart."""
+    far = float(np.abs(other - one).max())
+    n = int(np.ceil(far / _STEP)) if far < _NEXT else 1
+    return one + np.arange(n)[:, None] / n * (other - one)

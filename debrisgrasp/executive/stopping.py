@@ -1,0 +1,44 @@
+"""Stops of all arms and the base: latched at once, ended when the arms stand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from debrisgrasp._words import arm_called
+
+from .context import Context
+
+__all__ = ["reset_stops", "stop_all"]
+
+_STANDS_WITHIN, _STILL = 2.0, 0.05
+"""Within which an arm stands, and between two looks at whether it does [s]."""
+
+
+def stop_all(context: Context) -> list[str]:
+    """Latch a stop on every arm and the base; returns what did not answer."""
+    silent = []
+    for name, limb in context.limbs.items():
+        try:
+            limb.limb.arm.stop()
+        except Exception as error:  # noqa: BLE001 - the others must still be stopped
+            silent.append(f"{arm_called(name)}: {error}")
+    if context.robot.base is not None:
+        try:
+            context.robot.base.stop()
+        except Exception as error:  # noqa: BLE001 - as above
+            silent.append(f"base: {error}")
+    return silent
+
+
+def reset_stops(context: Context) -> None:
+    """End latched stops, once the arms stand: the answer says to go on."""
+    for limb in context.limbs.values():
+        arm = limb.limb.arm
+        if not arm.is_stopped:
+            continue
+        for _ in range(int(_STANDS_WITHIN / _STILL)):
+            before = context.posture(limb)
+            context.wait(_STILL)
+            if np.abs(context.posture(limb) - before).max() < 1e-4:
+                break
+        arm.reset()

@@ -1,0 +1,86 @@
+"""An arm with something in its hand, on its way to the drop-off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from debrisgrasp.executive import carrying as carriage
+from debrisgrasp.executive.faults import Action
+from debrisgrasp.executive.loaded import carrying
+from debrisgrasp.executive.obstacles import box_around
+from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.executive.states import State
+from debrisgrasp.executive.table import answer_to
+from debrisgrasp.geometry import so3
+from debrisgrasp.kinematics import ArmReach
+from debrisgrasp.motion import MotionPlanner, MotionSpace
+from tests.unit.executive.rigs import POINTS, before_a_brick, holding
+
+
+@pytest.mark.parametrize("arm", ["right", "left"])
+def test_what_is_held_is_a_part_of_the_arm_as_if_its_file_had_it(pipeline, arm):
+    _, task = before_a_brick(pipeline)
+    context, model = task.context, pipeline.robot
+    limb, rng = context.limbs[arm], np.random.default_rng(0)
+    points = rng.uniform(-1.0, 1.0, (60, 3)) * [0.3, 0.05, 0.1] + [0.0, 0.0, 0.05]
+    context.held = holding(arm=arm, points_hand=points)
+    tip, shapes = model.arm(arm).tip, dict(model.tree.shapes)
+    shapes[tip] = (*shapes[tip], box_around(points))
+    loaded = replace(model, tree=replace(model.tree, shapes=shapes))
+    oracle = MotionPlanner.of_arm(ArmReach(loaded, arm), limits=limb.limits.planner)
+    q = limb.reach.chain.sampled(200, rng=rng)
+    space = MotionSpace.from_points(
+        rng.uniform(-1.0, 1.0, (5, 3)), ground_plane=np.array([0.0, 0.0, 1.0, 0.0])
+    )
+    found = carrying(context, limb).exact_test(space).is_free(q)
+    np.testing.assert_array_equal(found, oracle.exact_test(space).is_free(q))
+    assert 0 < found.sum() < limb.planner.exact_test(space).is_free(q).sum()
+
+
+def test_the_box_around_something_as_wide_as_high_is_about_its_size(rng):
+    size = np.array([0.5, 0.45, 0.45])
+    points = rng.uniform(-0.5, 0.5, (1500, 3))
+    side = rng.integers(3, size=1500)
+    points[np.arange(1500), side] = rng.choice([-0.5, 0.5], 1500)
+    points = points[(points[:, 2] > -0.1) | (points[:, 0] < -0.4)]  # half of it seen
+    turned = so3.from_rpy(np.array([0.4, -0.8, 1.1]))
+    seen = (points * size) @ turned.T + [1.0, -2.0, 0.5]
+    box = box_around(seen)
+    inside = box.T_link_shape.inverse().apply(seen)
+    assert (np.abs(inside) <= 0.5 * np.array(box.size) + 1e-9).all()
+    assert np.prod(box.size) < 1.1 * np.prod(np.ptp(points * size, axis=0))
+    assert np.linalg.det(box.T_link_shape.R) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_the_box_around_a_few_points_holds_them(n, rng):
+    points = rng.uniform(-0.5, 0.5, (n, 3))
+    box = box_around(points)
+    inside = box.T_link_shape.inverse().apply(points)
+    assert (np.abs(inside) <= 0.5 * np.array(box.size) + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("is_highest", "fault", "action"),
+    [(True, "unreachable", Action.NEXT), (False, "plan_collision", Action.RETRY)],
+)
+def test_what_finds_no_way_is_lifted_again_only_if_that_can_be(
+    pipeline, monkeypatch, is_highest, fault, action
+):
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    context.held = holding(points_hand=POINTS)
+    nowhere = FaultFound("plan_collision", "no way was found", "right")
+    monkeypatch.setattr(carriage, "_way", lambda *_: nowhere)
+    monkeypatch.setattr(carriage, "_bare_way", lambda *_: nowhere)
+    monkeypatch.setattr(carriage, "is_folded", lambda *_: is_highest)
+    monkeypatch.setattr(carriage, "free_share", lambda *_: 0.1)
+    found = carriage.transport(context)
+    assert isinstance(found, FaultFound)
+    assert found.fault == fault
+    answer = answer_to(State.TRANSPORT, fault)
+    assert answer.action is action
+    assert answer.is_cleared_up is is_highest

@@ -1,0 +1,82 @@
+"""What is held is put down, and every arm brought to rest, after a fault."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from debrisgrasp.errors import DriverError
+from debrisgrasp.executive import recover as recovery
+from debrisgrasp.executive.drive import Drive
+from debrisgrasp.executive.faults import Action
+from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.executive.states import State
+from debrisgrasp.executive.table import answer_to
+from tests.unit.executive.rigs import POINTS, before_a_brick, gripped_below, holding
+
+
+def test_a_hand_that_was_stopped_on_its_way_back_gives_way_first(pipeline, monkeypatch):
+    _, task = before_a_brick(pipeline)
+    context, eased = task.context, []
+    context.is_in_pile = "right"
+    monkeypatch.setattr(recovery, "relieve", lambda _, arm: eased.append(arm))
+    event = task._event(State.RETREAT, FaultFound("plan_collision", ""), Action.RETRY)
+    recovery.recover(context, event, answer_to(State.RETREAT, "plan_collision"))
+    assert eased == ["right"]
+
+
+@pytest.mark.parametrize(
+    ("backed", "expected"),
+    [(0.12, ["lower", "loosen", "back_out"]), (0.0, ["loosen"])],
+)
+def test_what_hangs_in_an_opened_hand_is_lowered_before_that_opens_wider(
+    pipeline, monkeypatch, backed, expected
+):
+    _, task = before_a_brick(pipeline)
+    context, done = task.context, []
+    gripped_below(context, "right", backed)
+
+    def hangs(drive, _seconds):
+        drive.load = (0.0, 0.0, 50.0, 0.0, 0.0, 0.0)
+        return []
+
+    monkeypatch.setattr(Drive, "stand", hangs)
+    monkeypatch.setattr(recovery, "free_share", lambda *_: 1.0)
+    for name in ("lower", "loosen", "back_out"):
+        monkeypatch.setattr(recovery, name, lambda *_, name=name: done.append(name))
+    found = recovery._hanging(context, "right")
+    assert found.fault == "not_released"
+    assert done == expected
+
+
+def test_an_arm_that_met_something_is_away_before_the_trunk_turns(
+    pipeline, monkeypatch
+):
+    _, task = before_a_brick(pipeline)
+    context, order = task.context, []
+    context.cycle.motion = SimpleNamespace(arm="left")
+    monkeypatch.setattr(recovery, "relieve", lambda *_: None)
+    monkeypatch.setattr(recovery, "put_away", lambda _, arm: order.append(arm))
+    assert recovery.clear_up(context) is None
+    assert order == ["left", "right"]
+
+
+def test_a_camera_that_fails_keeps_no_arm_from_going_to_rest(pipeline, monkeypatch):
+    _, task = before_a_brick(pipeline)
+    context, order = task.context, []
+    context.held = holding(points_hand=POINTS, is_lifted=True)
+    context.cycle.motion = SimpleNamespace(arm="right")
+
+    def fails(*_):
+        raise DriverError("camera", "no answer")
+
+    monkeypatch.setattr(recovery, "relieve", lambda *_: None)
+    monkeypatch.setattr(recovery, "put_down", lambda *_: None)
+    monkeypatch.setattr(recovery, "back_out", lambda *_: None)
+    monkeypatch.setattr(recovery, "_hanging", lambda *_: None)
+    monkeypatch.setattr(recovery, "_remember", lambda *_: True)
+    monkeypatch.setattr(recovery, "looked_after", fails)
+    monkeypatch.setattr(recovery, "put_away", lambda _, arm: order.append(arm))
+    assert recovery.clear_up(context) is None
+    assert order == ["right", "left"]

@@ -1,0 +1,70 @@
+"""What can't be lifted is dragged out of the way by the base."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import DriverError
+from debrisgrasp.executive.drag import _Pull, drag, drive_back
+from debrisgrasp.executive.drive import Drive
+from debrisgrasp.executive.releasing import release
+from debrisgrasp.executive.result import Done
+from debrisgrasp.executive.states import State
+from tests.unit.executive.rigs import before_a_brick, holding
+
+
+def test_a_base_that_drags_comes_back_to_where_it_was(pipeline, monkeypatch):
+    fake, task = before_a_brick(pipeline)
+    context = task.context
+    context.state = State.LIFT
+    context.held = holding(is_watched=False)
+    found = drag(context)
+    assert isinstance(found, Done)
+    assert found.next is State.RELEASE
+    assert np.linalg.norm(context.dragged.p) > 0.4
+    limb = context.limbs["right"]
+    there = context.dragged @ limb.pose(context.posture(limb))
+    monkeypatch.setattr("debrisgrasp.executive.releasing.put_down", lambda *_: None)
+    # Where that is once the base is back.
+    assert release(context).facts["place"] == pytest.approx(there.p, abs=2e-3)
+    assert drive_back(context) is None
+    assert np.linalg.norm(fake.base.T_odom_base.p) < 0.1
+    assert fake.truth().violations == ()
+
+
+def test_a_base_stops_when_an_arm_that_drags_answers_no_more(pipeline, monkeypatch):
+    fake, task = before_a_brick(pipeline)
+    context, base = task.context, fake.robot.base
+    context.state = State.LIFT
+    context.held = holding(is_watched=False)
+    read, end = Drive.read, context.now() + 2.0
+
+    def silent(self):
+        if context.now() > end:
+            raise DriverError("arm", "no answer")
+        return read(self)
+
+    monkeypatch.setattr(Drive, "read", silent)
+    with pytest.raises(DriverError):
+        drag(context)
+    gone = np.linalg.norm(context.dragged.p)
+    assert gone > 0.02
+    context.wait(3.0)
+    assert np.linalg.norm(base.read().p) < gone + 0.01
+
+
+@pytest.mark.parametrize("force", [20.0, 60.0])
+def test_a_base_that_pulls_too_hard_stops_before_the_arm_has_come_to_rest(
+    pipeline, force
+):
+    fake, task = before_a_brick(pipeline)
+    context, base = task.context, fake.robot.base
+    pull = _Pull(context, base, [(-0.03, 0.0, 10.0)], 50.0)
+    assert not pull((0.0,) * 6)
+    context.wait(0.5)
+    assert pull((0.0, 0.0, force, 0.0, 0.0, 0.0)) is pull.is_too_much is (force > 50.0)
+    before = base.read().p
+    context.wait(0.1)
+    gone = np.linalg.norm(base.read().p - before)
+    assert gone < 1e-3 if force > 50.0 else gone > 2e-3
