@@ -1,6 +1,8 @@
 """Connect a robot of your own: one small class for each device, and checks for them.
 
-The devices only pretend: put the calls of your drivers in their place.
+The devices only pretend: put the calls of your drivers in their place. Three mistakes
+are built in, so that the checks have something to find; comments name them.
+
 Run: python examples/14_your_own_robot.py
 """
 
@@ -46,7 +48,7 @@ class Arm:
 
 
 class Gripper:
-    """Fingers that are at once where they are sent; one force too many is a mistake."""
+    """Fingers that are at once where they are sent."""
 
     is_initialised = False
 
@@ -66,6 +68,7 @@ class Gripper:
         self.openings = command.openings
 
     def read(self) -> robot.HandReading:
+        # A mistake: four forces, however many fingers the hand has.
         return robot.HandReading(clock.now(), self.openings, (0.0,) * 4)
 
 

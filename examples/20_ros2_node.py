@@ -1,4 +1,4 @@
-"""A ROS 2 node that plans: depth image in, pose of the hand and joint motion out.
+"""A ROS 2 node that plans: depth image in, grasp and motion to its pre-grasp out.
 
 Importing it needs no ROS; `answer` takes anything with the fields of the messages.
 Run, with ROS 2: python examples/20_ros2_node.py SITE.yaml
@@ -35,7 +35,7 @@ def main() -> None:
     from rosidl_runtime_py import set_message_fields
     from sensor_msgs.msg import CameraInfo, Image
     from std_srvs.srv import Trigger
-    from tf2_ros import Buffer, TransformListener
+    from tf2_ros import Buffer, TransformException, TransformListener
     from trajectory_msgs.msg import JointTrajectory
 
     class PlannerNode(Node):
@@ -54,13 +54,15 @@ def main() -> None:
             self.seen[type(message)] = message
 
         def plan(self, _request, response):
-            image, info = self.seen[Image], self.seen[CameraInfo]
-            at = image.header
-            found = self.tf.lookup_transform("base", at.frame_id, at.stamp)
-            try:
-                pose, motion, why = answer(self.pipeline, image, info, found.transform)
-            except debrisgrasp.DebrisGraspError as error:
-                pose, motion, why = None, None, str(error)
+            pose, motion, why = None, None, "no image, or no camera info, has come yet"
+            if len(self.seen) == 2:
+                image, info = self.seen[Image], self.seen[CameraInfo]
+                at = image.header
+                try:
+                    T = self.tf.lookup_transform("base", at.frame_id, at.stamp)
+                    pose, motion, why = answer(self.pipeline, image, info, T.transform)
+                except (debrisgrasp.DebrisGraspError, TransformException) as error:
+                    why = str(error)
             for publisher, message, fields in (
                 (self.grasp, PoseStamped(), pose),
                 (self.motion, JointTrajectory(), motion),

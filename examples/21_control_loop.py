@@ -2,6 +2,8 @@
 
 The arm is a stand-in that goes where it is sent. Replace it by drivers that fulfil
 `debrisgrasp.robot.Arm` and `ForceSensor`, and nothing else changes.
+
+Run: python examples/21_control_loop.py
 """
 
 import time

@@ -1,8 +1,8 @@
 """Record an object of a capture as a prototype, and grip it with nothing else.
 
-    python examples/30_record_a_prototype.py [FOLDER]
+Writes the prototype and a page that shows it into FOLDER (default: my_prototypes).
 
-Writes the prototype and a page that shows it into FOLDER.
+Run: python examples/30_record_a_prototype.py [FOLDER]
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Show a plan and the motion of its first feasible grasp in the browser.
 
-    python examples/31_look_at_a_plan.py [CAPTURE] [--once]
+Serves a page until Ctrl-C; with --once it ends as soon as the page is up. Needs the
+extra `viz`.
 
-Serves a page until Ctrl-C; with --once it ends as soon as the page is up.
+Run: python examples/31_look_at_a_plan.py [CAPTURE] [--once]
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ def select(context: Context) -> StepResult:
     if seen.is_marked is not None:
         return _select_marked(context, seen)
     if context.settings.is_object_specific:
-        return Done({"cleared": True}, State.CLEARED)
+        return _not_seen(context)
     # A look aside is for what those before it did not show; of that all is said.
     before = context.shown[:-1]
     left = dict(context.left) if before else {}
@@ -136,16 +136,7 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
     label = int(np.bincount(own[own > 0], minlength=1).argmax())
     points = seen.cloud.points[seen.segmentation.labels == label]
     if not label or _bare_ground(context, seen, points):
-        if context.n_removed:
-            return Done({"cleared": True}, State.CLEARED)
-        # It was never seen, so nothing says that it is gone.
-        words = "no object was seen where one was sought"
-        if context.settings.region is not None:
-            words = (
-                f"no object was seen in the region {context.settings.region} of the "
-                "base frame; move or widen it"
-            )
-        return FaultFound("empty_cloud", words)
+        return _not_seen(context)
     segment = seen.segmentation.segment(label)
     why = context.marks.why_left(
         segment.centroid, context.n_changes, context.settings.tries
@@ -154,6 +145,19 @@ def _select_marked(context: Context, seen: Perception) -> StepResult:
         return _nothing_more(context, {_named(context, segment): why}, 1)
     triage = replace(_triage(context, seen, segment), way=Way.PINCH, arms=())
     return _chosen(context, segment, triage, "it is the marked object")
+
+
+def _not_seen(context: Context) -> StepResult:
+    """Tell that the object of interest is gone, or that it never was in a picture."""
+    if context.n_removed:
+        return Done({"cleared": True}, State.CLEARED)
+    words = "no object was seen where one was sought"
+    if context.settings.region is not None:
+        words = (
+            f"no object was seen in the region {context.settings.region} of the "
+            "base frame; move or widen it"
+        )
+    return FaultFound("empty_cloud", words)
 
 
 def _chosen(context: Context, segment: Segment, triage: Triage, reason: str) -> Done:

@@ -21,7 +21,7 @@ class Action(Enum):
     STOP = "stop"
     """Latched stop; only a person ends it."""
     HOLD = "hold"
-    """Stand, squeeze on, and go on once the cause is gone."""
+    """Stand for a second, squeezing on, then go on at half the speed."""
     RETRY = "retry"
     """Back off, and do it again."""
     NEXT = "next"

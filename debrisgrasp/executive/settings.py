@@ -19,7 +19,8 @@ __all__ = ["Marker", "TaskSettings"]
 
 Marker = Callable[[Capture], BoolArray | None]
 """Says of a capture which pixels belong to the object of interest: a detector, or a
-person. None: it is not in the picture, and the task is done."""
+person, (height, width). None: it is not in the picture. The task is done if something
+was removed before; else that is a fault, ``empty_cloud``."""
 
 
 def _beside() -> Mapping[str, tuple[float, float]]:

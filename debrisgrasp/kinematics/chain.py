@@ -332,7 +332,7 @@ class KinematicChain:
         return rng.uniform(lower, upper, size=(n, self.n_joints))
 
     def vector(self, values: Mapping[str, float]) -> FloatArray:
-        """Joint values (d,) in the chain's order; joints not named stand at zero."""
+        """Joint values (d,) in order; zero where not named; other names don't count."""
         return np.array([values.get(name, 0.0) for name in self.joint_names])
 
     def named(self, q: Sequence[float] | FloatArray) -> dict[str, float]:

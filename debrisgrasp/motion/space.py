@@ -22,6 +22,8 @@ from debrisgrasp._arrays import (
     Float32Array,
     FloatArray,
     IntArray,
+    require_finite,
+    require_metres,
     require_range,
 )
 from debrisgrasp.errors import ShapeError
@@ -122,16 +124,21 @@ class MotionSpace:
         ground_plane: FloatArray | None = None,
         spacing: float = 0.02,
     ) -> MotionSpace:
-        """Take points (n, 3) in the base frame as obstacles; nothing is unknown.
+        """Take points (n, 3) in the base frame [m] as obstacles; nothing is unknown.
 
         Raises
         ------
         ShapeError
             If the points are not (n, 3).
+        InputError
+            If one of them is not finite, or they can only be in millimetres.
         """
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ShapeError("points", got=points.shape, expected="(n, 3)")
+        require_finite(points, "points")
+        if len(points):  # what lies far away is no obstacle, but not all of it does
+            require_metres("points", points[np.abs(points).max(axis=1).argmin()])
         cloud = PointCloud(points, np.full(points.shape, np.nan), np.zeros(3))
         return cls.build(
             cloud,

@@ -115,7 +115,10 @@ class Hull:
         return self.vertices, self.faces
 
     def sphere_cover(self, max_radius: float) -> tuple[FloatArray, FloatArray]:
-        """Spheres of at most ``max_radius`` [m] whose union contains the solid."""
+        """Centres (k, 3) and radii (k,) of spheres whose union contains the solid [m].
+
+        None is larger than ``max_radius``.
+        """
         low, high = self.bounds.lower, self.bounds.upper
         around = Box((high - low) / 2, SE3.from_parts(p=(high + low) / 2))
         centers, radii = around.sphere_cover(max_radius)

@@ -131,6 +131,15 @@ def test_bare_ground_in_the_region_is_no_object(handle, n_removed):
         assert found.fault == "empty_cloud"
 
 
+@pytest.mark.parametrize("n_removed", [0, 1])
+def test_what_a_detector_never_found_is_no_cleared_way(handle, n_removed):
+    _, found = handle(n_removed=n_removed, mark=lambda _: None)
+    if n_removed:
+        assert found.next is State.CLEARED
+    else:
+        assert found.fault == "empty_cloud"
+
+
 def test_a_region_without_an_object_is_told(handle):
     _, found = handle(region=Bounds(np.full(3, 5.0), np.array([6.0, 7.0, 8.5])))
     assert isinstance(found, FaultFound)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3, DepthSight, Intrinsics, PointCloud
 from debrisgrasp.kinematics import ArmCollision
 from debrisgrasp.motion import MotionSpace, UnknownSpace
@@ -134,3 +135,25 @@ def test_what_counts_as_unknown_is_the_policys_choice(unknown, below, beside):
     assert not hits(1.0, 0.0, 0.6)  # above it
     assert hits(1.0, 0.0, 0.2) is below
     assert hits(1.45, 0.45, 0.3) is beside  # outside the camera's view
+
+
+@pytest.mark.parametrize(
+    ("points", "error", "words"),
+    [
+        (np.zeros(3), ShapeError, r"expected \(n, 3\)"),
+        (np.array([[1.0, 0.0, np.nan]]), InputError, "NaN or infinite"),
+        (
+            np.array([[900.0, 0.0, 300.0], [1100.0, 0.0, 0.0]]),
+            InputError,
+            "millimetres",
+        ),
+    ],
+)
+def test_points_that_are_no_obstacles_are_refused(points, error, words):
+    with pytest.raises(error, match=words):
+        MotionSpace.from_points(points)
+
+
+def test_points_far_away_are_no_obstacles():
+    points = np.array([[1.0, 0.0, 0.3], [50.0, 0.0, 0.0]])
+    assert MotionSpace.from_points(points).measured_points == pytest.approx(points[:1])
