@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, Rng
-from debrisgrasp.calibration import WORKSPACE, Choice, choose_places
+from debrisgrasp.calibration import Choice, choose_places
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Bounds, Intrinsics
 from debrisgrasp.io.observations_file import ObservationFile, ObservationRow
@@ -90,9 +90,7 @@ def choose_postures(
     rng: Rng,
     information: FloatArray | None = None,
     T_base_camera: SE3 | None = None,
-    view: View | None = None,
     apart: float = 0.1,
-    workspace: Bounds = WORKSPACE,
 ) -> PosturePlan:
     """Choose the postures whose measurement tells most about the camera.
 
@@ -113,16 +111,15 @@ def choose_postures(
         What is known already: the inverse of a calibration's covariance, (6, 6).
     T_base_camera
         Pose of the camera; that of the robot's model by default.
-    view, apart, workspace
-        What the camera sees; least distance of the places [m]; where the predicted
-        error counts.
+    apart
+        Least distance of the places [m].
 
     Raises
     ------
     InputError
         If the robot can't show the fiducial in so many places.
     """
-    view = view or View()
+    view = View()
     T_base_camera = T_base_camera or rig.head.T_base_camera(rig.reference)
     q, T = _shown(rig, T_base_camera, view, rng)
     if len(q) < n:
@@ -133,9 +130,7 @@ def choose_postures(
             mend="Turn the head towards the arm's workspace, or check which way z "
             f"of link {rig.fiducial!r} points.",
         )
-    choice = choose_places(
-        T.p, n, information=information, apart=apart, workspace=workspace
-    )
+    choice = choose_places(T.p, n, information=information, apart=apart)
     pixels, _ = view.intrinsics.project(T_base_camera.inverse().apply(T.p))
     rest = dict(zip(rig.head.joint_names, map(float, rig.reference), strict=True))
     postures = tuple(

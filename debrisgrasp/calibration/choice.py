@@ -61,7 +61,6 @@ def choose_places(
     n: int,
     *,
     information: FloatArray | None = None,
-    sigmas: ArrayLike | None = None,
     apart: float = 0.1,
     workspace: Bounds = WORKSPACE,
 ) -> Choice:
@@ -82,8 +81,6 @@ def choose_places(
     information
         What is known already, shape (6, 6), the inverse of a `camera_covariance`;
         nothing by default.
-    sigmas
-        Standard deviation of a coordinate at each candidate [m], a number or (m,).
     apart
         Least distance between two chosen places [m]; looks at one place share its
         error of kinematics.
@@ -99,8 +96,7 @@ def choose_places(
     require_finite(places, "candidate places")
     if n < 1:
         raise InputError("places to choose", got=n, expected="1 or more")
-    noise = np.hypot(MEASUREMENT_SIGMA, KINEMATIC_SIGMA) if sigmas is None else sigmas
-    gains = information_at(places, noise)
+    gains = information_at(places, np.hypot(MEASUREMENT_SIGMA, KINEMATIC_SIGMA))
     known = np.eye(6) / _IGNORANCE**2
     if information is not None:
         known = known + information

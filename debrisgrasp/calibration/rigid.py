@@ -18,25 +18,20 @@ _NEAR = 25.0
 hypothesis. Wider than a test would be: three points predict a fourth badly."""
 
 
-def fit_rigid(
-    points_a: FloatArray, points_b: FloatArray, weights: FloatArray | None = None
-) -> SE3:
+def fit_rigid(points_a: FloatArray, points_b: FloatArray) -> SE3:
     """Least-squares ``T_a_b`` with ``points_a = T_a_b points_b`` (Kabsch, Umeyama).
 
     Parameters
     ----------
     points_a, points_b
         Matched points [m], shape (..., n, 3); n is 3 or more, not on one line.
-    weights
-        Of the points, shape (..., n); equal by default.
 
     Returns
     -------
     SE3
         Shape (...). Never mirrored: the best proper rotation, however bad it is.
     """
-    w = np.ones(points_a.shape[:-1]) if weights is None else weights
-    w = (w / w.sum(axis=-1, keepdims=True))[..., None]
+    w = 1.0 / points_a.shape[-2]
     middle_a, middle_b = (points_a * w).sum(axis=-2), (points_b * w).sum(axis=-2)
     from_a, from_b = (
         points_a - middle_a[..., None, :],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, log, sqrt
+from math import exp, log
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,12 +43,6 @@ class WrenchFilter:
     def alpha(self) -> float:
         """Weight of the new sample, a; it depends on the period, unlike tau."""
         return 1.0 - exp(-self.period / self.tau)
-
-    @property
-    def noise_gain(self) -> float:
-        """Standard deviation of white noise after the filter, as a share of before."""
-        a = self.alpha
-        return sqrt(a / (2.0 - a))
 
     def settling_time(self, share: float = 0.95) -> float:
         """Seconds until a step has passed the filter to this share."""

@@ -32,6 +32,8 @@ _ACCEPTED = 1e-4
 """Error of a waypoint that is still on the line."""
 _PUSHED = 1e-3
 """Error of a waypoint of a hand that is pushed aside: it is led there by no line."""
+_LOOKS = 8
+"""Waypoints on its way there."""
 _KNOT = 0.02
 """Time between the knots of a planned leg [s]."""
 
@@ -215,9 +217,9 @@ class LegPlanner:
                         return f"{kind} {size:g} along {direction}: {reason}"
         return ""
 
-    def _reaches(self, q: list[float], leg: CartesianLeg, n: int = 8) -> str:
-        for i in range(1, n + 1):
-            q, status, reason = self._waypoint(q, *leg.at(i / n), accepted=_PUSHED)
+    def _reaches(self, q: list[float], leg: CartesianLeg) -> str:
+        for i in range(1, _LOOKS + 1):
+            q, status, reason = self._waypoint(q, *leg.at(i / _LOOKS), accepted=_PUSHED)
             if status is not LegStatus.DONE:
                 return f"{status.value}: {reason}"
         return ""

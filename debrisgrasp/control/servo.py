@@ -68,8 +68,6 @@ class ServoState(NamedTuple):
     """Commanded posture [rad or m], d values."""
     step: Joints
     """Its change in the last period [rad or m], d values."""
-    is_held_back: bool = False
-    """Whether a limit cut the last step."""
     sigma: float = inf
     """Smallest singular value of the Jacobian at the last step, if below the
     threshold of damping; else infinity."""
@@ -306,7 +304,7 @@ class CartesianServo:
                 min(max(value, lower), upper)
                 for value, (lower, upper, *_) in zip(q, self._bounds, strict=True)
             ]
-        return ServoState(tuple(q), tuple(step), is_cut, sigma, gap, turn)
+        return ServoState(tuple(q), tuple(step), sigma, gap, turn)
 
     def braked(self, state: ServoState) -> ServoState:
         """Come to rest as fast as the joints may."""

@@ -35,8 +35,8 @@ class Supervisor:
         limits: LimitSet,
         loads: LoadModel,
         period: float,
-        config: SafetyConfig | None = None,
-        baseline_time: float = 0.0,
+        config: SafetyConfig,
+        baseline_time: float,
     ) -> None:
         """Prepare for one arm.
 
@@ -50,7 +50,7 @@ class Supervisor:
             When that baseline was taken, by the clock of the readings [s].
         """
         self.limits, self.loads = limits, loads
-        self.config = config or SafetyConfig()
+        self.config = config
         self.baseline_time = baseline_time
         self._kinematics, self._period = kinematics, period
         c = self.config

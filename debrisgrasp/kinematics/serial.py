@@ -69,10 +69,10 @@ class LaneFrames:
         """Origin of the last frame [m], shape (3, lanes)."""
         return self.origins[:, -1]
 
-    def matrices(self, index: int = -1) -> FloatArray:
-        """Homogeneous matrices of one of the frames, shape (lanes, 4, 4)."""
-        turn = self.turns[index]
-        columns = (turn.real, turn.imag, self.axes[:, index], self.origins[:, index])
+    def matrices(self) -> FloatArray:
+        """Homogeneous matrices of the last frame, shape (lanes, 4, 4)."""
+        turn = self.turns[-1]
+        columns = (turn.real, turn.imag, self.axes[:, -1], self.origins[:, -1])
         T = np.zeros((self.axes.shape[-1], 4, 4))
         for k, column in enumerate(columns):
             T[:, :3, k] = column.T

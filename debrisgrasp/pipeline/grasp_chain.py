@@ -104,7 +104,7 @@ class GraspChain:
         space: MotionSpace,
         passage: Passage | None,
         config: MotionsConfig,
-        known: FloatArray | None = None,
+        known: FloatArray | None,
     ) -> None:
         """Prepare for all grasps that leave the fingers the same on the way in."""
         family = arm.robot.limits(arm.name, arm.chain)

@@ -100,7 +100,7 @@ def unfit(
     ground: GroundConfig,
     scene: SceneConfig,
     least: int,
-    chains: Sequence[KinematicChain] = (),
+    chains: Sequence[KinematicChain],
 ) -> str | None:
     """Reason to pass over an object with points (n, 3) and region V, or None."""
     return (

@@ -23,8 +23,6 @@ __all__ = ["FURTHER_HANDS", "GripperModel", "known_grippers", "load_grippers"]
 
 _OUT = 0.01
 """A palm that stands out of its frame by more than this is in the objects [m]."""
-_SWEEP_STEP = 0.012
-"""How far the pads may close between two positions of a sweep [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -159,22 +157,6 @@ class GripperModel:
             Shapes (s, 3) and (s,) [m].
         """
         return _cover(self.solids(preshape, opening), max_radius)
-
-    def closing_sweep(
-        self, preshape: str, opening: float, width: float, max_radius: float = 0.02
-    ) -> SphereSet:
-        """Spheres that the fingers sweep while the pads close to ``width`` [m].
-
-        The position at ``opening`` isn't among them: `sphere_cover` holds it. Between
-        two positions the pads close by at most 12 mm.
-        """
-        n_steps = max(1, int(np.ceil((opening - width) / _SWEEP_STEP)))
-        covers = [
-            _cover(self.finger_solids(preshape, step), max_radius)
-            for step in np.linspace(opening, width, n_steps + 1)[1:]
-        ]
-        centers, radii = zip(*covers, strict=True)
-        return np.concatenate(centers), np.concatenate(radii)
 
     def pad_positions(self, preshape: str, opening: float) -> FloatArray:
         """Where the pads are [m], shape (fingers, 3), in the order of `fingers`."""

@@ -32,11 +32,6 @@ class VisibilityTable:
     is_visible: BoolArray
     """Shape (d, m)."""
 
-    def seen_from(self, direction: ArrayLike) -> BoolArray:
-        """Visible points for the nearest of the views, (..., 3) -> (..., m)."""
-        seen: BoolArray = self.is_visible[nearest_view(self.directions, direction)]
-        return seen
-
 
 def nearest_view(directions: FloatArray, query: ArrayLike) -> IntArray:
     """Index of the direction (d, 3) with the smallest angle to each query (..., 3)."""

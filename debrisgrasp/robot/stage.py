@@ -338,9 +338,7 @@ class Stage:
         if is_due and not is_enclosed(*grip.sides, self.friction):
             self._let_go(hand, hold, has_slipped=True)
 
-    def _let_go(
-        self, hand: HandState, hold: Hold, *, has_slipped: bool = False
-    ) -> None:
+    def _let_go(self, hand: HandState, hold: Hold, *, has_slipped: bool) -> None:
         """Let a body sink to rest that no hand holds any more.
 
         What has slipped out is past the fingers, which still squeeze.

@@ -98,16 +98,7 @@ def find_ground(
     is_ground, report
         ``is_ground`` has shape (n,) and is False everywhere if removal was refused.
     """
-    report = GroundReport(
-        status="skipped",
-        reason="",
-        plane=None,
-        tilt=np.nan,
-        height=np.nan,
-        inlier_share=0.0,
-        removed_share=np.nan,
-        n_removed=0,
-    )
+    report = GroundReport.skipped("")
     nothing = np.zeros(len(cloud), dtype=bool)
     if is_cropped:
         return nothing, replace(report, reason="the cloud is marked as cropped")
@@ -143,16 +134,7 @@ def _weighed(
     slope: FloatArray,
 ) -> tuple[BoolArray, GroundReport]:
     """Fit the ground from a first guess, and hold the evidence against the limits."""
-    report = GroundReport(
-        status="skipped",
-        reason="too few level points near z = 0 to fit a plane",
-        plane=None,
-        tilt=np.nan,
-        height=np.nan,
-        inlier_share=0.0,
-        removed_share=np.nan,
-        n_removed=0,
-    )
+    report = GroundReport.skipped("too few level points near z = 0 to fit a plane")
     plane = _fitted_plane(points, normals, slope)
     if plane is None:
         return np.zeros(len(cloud), dtype=bool), report

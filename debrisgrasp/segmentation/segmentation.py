@@ -79,6 +79,20 @@ class GroundReport:
     kinds: IntArray | None = None
     """`PointKind` of each point, uint8, shape (n,); None before all were judged."""
 
+    @classmethod
+    def skipped(cls, reason: str) -> GroundReport:
+        """Report that no ground was fitted, and why."""
+        return cls(
+            status="skipped",
+            reason=reason,
+            plane=None,
+            tilt=np.nan,
+            height=np.nan,
+            inlier_share=0.0,
+            removed_share=np.nan,
+            n_removed=0,
+        )
+
     @property
     def counts(self) -> dict[str, int]:
         """Points that were taken away, by kind; kinds without any are left out."""

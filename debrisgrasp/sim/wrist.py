@@ -51,7 +51,6 @@ class Wrist:
         """Velocity of the target."""
         self.wrench = np.zeros(6)
         """What the wrist exerts on the hand, as joint efforts [N, N m]."""
-        self.is_saturated = False
         self.hold_firmly()
 
     def hold_firmly(self) -> None:
@@ -80,14 +79,12 @@ class Wrist:
         """Set the forces for the next step."""
         error = self.target - data.qpos[self._q]
         wrench = self._k @ error + self._d @ (self.rate - data.qvel[self._v])
-        self.is_saturated = False
         for part, limit in zip(
             (wrench[:3], wrench[3:]), self._config.limits, strict=True
         ):
             size = float(np.sqrt(part @ part))
             if size > limit:
                 part *= limit / size
-                self.is_saturated = True
         self.wrench = wrench
         data.qfrc_applied[self._v] = wrench
 

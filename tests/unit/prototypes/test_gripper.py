@@ -162,20 +162,6 @@ def test_sphere_cover_contains_the_hand(
     assert (gap[inside].min(axis=1) <= 0).all()
 
 
-def test_closing_sweep_contains_the_fingers_on_the_way(
-    gripper: GripperModel, rng: np.random.Generator
-) -> None:
-    preshape = next(iter(gripper.preshapes))
-    centers, radii = gripper.closing_sweep(preshape, 0.14, 0.1)
-    points = rng.uniform([-0.12, -0.12, -0.03], [0.12, 0.12, 0.15], size=(4000, 3))
-    gap = np.linalg.norm(points[:, None] - centers, axis=-1) - radii
-    for opening in (0.12, 0.11, 0.1):
-        fingers = list(gripper.finger_solids(preshape, opening))
-        inside = union_distance(fingers, points) < -0.006
-        assert inside.any()
-        assert (gap[inside].min(axis=1) <= 0).all()
-
-
 def test_closing_region_lies_between_the_fingers(gripper: GripperModel) -> None:
     for preshape in gripper.preshapes:
         region = gripper.closing_region(preshape, 0.1)

@@ -14,7 +14,7 @@ from debrisgrasp.errors import (
     OutputError,
     UnknownNameError,
 )
-from debrisgrasp.prototypes import PrototypeLibrary
+from debrisgrasp.prototypes import PrototypeLibrary, nearest_view
 
 SOUND = """\
 name: pipe
@@ -124,7 +124,8 @@ def test_opening_defaults_to_the_width_with_clearance_up_to_the_hands_limit(
 
 def test_visibility_is_in_the_palm_frame(library: PrototypeLibrary) -> None:
     post = library["post_080_end"]
-    from_palm = post.visible.seen_from(np.array([0.0, 0.0, -1.0]))
+    view = nearest_view(post.visible.directions, [0.0, 0.0, -1.0])
+    from_palm = post.visible.is_visible[view]
     assert post.points[from_palm][:, 2].max() < post.points[:, 2].min() + 0.01
 
 

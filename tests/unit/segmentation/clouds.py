@@ -80,16 +80,7 @@ def labelled(cloud: PointCloud, labels: np.ndarray) -> Segmentation:
     )
     certainty = np.ones(int(labels.max(initial=0)) + 1)
     segments = measured_segments(cloud.points, labels, certainty)
-    ground = GroundReport(
-        status="skipped",
-        reason="labels are given",
-        plane=None,
-        tilt=np.nan,
-        height=np.nan,
-        inlier_share=0.0,
-        removed_share=np.nan,
-        n_removed=0,
-    )
+    ground = GroundReport.skipped("labels are given")
     return Segmentation(
         labels=labels,
         segments=segments,

@@ -44,16 +44,7 @@ def segmentation_of(labels: np.ndarray) -> Segmentation:
             score=np.zeros(0),
         ),
         patches=labels,
-        ground=GroundReport(
-            status="skipped",
-            reason="no evidence",
-            plane=None,
-            tilt=np.nan,
-            height=np.nan,
-            inlier_share=0.0,
-            removed_share=np.nan,
-            n_removed=0,
-        ),
+        ground=GroundReport.skipped("no evidence"),
         method="by hand",
     )
 
