@@ -6,7 +6,7 @@ nearer border of the way. It gives up where the object resists.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -173,15 +173,28 @@ def push_aside(context: Context) -> StepResult:
         if end.outcome is not LegOutcome.CONTACT:
             far = 100.0 * end.share * end.length
             words = f"it came by {100 * came:.0f} cm as the hand went {far:.0f} cm"
-        return _stays(mark, words)
-    facts = {"arm": push.limb.name, "pushed": round(came, 3), "end": end.outcome.value}
-    return Done(facts, State.RETREAT)
+        return _stays(mark, words, _facts(push))
+    facts = {"pushed": round(came, 3), "end": end.outcome.value}
+    return Done({**facts, **_facts(push)}, State.RETREAT)
 
 
-def _stays(mark: Mark, why: str) -> Done:
+def _stays(mark: Mark, why: str, facts: Mapping[str, object] | None = None) -> Done:
     """Note why an object was not pushed."""
     mark.why_stays = why
-    return Done({"pushed": 0.0, "why": why}, State.RETREAT)
+    return Done({"pushed": 0.0, "why": why, **(facts or {})}, State.RETREAT)
+
+
+def _facts(push: _Push) -> dict[str, object]:
+    """Say how it was pushed, for the record."""
+    limb, (preshape, opening) = push.limb, _closed(push.limb)
+    return {
+        "arm": limb.name,
+        "gripper": limb.hand.name,
+        "preshape": preshape,
+        "opening": round(opening, 4),
+        "pose": np.round(limb.pose(push.reach.q[-1]).matrix, 5).tolist(),
+        "way": np.round(push.way, 4).tolist(),
+    }
 
 
 def _ways_out(

@@ -262,7 +262,12 @@ def plan_grasp(context: Context) -> StepResult:
         if mark is not None and is_taken:
             why = mark.reason  # all are like those that failed
         is_far = _mostly_far(found.plan.rejections)
-        return FaultFound("unreachable" if is_far else "no_grasp", why)
+        n_candidates = float(sum(found.plan.rejections.values()))
+        name, values = (
+            "unreachable" if is_far else "no_grasp",
+            {"candidates": n_candidates},
+        )
+        return FaultFound(name, why, None, values)
     cycle.plan = replace(
         found, plan=replace(found.plan, grasps=_ordered(grasps, cycle.triage, failed))
     )

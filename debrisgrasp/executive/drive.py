@@ -254,9 +254,11 @@ class Drive(Senses):
             if not state.servo.is_moving:
                 break
             clock.wait_until(clock.now() + self.period)
-            state, command = controller.step(state, self.read())
+            reading = self.read()
             if self.limb.doubt is not None:
                 return self._doubted(self.limb.doubt)
+            state, command = controller.step(state, reading)
+            self._note(reading.time, command.load)
             if command.stop is not None:
                 return self._stopped(command.stop, reading)
             self._send(command.q)

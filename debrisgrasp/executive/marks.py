@@ -39,6 +39,8 @@ class Mark:
     tries: int = 0
     """By a hand, and in vain."""
     searches: int = 0
+    is_hopeless: bool = False
+    """Whether the last one drew no candidate at all, as the next one would."""
     """In vain since the last change."""
     n_changes: int = 0
     """How often something had changed when it was last tried: one was removed, or the
@@ -106,6 +108,7 @@ class Marks:
         mark.reason, mark.fault = found.message, found.fault
         if is_search:
             mark.searches += 1
+            mark.is_hopeless = found.values.get("candidates") == 0.0
             return mark
         mark.tries += not is_same_try
         mark.n_stuck += found.fault == "too_heavy"
@@ -139,7 +142,8 @@ class Marks:
         if mark is None:
             return ""
         is_new = mark.n_changes < n_changes
-        is_out = mark.tries >= tries or mark.searches >= _SEARCHES
+        is_sought = mark.searches >= _SEARCHES or mark.is_hopeless
+        is_out = mark.tries >= tries or is_sought
         if not mark.is_heavy and (is_new or not is_out):
             return ""
         counts = [(mark.tries, "tries"), (mark.searches, "searches")]

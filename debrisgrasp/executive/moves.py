@@ -48,6 +48,8 @@ _BACK = 0.12
 """How far a hand backs out of the pile [m]."""
 _PART = 0.1
 """Less than this share of it is not worth the leg."""
+_HIGH, _LOWERINGS = 0.15, 3
+"""What is let go higher above the ground falls [m]: it is lowered so often."""
 _SPARE = 0.02
 """Before the last bit of a way that an arm can't go it could hardly go back [m]."""
 _FIRST = 10
@@ -153,22 +155,27 @@ def pull_of(drive: Drive) -> float:
 def put_down(context: Context, most: float) -> FaultFound | None:
     """Lower what a hand holds until it lies on something, and let go.
 
-    So far (``most`` [m]), or as far as its lowest point is over the ground.
+    So far (``most`` [m]), or as far as its lowest point is over the ground. High above
+    the ground it may just have brushed something, and is lowered on.
     """
     held = context.held
     if held is None:
         return None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
-    if held.is_lifted:
-        if len(held.points_hand):
-            T = limb.pose(context.posture(limb))
-            most = max(most, float(T.apply(held.points_hand)[:, 2].min()))
-        share = free_share(limb, context.posture(limb), np.array([0.0, 0.0, -most]))
-        depth = most if share > 1.0 - 1e-6 else share * most - _SPARE
-        if depth > 2e-3:
-            fault = lower(drive, depth)
-            if fault is not None:
-                return fault
+    for n_before in range(_LOWERINGS if held.is_lifted else 0):
+        q = context.posture(limb)
+        points = limb.pose(q).apply(held.points_hand)
+        lowest = float(points[:, 2].min()) if len(points) else 0.0
+        if n_before and lowest < _HIGH:
+            break
+        depth = max(most, lowest)
+        share = free_share(limb, q, np.array([0.0, 0.0, -depth]))
+        depth = depth if share > 1.0 - 1e-6 else share * depth - _SPARE
+        if depth <= 2e-3:
+            break
+        fault = lower(drive, depth)
+        if fault is not None:
+            return fault
     return let_go(context)
 
 

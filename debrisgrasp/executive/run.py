@@ -362,6 +362,7 @@ class Executive:
             {
                 "end": end.value,
                 "removed": result.n_removed,
+                "pushed": result.n_pushed,
                 "class": result.fault_class.value if result.fault_class else "success",
                 "first_fault": first.fault if first else None,
                 "left": dict(result.left),

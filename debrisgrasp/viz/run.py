@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import os
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
@@ -11,27 +9,15 @@ from html import escape
 from typing import Any, Protocol
 
 import numpy as np
-from PIL import Image
 
-from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import write_atomic
-from debrisgrasp._words import arm_called
-from debrisgrasp.geometry import SE3, PointCloud, voxel_downsample
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp._words import arm_called, counted
 
-from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, GROUND_COLOR
-from .raster import Splats, render
 from .run_map import map_key, map_svg
-from .scene import merged, point_spacing
-from .view import View
+from .run_scene import scene_image
 
 __all__ = ["run_html"]
 
-_PICTURE = (420, 300)
-_DIRECTION = (0.62, -0.38, -0.68)
-_SHOWN = 0.75
-"""Half the edge of the box around a grasp that is drawn [m]."""
-_HAND = (0.22, 0.36, 0.62)
 _GROUPS = {
     "look": ("self_test", "calib_check", "capture", "segment"),
     "plan": ("select", "plan_grasp", "plan_motion"),
@@ -98,6 +84,7 @@ class _Try:
 
     number: int
     grasp: Mapping[str, Any] | None = None
+    push: Mapping[str, Any] | None = None
     object: Mapping[str, Any] | None = None
     capture: str = ""
     faults: list[Mapping[str, Any]] = field(default_factory=list)
@@ -146,6 +133,8 @@ def _ending(end: Mapping[str, Any], total: float) -> str:
     if not end:
         return f"The record ends after {total:.0f} s, without an end of the run."
     words = f"{end['end']} after {total:.0f} s of the robot's time, "
+    if end.get("pushed"):
+        words += f"{counted(end['pushed'], 'time')} pushed aside, "
     return words + f"{end['removed']} removed; counts as {end['class']}"
 
 
@@ -176,6 +165,8 @@ def _tries(events: Sequence[Mapping[str, Any]]) -> list[_Try]:
             now.object = event
         if kind == "done" and state == "plan_motion":
             now.grasp = event
+        if kind == "done" and state == "push" and "pose" in event:
+            now.push = event
         if kind == "fault":
             now.faults.append(event)
         if kind == "trace":
@@ -248,9 +239,10 @@ def _from_above(run: RecordedRun, tries: Sequence[_Try]) -> str:
     picture = map_svg(run.events, None if capture is None else capture.cloud().points)
     if not picture:
         return ""
+    has_pushes = any(item.facts.get("pushed") for item in tries)
     return (
         f'<h2>From above</h2><div class="card">{picture}'
-        f'<p class="key">{map_key()}</p></div>'
+        f'<p class="key">{map_key(has_pushes=has_pushes)}</p></div>'
     )
 
 
@@ -274,6 +266,13 @@ def _card(item: _Try, run: RecordedRun) -> str:
         lines.append(
             f"gripped by {g['prototype']} ({g['gripper']} {g['preshape']}) with the "
             f"{arm_called(str(g['arm']))}, score {g['score']:.2f}"
+        )
+    if item.push is not None:
+        p = item.push
+        side = "left" if p["way"][1] > 0.0 else "right"
+        lines.append(
+            f"pushed to the {side} with the closed hand ({p['gripper']}) of the "
+            f"{arm_called(str(p['arm']))}" + (f": {p['why']}" if "why" in p else "")
         )
     faults = "".join(
         f"<tr><td>{escape(f['state'])}</td><td>{escape(f['fault'])}</td>"
@@ -323,40 +322,15 @@ def _forces(rows: Sequence[Sequence[float]]) -> str:
 
 
 def _picture(item: _Try, run: RecordedRun) -> str:
-    """Draw the scene with the hand where it was to grip, as an image."""
-    grasp = item.grasp
+    """Draw the scene with the hand where it was to grip, or began to push."""
+    hand = item.grasp if item.push is None else item.push
     capture = run.capture(item.capture) if item.capture else None
-    if grasp is None or capture is None:
-        why = "no grasp was found" if grasp is None else "no capture was recorded"
+    if hand is None or capture is None:
+        why = "no grasp was found" if hand is None else "no capture was recorded"
         return f'<div class="none">{why}</div>'
-    cloud: PointCloud = capture.cloud()
-    T = SE3.from_matrix(np.array(grasp["pose"]))
-    near = np.flatnonzero(np.abs(cloud.points - T.p).max(axis=1) < _SHOWN)
-    near = near[voxel_downsample(cloud.points[near], 0.006)]
-    points = cloud.points[near]
-    hand = load_grippers()[grasp["gripper"]]
-    solids = [s.moved(T) for s in hand.solids(grasp["preshape"], grasp["opening"])]
-    mesh = merged(solids, _HAND)
-    splats = Splats(points, _colors(points, item), 1.4 * point_spacing(points))
-    view = View.fitted(
-        np.concatenate([points, mesh.vertices]), _DIRECTION, _PICTURE, margin=1.02
-    )
-    drawn = render(view, [splats], [mesh], background=np.array(BACKGROUND_COLOR))
-    stream = io.BytesIO()
-    pixels = np.rint(255.0 * np.clip(drawn.colors, 0.0, 1.0)).astype(np.uint8)
-    Image.fromarray(pixels).save(stream, format="JPEG", quality=88)
-    data = base64.b64encode(stream.getvalue()).decode()
-    return f'<img alt="grasp" src="data:image/jpeg;base64,{data}">'
-
-
-def _colors(points: FloatArray, item: _Try) -> FloatArray:
-    """Ground light, objects darker, what is about where the object is in its colour."""
-    colors = np.asarray(GROUND_COLOR) * np.where(points[:, 2:] > 0.02, 0.72, 1.05)
-    if item.object is not None and item.object.get("centroid"):
-        away = np.linalg.norm(points - np.array(item.object["centroid"]), axis=1)
-        is_near = (away < 0.12) & (points[:, 2] > 0.02)
-        colors[is_near] = 0.5 * colors[is_near] + 0.5 * np.asarray(CHOSEN_COLOR)
-    return np.asarray(np.clip(colors, 0.0, 1.0))
+    centroid = None if item.object is None else item.object.get("centroid")
+    data = scene_image(capture.cloud().points, hand, centroid)
+    return f'<img alt="hand at the object" src="data:image/jpeg;base64,{data}">'
 
 
 def _left(left: Mapping[str, str]) -> str:

@@ -34,7 +34,7 @@ _AREA = 0.25
 """Radius of the circle that stands for a drop-off [m]."""
 _BESIDE = 0.2
 """Room beside that for its name [m]."""
-_DROP, _PLACED, _ROBOT = "#4f9aa8", "#2f7d4f", "#5d6878"
+_DROP, _PLACED, _PUSHED, _ROBOT = "#4f9aa8", "#2f7d4f", "#7a6248", "#5d6878"
 _LIGHTEST, _DARKEST = 0.95, 0.35
 """Brightness of what is lowest, and of what is highest."""
 _GROUND = np.minimum(1.05 * np.asarray(GROUND_COLOR), 1.0)
@@ -88,12 +88,16 @@ def map_svg(events: Sequence[Mapping[str, Any]], points: FloatArray | None) -> s
         SVG; empty if there is nothing to show.
     """
     drop_offs, places = dict(_drop_offs(events)), list(_places(events))
+    pushes = list(_pushes(events))
     if points is None and not drop_offs and not places:
         return ""
-    frame = _Frame.around([*drop_offs.values(), *(place for _, place in places)])
+    ends = [place for _, place in places] + [place for _, _, place in pushes]
+    frame = _Frame.around([*drop_offs.values(), *ends])
     parts = [] if points is None else [_ground(points, frame)]
     parts += [_circle(arm, frame, *place) for arm, place in drop_offs.items()]
-    parts += [_number(number, frame, *place) for number, place in places]
+    parts += [_number(number, _PLACED, frame, place) for number, place in places]
+    for number, begin, end in pushes:
+        parts += [_line(frame, begin, end), _number(number, _PUSHED, frame, end)]
     x, y = frame.at(0.0, 0.0)
     parts.append(
         f'<path d="M{x:.0f} {y - 14:.0f}l10 20h-20z" fill="{_ROBOT}"/>'
@@ -113,12 +117,12 @@ def map_svg(events: Sequence[Mapping[str, Any]], points: FloatArray | None) -> s
     )
 
 
-def map_key() -> str:
+def map_key(*, has_pushes: bool = False) -> str:
     """Say what is what in the picture, as HTML for a paragraph."""
     low, high = (
         _css(share * np.asarray(CHOSEN_COLOR)) for share in (_LIGHTEST, _DARKEST)
     )
-    items = (
+    items = [
         (f"background:{_css(_GROUND)}", "ground"),
         (
             f"width:60px;background:linear-gradient(90deg,{low},{high})",
@@ -126,7 +130,9 @@ def map_key() -> str:
         ),
         (f"border:1.5px dashed {_DROP};border-radius:50%", "drop-off"),
         (f"background:{_PLACED};border-radius:50%", "let go, by attempt"),
-    )
+    ]
+    if has_pushes:
+        items.append((f"background:{_PUSHED};border-radius:50%", "pushed to there"))
     return "".join(f'<span><i style="{look}"></i>{name}</span>' for look, name in items)
 
 
@@ -199,11 +205,37 @@ def _places(
             yield number, (event["place"][0] + gone, event["place"][1])
 
 
-def _number(number: int, frame: _Frame, x: float, y: float) -> str:
-    """Mark a place with the number of an attempt."""
-    x, y = frame.at(x, y)
+def _pushes(
+    events: Sequence[Mapping[str, Any]],
+) -> Iterator[tuple[int, tuple[float, float], tuple[float, float]]]:
+    """Find from where to where objects were pushed [m], with the attempt's number."""
+    gone, way = 0.0, np.zeros(3)
+    for event in events:
+        if event.get("event") == "done":
+            gone += float(event.get("moved", 0.0))
+            way = np.array(event.get("way", way)) if event["state"] == "push" else way
+        is_push = event.get("event") == "attempt" and event.get("pushed")
+        if is_push and way.any() and event.get("centroid"):
+            begin = np.array(event["centroid"][:2]) + np.array([gone, 0.0])
+            end = begin + event["pushed"] * way[:2] / np.linalg.norm(way)
+            (x0, y0), (x1, y1) = begin.tolist(), end.tolist()
+            yield event["number"], (x0, y0), (x1, y1)
+
+
+def _line(frame: _Frame, begin: tuple[float, float], end: tuple[float, float]) -> str:
+    """Draw the way of what was pushed."""
+    (x0, y0), (x1, y1) = frame.at(*begin), frame.at(*end)
     return (
-        f'<circle cx="{x:.0f}" cy="{y:.0f}" r="9" fill="{_PLACED}"/>'
+        f'<path d="M{x0:.0f} {y0:.0f}L{x1:.0f} {y1:.0f}" stroke="{_PUSHED}" '
+        'stroke-width="3"/>'
+    )
+
+
+def _number(number: int, color: str, frame: _Frame, place: tuple[float, float]) -> str:
+    """Mark a place with the number of an attempt."""
+    x, y = frame.at(*place)
+    return (
+        f'<circle cx="{x:.0f}" cy="{y:.0f}" r="9" fill="{color}"/>'
         f'<text x="{x:.0f}" y="{y + 4:.0f}" text-anchor="middle" '
         f'style="fill:#fff">{number}</text>'
     )

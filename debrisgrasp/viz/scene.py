@@ -18,6 +18,7 @@ from .raster import Mesh
 
 __all__ = [
     "approach_arrow",
+    "arrow",
     "box_edges",
     "ground_grid",
     "hand_mesh",
@@ -91,7 +92,11 @@ def robot_mesh(robot: RobotModel, grasp: Grasp | None) -> Mesh:
 
 def approach_arrow(grasp: Grasp, color: Color, radius: float = 0.006) -> Mesh:
     """Arrow [m] along the straight path of the palm to its place."""
-    start, end = grasp.T_base_pregrasp.p, grasp.T_base_hand.p
+    return arrow(grasp.T_base_pregrasp.p, grasp.T_base_hand.p, color, radius)
+
+
+def arrow(start: FloatArray, end: FloatArray, color: Color, radius: float) -> Mesh:
+    """Arrow [m] from one place (3,) to another."""
     length = float(np.linalg.norm(end - start))
     if length < 1e-6:
         return merged((), color)

@@ -82,6 +82,14 @@ def test_a_search_in_vain_is_repeated_and_then_waits_for_another_removal():
     assert not marks.why_left([1.01, 0.0, 0.1], 3, tries=2)
 
 
+def test_a_search_that_drew_no_candidate_is_not_repeated():
+    marks = Marks()
+    found = FaultFound("no_grasp", "too small", None, {"candidates": 0.0})
+    marks.add([1.0, 0.0, 0.1], found, n_changes=2, is_search=True)
+    assert "too small" in marks.why_left([1.01, 0.0, 0.1], 2, tries=2)
+    assert not marks.why_left([1.01, 0.0, 0.1], 3, tries=2)
+
+
 def test_a_grip_that_failed_is_tried_as_often_as_allowed():
     marks, found = Marks(), FaultFound("empty_grip", "nothing there")
     place = [1.0, 0.0, 0.1]

@@ -117,6 +117,34 @@ def test_drop_offs_and_what_was_put_down_are_shown_from_above(tmp_path):
         assert f">{number}</text>" in above
 
 
+def test_what_was_pushed_is_shown_from_above_and_counted(tmp_path):
+    pose = np.eye(4)
+    pose[:3, 3] = [0.9, 0.2, 0.1]
+    push = {
+        "event": "done", "state": "push", "pushed": 0.2, "arm": "left",
+        "gripper": "camhand", "preshape": "claw", "opening": 0.0,
+        "pose": pose.tolist(), "way": [0.0, 0.5, 0.0],
+    }  # fmt: skip
+    attempt = {
+        "event": "attempt", "number": 1, "removed": False, "pushed": 0.2,
+        "centroid": [0.9, 0.3, 0.1],
+    }  # fmt: skip
+    drop_off = {"event": "done", "state": "self_test", "left": {"drop_off": [0.2, 0.7]}}
+    end = {**END, "pushed": 1}
+    run_html(
+        tmp_path / "run.html",
+        MemoryRecord({"seed": 3}, [*states("push"), drop_off, push, attempt, end]),
+    )
+    page = (tmp_path / "run.html").read_text()
+    assert "1 time pushed aside, 0 removed" in page
+    assert "pushed aside by 20 cm" in page
+    assert "pushed to the left with the closed hand (camhand) of the left arm" in page
+    above = page.split("From above")[1].split("</svg>")[0]
+    # 20 cm are 30 widths; left of the robot is left in the picture.
+    assert 'd="M195 180L165 180"' in above
+    assert '<circle cx="165" cy="180" r="9"' in above
+
+
 def size_and_circles(page):
     above = page.split("From above")[1].split("</svg>")[0]
     width, height = re.search(r'viewBox="0 0 (\d+) (\d+)"', above).groups()
