@@ -114,6 +114,9 @@ class PadLook:
     gets to a finger, that one presses on nothing, and so do all where it is narrower
     than what the preshape is for. Fingertips that end before the middle of what is
     round press it out of the hand."""
+    causes: FloatArray
+    """What of it the lean of the faces leaves, then pads beyond the end of the object,
+    then its being narrow, in [0, 1], shape (k, 3)."""
     is_too_wide: BoolArray
     """Whether a hidden side is so far out that a finger would land on it, (k,)."""
     angles: FloatArray
@@ -170,8 +173,10 @@ class PadContacts:
         slant, slant_error, spare = found[:, 7:].T
         keeps = ndtr((cone - slant) / slant_error) / ndtr(cone / slant_error)
         squeezes = ndtr(spare / ROOM_ERROR)
+        causes = np.stack([share.prod(axis=1) * keeps, meets, squeezes], axis=1)
         return PadLook(
-            probability=share.prod(axis=1) * fits * meets * keeps * squeezes,
+            probability=causes.prod(axis=1) * fits,
+            causes=causes,
             is_too_wide=fits < config.least,
             angles=angles,
             is_seen=np.asarray(np.isfinite(angles).all(axis=1)),

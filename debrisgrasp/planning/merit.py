@@ -33,7 +33,12 @@ _FLAWED = 5.0
 arm can give way: a search may pass through it, but mostly stays on the other side."""
 _GUESS = "the object may be thicker than what was seen of it"
 _WIDE = "the object is expected to be wider than the fingers open"
-_SLANTED = "the faces are too slanted for the fingers"
+_SLIPS = (
+    "the faces are too slanted for the fingers",
+    "a finger would miss the object",
+    "the object is too thin there to be squeezed",
+)
+"""By the causes of `PadLook`."""
 _POOR = "the shape fits too poorly"
 _CHANCE = 3.6
 """The stand-in may be off by so much [log-odds]."""
@@ -229,12 +234,12 @@ class Merit:
             reason: (applies, look.amount(reason))
             for reason, applies in look.reasons(config.inspection).items()
         }
+        slips, weakest = pads.probability < config.contact.least, pads.causes.argmin(1)
+        causes |= {_GUESS: (is_guess, None), _WIDE: (pads.is_too_wide, None)}
         causes |= {
-            _GUESS: (is_guess, None),
-            _WIDE: (pads.is_too_wide, None),
-            _SLANTED: (pads.probability < config.contact.least, None),
-            _POOR: (quality < config.minimum_score, quality),
+            reason: (slips & (weakest == i), None) for i, reason in enumerate(_SLIPS)
         }
+        causes[_POOR] = quality < config.minimum_score, quality
         for reason, (applies, by) in causes.items():
             ledger.add(reason, Ts, prototype, applies & ok, by)
             ok &= ~applies

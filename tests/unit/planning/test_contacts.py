@@ -278,6 +278,10 @@ def test_one_flat_face_tells_nothing_of_the_side_behind_it():
 
 def bar_to(end: float, hidden: float | None = None) -> float:
     """Probability on a bar that ends at y [m]; something nearer may hide that end."""
+    return at(bar(end, hidden))
+
+
+def bar(end: float, hidden: float | None = None) -> PadContacts:
     x, y = np.meshgrid(np.linspace(-0.04, 0.04, 9), np.arange(-0.1, end, 0.004))
     points = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.07)], axis=1)
     which = np.ones(len(points), dtype=bool)
@@ -288,7 +292,7 @@ def bar_to(end: float, hidden: float | None = None) -> float:
     cloud = PointCloud(points, normals, np.array([0.0, 0.0, -1.0]))
     scene = scene_of(cloud)
     scene.is_target[:] = which
-    return at(PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG))
+    return PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
 
 
 def test_a_finger_beyond_the_end_of_the_object_presses_on_nothing():
@@ -299,6 +303,15 @@ def test_a_finger_beyond_the_end_of_the_object_presses_on_nothing():
     ends = [bar_to(last + beyond) for beyond in np.arange(-0.05, 0.03, 0.005)]
     assert (np.diff(ends) >= -1e-9).all()
     assert bar_to(last - 0.035, hidden=0.02) > 0.99
+
+
+def test_the_cause_of_a_poor_hold_is_told():
+    last = float(PADS[:, 1].max())
+    for found, cause in ((contacts({-1: 1.2, 1: 1.2}), 0), (bar(last - 0.035), 1)):
+        look = found.look(np.eye(4)[None], FIRST)
+        assert look.probability[0] < 0.1
+        assert look.causes[0].argmin() == cause
+        assert np.delete(look.causes[0], cause).min() > 0.9
 
 
 TILT = st.floats(0.0, 1.3)
