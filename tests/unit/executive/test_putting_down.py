@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import LegOutcome
+from debrisgrasp.executive import moves
 from debrisgrasp.executive.carrying import _is_beside
 from debrisgrasp.executive.drive import Drive, LegEnd
 from debrisgrasp.executive.dropoff import (
@@ -306,3 +307,20 @@ def test_what_hangs_near_the_limit_of_a_motion_is_still_put_down(
     lowered = height - limb.pose(context.posture(limb)).p[2]
     assert lowered == pytest.approx(0.05 if goes else 0.0, abs=2e-3)
     assert not limb.limb.arm.is_stopped
+
+
+@pytest.mark.parametrize(("lowest", "lowerings"), [(0.05, 1), (0.6, 3)])
+def test_what_brushed_something_high_up_is_lowered_on(
+    pipeline, monkeypatch, lowest, lowerings
+):
+    _, task = before_a_brick(pipeline)
+    context, done = task.context, []
+    context.state, limb = State.RECOVER, context.limbs["right"]
+    T = limb.pose(context.posture(limb))
+    bottom = T.inverse().apply(np.array([[*T.p[:2], lowest]]))
+    context.held = holding(points_hand=bottom, is_lifted=True)
+    monkeypatch.setattr(moves, "free_share", lambda *_: 1.0)
+    monkeypatch.setattr(moves, "lower", lambda _, depth: done.append(depth))
+    monkeypatch.setattr(moves, "let_go", lambda _: None)
+    assert moves.put_down(context, 0.1) is None
+    assert done == pytest.approx([max(lowest, 0.1)] * lowerings)
