@@ -21,7 +21,7 @@ import numpy as np
 
 import debrisgrasp
 from debrisgrasp.cli.tables import columns
-from debrisgrasp.geometry import DepthSight
+from debrisgrasp.geometry import SE3, DepthSight
 from debrisgrasp.io import data_path
 from debrisgrasp.planning import (
     GraspScene,
@@ -42,6 +42,10 @@ from .report import arguments, publish
 T = TypeVar("T")
 
 PILES = Path(__file__).parents[3] / "shared" / "data" / "piles"
+REAL = PILES.with_name("real")
+LOOKING_DOWN = SE3.from_parts([[0, -1, 0], [-1, 0, 0], [0, 0, -1]], [1.0, 0.0, 0.9])
+AHEAD = 0.95
+"""Where the middle of what a real camera saw is put before the robot [m]."""
 DEADLINE = 0.1
 TARGETS = {
     "seconds_median": "0.5 or less",
@@ -60,6 +64,18 @@ def files() -> list[Path]:
 
 def captures() -> list[debrisgrasp.Capture]:
     return [debrisgrasp.Capture.load(path) for path in files()]
+
+
+def real_captures() -> list[debrisgrasp.Capture]:
+    """Those of real cameras, moved in the plane so that they lie before the robot."""
+    moved = []
+    for path in sorted(REAL.glob("*.npz")):
+        capture = debrisgrasp.Capture.load(path)
+        T = capture.T_base_camera or capture.T_level_camera or LOOKING_DOWN
+        middle = np.median(capture.posed(T).cloud().points, axis=0)
+        shift = SE3.from_parts(p=[AHEAD - middle[0], -middle[1], 0.0])
+        moved.append(capture.posed(shift @ T))
+    return moved
 
 
 def timed(work: Callable[[], T]) -> tuple[T, float, float]:
@@ -120,12 +136,12 @@ def evaluations_per_second(capture: debrisgrasp.Capture) -> tuple[float, float]:
 def main() -> None:
     options = arguments(__doc__ or "")
     pipeline = debrisgrasp.Pipeline(robot="roman")
-    first = debrisgrasp.Capture.load(files()[0])
+    piles = captures()
+    n_piles, first, shown = len(piles), piles[0], [*piles, *real_captures()]
     pipeline.plan(first)  # builds the arms' maps, once per process
     rows, seconds, again, offered, executable = [], [], [], 0, 0
     cpu_first, cpu_again, hurried, hurried_share = [], [], [], []
-    for path in files():
-        capture = debrisgrasp.Capture.load(path)
+    for capture in shown:
         result, *first_time = timed(lambda c=capture: pipeline.plan(replace(c)))
         seconds.append(first_time[0])
         cpu_first.append(first_time[1])
@@ -138,7 +154,8 @@ def main() -> None:
         hurried.append(hurry[0])
         plan, quick = result.plan, quick.plan
         scores = [p.grasps[0].score if p.grasps else 0.0 for p in (quick, plan)]
-        hurried_share.append(scores[0] / max(scores[1], 1e-9))
+        if plan.grasps:
+            hurried_share.append(scores[0] / max(scores[1], 1e-9))
         offered += len(plan.grasps)
         executable += sum(g.joints is not None for g in plan.grasps)
         tried = len(plan.passed_over) + bool(plan.grasps)
@@ -166,6 +183,8 @@ def main() -> None:
         "seconds_deadline": float(np.median(hurried)),
         "deadline_best_share": float(np.median(hurried_share)),
         "deadline_without_grasp": float(hurried_share.count(0.0)),
+        "seconds_median_piles": float(np.median(seconds[:n_piles])),
+        "seconds_warm_piles": float(np.median(again[:n_piles])),
         "poses_per_second_S": in_S,
         "poses_per_second_SC": in_SC,
         "executable_share": executable / max(offered, 1),
