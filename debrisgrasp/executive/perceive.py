@@ -83,13 +83,16 @@ def capture(context: Context) -> StepResult:
 
 
 def _own(context: Context, taken: Capture) -> BoolArray | FaultFound:
-    """Pixels that show the robot itself, shape (h, w), unless they hide too much."""
+    """Pixels that show the robot itself, shape (h, w), unless they hide too much.
+
+    Of a look at what no other picture showed they may hide all: that counts as missing.
+    """
     assert taken.intrinsics is not None
     assert taken.T_base_camera is not None
     camera, T_base_camera = taken.intrinsics, taken.T_base_camera
     body = body_at(context.model, context.joint_values())
     is_own = own_pixels(np.asarray(taken.depth), camera, T_base_camera, body)
-    if not is_own.any():
+    if not is_own.any() or context.cycle.gaze is not None:
         return is_own
     inside = _on_ground(camera, T_base_camera, context.is_in_way)
     hidden = float(is_own[inside].mean())

@@ -77,3 +77,11 @@ def test_a_robot_that_hides_the_pile_does_not_find_the_way_clear(pipeline):
     assert isinstance(found, FaultFound)
     assert found.fault == "depth_dropout"
     assert "the robot itself hides" in found.message
+
+
+def test_a_robot_that_hides_what_no_other_picture_showed_goes_on(pipeline):
+    context = context_of(pipeline, IN_VIEW, TaskSettings(max_dropout=0.01), noise=None)
+    context.cycle.gaze = np.array([1.0, 0.0, 0.0])
+    found = capture(context)
+    assert isinstance(found, Done)
+    assert found.facts["removed_points"]["robot"] > 1000
