@@ -276,7 +276,4 @@ def _are_own(
     hand = limb.hand.solids(preshape, opening)
     body = body_at(context.model, context.joint_values(), without=arm)
     body += [(solid.moved(T_base_hand), _HAND) for solid in hand]
-    found = np.zeros(len(points), dtype=bool)
-    for solid, within in body:
-        found |= are_near(points, [solid], within)
-    return found
+    return are_near(points, body)

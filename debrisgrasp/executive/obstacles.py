@@ -69,8 +69,8 @@ def space_of(
         rows = tree.query_ball_point(places[:, :3], places[:, 3])
         points = np.delete(points, np.unique(np.concatenate(rows)).astype(int), axis=0)
         links = context.model.links_solids(context.joint_values())
-        robot = [solid for _, solid in links]  # the arms that stand still, too
-        points = points[~are_near(points, robot, _STANDS_FREE)]
+        robot = [(solid, _STANDS_FREE) for _, solid in links]  # idle arms, too
+        points = points[~are_near(points, robot)]
     normals = np.full(points.shape, np.nan)
     viewpoint = np.zeros(3) if seen is None else seen.cloud.viewpoint
     everything = PointCloud(points, normals, viewpoint)

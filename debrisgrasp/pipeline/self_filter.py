@@ -61,9 +61,7 @@ def without_robot(
         return replace(capture, depth=np.where(is_own, np.nan, capture.depth))
     assert capture.points is not None
     points = T_base_camera.apply(capture.points)
-    is_own = np.zeros(len(points), dtype=bool)
-    for solid, within in body:
-        is_own |= are_near(points, [solid], within)
+    is_own = are_near(points, body)
     return replace(capture, points=np.where(is_own[:, None], np.nan, capture.points))
 
 
@@ -89,10 +87,10 @@ def body_at(
     ]
 
 
-def are_near(points: FloatArray, solids: Iterable[Solid], within: float) -> BoolArray:
-    """Which points (n, 3) are so near to a solid [m], shape (n,)."""
+def are_near(points: FloatArray, body: Iterable[tuple[Solid, float]]) -> BoolArray:
+    """Which points (n, 3) are as near to a solid as is given with it [m], (n,)."""
     found = np.zeros(len(points), dtype=bool)
-    for solid in solids:
+    for solid, within in body:
         low, high = solid.bounds.lower - within, solid.bounds.upper + within
         rows = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
         found[rows] |= solid.signed_distance(points[rows]) < within

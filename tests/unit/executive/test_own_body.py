@@ -47,9 +47,7 @@ def test_pixels_of_the_robot_are_those_whose_points_are_near_to_it(pipeline):
     taken, joints = image(context, "own"), context.joint_values()
     points = taken.intrinsics.deproject(taken.depth).reshape(-1, 3)
     points = taken.T_base_camera.apply(points)
-    expected = np.zeros(len(points), dtype=bool)
-    for solid, within in body_at(pipeline.robot, joints):
-        expected |= are_near(points, [solid], within)
+    expected = are_near(points, body_at(pipeline.robot, joints))
     assert expected.sum() > 1000
     was_measured = np.isfinite(points).all(axis=1)
     left = np.isfinite(without_robot(taken, pipeline.robot, joints).depth).ravel()

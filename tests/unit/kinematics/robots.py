@@ -57,9 +57,15 @@ def written(folder: Path, joints: Sequence[JointText], collision: str = "") -> P
     return path
 
 
-def row_robot(folder: Path, collision: str, frames: Any = None, **arm: Any) -> Path:
+def row_robot(
+    folder: Path,
+    collision: str,
+    frames: Any = None,
+    joint: JointText | None = None,
+    **arm: Any,
+) -> Path:
     """Write a robot of six joints in a row whose links have a collision element."""
-    written(folder, [JointText()] * 6, collision)
+    written(folder, [joint or JointText()] * 6, collision)
     content: dict[str, Any] = {"name": "row", "urdf": "row.urdf", "base": "link0"}
     if frames is not None:
         content["frames"] = frames

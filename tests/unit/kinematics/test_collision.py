@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-import yaml
 
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3
@@ -14,7 +13,7 @@ from debrisgrasp.kinematics.body import RobotBody
 from debrisgrasp.kinematics.exact import ExactSolids
 
 from .example_robots import PANDA, UR10, ExampleArm, loaded_or_skip
-from .robots import ROMAN_URDF, JointText, row_robot, written
+from .robots import ROMAN_URDF, JointText, row_robot
 
 
 @pytest.fixture(scope="module")
@@ -255,19 +254,8 @@ def test_pairs_that_can_never_touch_are_left_out(
 def test_links_that_always_touch_are_named_and_not_tested(tmp_path: Path) -> None:
     # Balls larger than the distance of the joints, so that every other one overlaps.
     shape = '<collision><geometry><sphere radius="0.25"/></geometry></collision>'
-    arm = {
-        "tip": "link6",
-        "gripper": "none",
-        "hand": "link6",
-        "joints": [f"joint{i}" for i in range(1, 7)],
-        "postures": {"zero": {}},
-        "present": "zero",
-        "idle": "zero",
-    }
-    written(tmp_path, [JointText(xyz=(0, 0, 0.2), axis=(0, 1, 0))] * 6, shape)
-    content = {"name": "row", "urdf": "row.urdf", "base": "link0", "arms": {"one": arm}}
-    path = tmp_path / "row.yaml"
-    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    joint = JointText(xyz=(0, 0, 0.2), axis=(0, 1, 0))
+    path = row_robot(tmp_path, shape, joint=joint)
     fitted = ArmCollision.fit(RobotModel.load(path), "one")
     assert ("link2", "link0") in fitted.body.always_touching
     assert fitted.is_free(np.zeros(6)) == (len(fitted.self_contacts(np.zeros(6))) == 0)
