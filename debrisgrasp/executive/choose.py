@@ -261,13 +261,9 @@ def plan_grasp(context: Context) -> StepResult:
         is_taken = any(grasp.arm in context.limbs for grasp in found.plan.grasps)
         if mark is not None and is_taken:
             why = mark.reason  # all are like those that failed
-        is_far = _mostly_far(found.plan.rejections)
+        name = "unreachable" if _mostly_far(found.plan.rejections) else "no_grasp"
         n_candidates = float(sum(found.plan.rejections.values()))
-        name, values = (
-            "unreachable" if is_far else "no_grasp",
-            {"candidates": n_candidates},
-        )
-        return FaultFound(name, why, None, values)
+        return FaultFound(name, why, None, {"candidates": n_candidates})
     cycle.plan = replace(
         found, plan=replace(found.plan, grasps=_ordered(grasps, cycle.triage, failed))
     )

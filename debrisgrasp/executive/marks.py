@@ -39,9 +39,9 @@ class Mark:
     tries: int = 0
     """By a hand, and in vain."""
     searches: int = 0
+    """In vain since the last change."""
     is_hopeless: bool = False
     """Whether the last one drew no candidate at all, as the next one would."""
-    """In vain since the last change."""
     n_changes: int = 0
     """How often something had changed when it was last tried: one was removed, or the
     robot moved."""
