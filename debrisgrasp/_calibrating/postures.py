@@ -164,9 +164,9 @@ def _shown(
         break
     # More than one for each cell, since collision will cost some; of many, those that
     # the arm gets to with the least motion.
-    kept = kept[np.argsort(rig.chain.travel(kept, idle), kind="stable")]
-    cells = np.floor(rig.chain.fk(kept).p / _CELL).astype(int)
-    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    nearest = np.argsort(rig.chain.travel(kept, idle), kind="stable")
+    kept = kept[nearest]
+    _, cell = np.unique(cells[nearest], axis=0, return_inverse=True)
     cell = cell.reshape(-1)
     order = np.argsort(cell, kind="stable")
     starts = np.searchsorted(cell[order], cell[order])
