@@ -167,6 +167,8 @@ class Cycle:
     """Whether it has been counted as a try in vain."""
     speed: float = 1.0
     """Share of the usual speed; lower after something swung."""
+    place: FloatArray | None = None
+    """Where the object was let go, base frame [m], shape (3,)."""
     peak_force: float = 0.0
     peak_torque: float = 0.0
     centroid: tuple[float, float, float] | None = None
@@ -290,6 +292,8 @@ class Context:
         if cycle.centroid is not None:
             x, y, z = T_now_before.apply(np.array(cycle.centroid)).tolist()
             cycle.centroid = x, y, z
+        if cycle.place is not None:
+            cycle.place = T_now_before.apply(cycle.place)
         for limb in self.limbs.values():
             limb.trail.clear()  # it leads through other places
         self.forget()

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
-from debrisgrasp.geometry import DepthSight, LineOfSight, voxel_downsample
+from debrisgrasp.geometry import Bounds, DepthSight, LineOfSight, voxel_downsample
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline.self_filter import are_near, body_at
 
@@ -27,7 +27,7 @@ from .gaze import look_towards
 from .perceive import image, is_close, sight_of
 from .result import FaultFound
 
-__all__ = ["looked_after", "looked_at"]
+__all__ = ["looked_after", "looked_again", "looked_at"]
 
 _MOVED = 0.025
 """Depth that changed by less is noise [m]."""
@@ -48,6 +48,8 @@ _PLACE, _BESIDE = 0.3, 0.8
 there is looked for [m]."""
 _HIGHEST = 0.25
 """A look at what was put down aims no higher [m]."""
+_STANDS = 0.2
+"""What is no higher can't fall far [m]."""
 _HIGHER = ("", "_above", "_top")
 """Names of the looks at something that stands higher than one picture shows."""
 _EDGE, _FRAME = 3, 0.1
@@ -110,23 +112,30 @@ def looked_at(context: Context, held: Held) -> int:
     return len(seen)
 
 
-def looked_after(context: Context, arm: str) -> int:
+def looked_after(context: Context, arm: str, place: FloatArray) -> FloatArray:
     """See what lies where a hand put something down, and where nothing does.
 
     Until then it was taken for a box where the hand let it go, larger than it and
     perhaps elsewhere, or smaller than what was never seen of it.
 
+    Parameters
+    ----------
+    place
+        Where it was let go, base frame [m], shape (3,).
+
     Returns
     -------
-    int
-        Points seen there [count]; 0: the image is none to go by, or shows nothing.
+    FloatArray
+        Points seen there, base frame [m], shape (n, 3); none: the image is none to go
+        by, or shows nothing.
     """
+    seen: list[FloatArray] = [np.zeros((0, 3))]
+    if context.cycle.motion is None:
+        return seen[0]
     opening = max(context.limbs[arm].limb.gripper.read().openings)
-    if context.cycle.motion is None or not context.dropped:
-        return 0
-    place = context.dropped[-1].mean(axis=0)
-    place[2] = min(place[2], _HIGHEST)  # what may have fallen lies low
-    n_seen, number = 0, context.cycle.number
+    # What may have fallen lies low.
+    place = np.array([*place[:2], min(place[2], _HIGHEST)])
+    number = context.cycle.number
     aim: FloatArray | None = place
     looked: Mapping[str, float] = {}
     # What stands on end goes on above a picture: no way may lead through there.
@@ -134,18 +143,41 @@ def looked_after(context: Context, arm: str) -> int:
         if aim is None:
             break
         look = look_towards(context, aim)
-        if n_seen and look == looked:
+        if len(seen[-1]) and look == looked:
             break  # no head turns higher
         looked = look
-        is_wanted = is_close if n_seen else partial(_is_beside, place)
+        is_first = len(seen) == 1
+        is_wanted = partial(_is_beside, place) if is_first else is_close
         taken = image(context, name, look, is_wanted=is_wanted)
         if isinstance(taken, FaultFound):
             break
         context.record.keep(taken, taken.name)
-        points = _lying(context, arm, opening, taken, place)
-        n_seen += len(points)
-        aim = _above_picture(taken, points)
-    return n_seen
+        seen.append(_lying(context, arm, opening, taken, place))
+        aim = _above_picture(taken, seen[-1])
+    return np.concatenate(seen)
+
+
+def looked_again(
+    context: Context, arm: str, place: FloatArray, before: FloatArray
+) -> None:
+    """See once more, from rest, what lay where a hand put something down (n, 3).
+
+    What stood may have leaned on the hand, and have fallen when that went. The arm may
+    hide it now: it stands only if some of it is seen to.
+    """
+    stood = before[before[:, 2] > _STANDS]
+    if not len(stood):
+        return
+    seen = looked_after(context, arm, place)
+    stands = seen[seen[:, 2] > _STANDS]
+    part, _ = _parts(np.concatenate([stood, stands]))
+    gone = stood[~np.isin(part[: len(stood)], part[len(stood) :])]
+    if not len(gone):
+        return
+    around = Bounds.around(gone, _BRIDGED)
+    for bodies in (context.dropped, context.lain):
+        left = [b[~((b[:, 2] > _STANDS) & around.contains(b))] for b in bodies]
+        bodies[:] = [body for body in left if len(body)]
 
 
 def _is_beside(place: FloatArray, ground: FloatArray) -> BoolArray:
@@ -180,13 +212,11 @@ def _lying(
     points = points[cells[part] >= _FEW]
 
     def still(body: FloatArray) -> FloatArray:
-        return body[~(_clearance(sight, body) > _MOVED)]
+        body = body[~(_clearance(sight, body) > _MOVED)]
+        # Nor does anything lie where the robot stands.
+        return body[~_are_own(context, arm, preshape, opening, body)]
 
-    # Nor does anything lie where the robot stands.
-    left = [
-        body[~_are_own(context, arm, preshape, opening, body)]
-        for body in map(still, context.dropped)
-    ]
+    left = map(still, context.dropped)
     context.dropped[:] = [body for body in left if len(body)]
     lain = np.concatenate([*map(still, context.lain), points])
     context.lain[:] = [lain[voxel_downsample(lain, _CELL)]] if len(lain) else []

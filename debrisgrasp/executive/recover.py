@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3, Bounds
 
@@ -15,7 +14,6 @@ from .drive import Drive
 from .faults import Action
 from .fingers import loosen
 from .folding import free_share
-from .hanging import looked_after
 from .inside import moved_inside
 from .moves import back_out, let_go, lower, put_down
 from .outcome import FaultEvent
@@ -88,7 +86,7 @@ def clear_up(context: Context) -> FaultFound | None:
         elif context.is_closed:
             fault = _opened(context, busy)
         fault = fault or relieve(context, busy)
-    is_beside = held is not None and _remember(context, held)
+    place = None if held is None else _remember(context, held)
     if fault is not None:
         return fault
     if busy is not None:
@@ -107,35 +105,28 @@ def clear_up(context: Context) -> FaultFound | None:
             fault = fault or _hanging(context, name)
             if fault is None and State.VERIFY_RELEASE in context.cycle.reached:
                 context.count_removal()  # let go at the drop-off, and off the hand now
-            if fault is None and is_beside:
-                _looked(context, name)
         else:
             fault = relieve(context, name)  # on its way it may have met something
         if fault is not None:
             return fault
-        fault = put_away(context, name)
+        fault = put_away(context, name, place if name == busy else None)
         if fault is not None:
             return fault
     context.is_in_pile = None
     return None
 
 
-def _looked(context: Context, arm: str) -> None:
-    """Look at what was put back beside the way, if there is a camera that answers."""
-    with suppress(DriverError):  # what answers no more is noticed by the next motion
-        looked_after(context, arm)
-
-
-def _remember(context: Context, held: Held) -> bool:
+def _remember(context: Context, held: Held) -> FloatArray | None:
     """Take what was let go on the way for an obstacle; it may have fallen.
 
     Returns
     -------
-    bool
-        Whether it was beside the way, where only a look of its own shows it.
+    FloatArray or None
+        Where it was let go beside the way, where only a look of its own shows it, base
+        frame [m], shape (3,).
     """
     if not len(held.points_hand):
-        return False
+        return None
     limb = context.limbs[held.arm]
     body = limb.pose(context.posture(limb)).apply(held.points_hand)
     is_seen = bool(context.is_in_way(body.mean(axis=0)))
@@ -144,7 +135,7 @@ def _remember(context: Context, held: Held) -> bool:
     if high > _LOW:
         lies = np.concatenate([body, lies])  # it stands: its lower end was not seen
     (context.fallen if is_seen else context.dropped).append(lies)
-    return not is_seen
+    return None if is_seen else lies.mean(axis=0)
 
 
 def _stir(context: Context, arm: str, held: Held | None) -> None:

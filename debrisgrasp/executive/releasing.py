@@ -13,7 +13,6 @@ from .caught import felt_out, nudged, pushed_to
 from .context import Context
 from .drive import Drive, LegEnd
 from .grasping import STANDING, aside_of
-from .hanging import looked_after
 from .moves import CAUGHT, back_out, let_go, put_down
 from .obstacles import lying
 from .relief import relieve
@@ -49,7 +48,9 @@ def release(context: Context) -> StepResult:
     T = limb.pose(context.posture(limb))
     # Let go a second time it lies, or nearly, where it was let go first.
     if len(points) and context.released is not held:
-        context.dropped.append(lying(T, points))
+        body = lying(T, points)
+        context.dropped.append(body)
+        context.cycle.place = body.mean(axis=0)
     context.cycle.is_removed = False
     context.released, context.is_in_pile = held, held.arm
     # As the base stands once it is back.
@@ -139,11 +140,9 @@ def retreat(context: Context) -> StepResult:
     fault = back_out(context, arm) if context.is_in_pile == arm else None
     if fault is not None and fault.fault == "not_released":
         fault = felt_out(context, arm)
-    n_seen = 0
-    if fault is None and context.cycle.is_removed:
-        n_seen = looked_after(context, arm)
-    fault = fault or put_away(context, arm)
+    place = context.cycle.place if context.cycle.is_removed else None
+    fault = fault or put_away(context, arm, place)
     if fault is not None:
         return fault
     context.is_in_pile = None
-    return Done({"removed": context.n_removed, "points": n_seen})
+    return Done({"removed": context.n_removed})

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.errors import DriverError
 from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.motion import MotionPlan, UnknownSpace
 
@@ -15,6 +17,7 @@ from .context import Context, LimbState
 from .drag import drive_back
 from .drive import Drive
 from .folding import straight
+from .hanging import looked_after, looked_again
 from .moves import LAST_RESORT, planned, pull_of, reversed_motion
 from .obstacles import space_of
 from .pacing import widest_corners
@@ -38,12 +41,31 @@ _GUARDED = 0.25
 """Share of the planned speed that is left after a touch, or where one is likely."""
 
 
-def put_away(context: Context, arm: str) -> FaultFound | None:
-    """Bring an arm to rest, and the base back; then the arm holds by itself."""
+def put_away(
+    context: Context, arm: str, place: FloatArray | None = None
+) -> FaultFound | None:
+    """Bring an arm to rest, and the base back; then the arm holds by itself.
+
+    Parameters
+    ----------
+    place
+        Where its hand put something down, base frame [m], shape (3,): that is looked
+        at before, and again from rest if something stands.
+    """
+    T_before_way, seen = context.T_base_way, np.zeros((0, 3))
+    if place is not None:
+        # A camera that answers no more is noticed when it is needed.
+        with suppress(DriverError):
+            seen = looked_after(context, arm, place)
     fault = to_rest(context, arm) or drive_back(context)
-    if fault is None:
-        context.limbs[arm].limb.arm.disengage()
-    return fault
+    if fault is not None:
+        return fault
+    context.limbs[arm].limb.arm.disengage()
+    if place is not None:
+        moved = context.T_base_way @ T_before_way.inverse()
+        with suppress(DriverError):
+            looked_again(context, arm, moved.apply(place), moved.apply(seen))
+    return None
 
 
 def to_rest(context: Context, arm: str) -> FaultFound | None:

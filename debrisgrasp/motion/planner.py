@@ -23,6 +23,7 @@ from debrisgrasp.kinematics import (
     solve,
     solve_distinct,
 )
+from debrisgrasp.kinematics.segments import carried
 
 from .config import MotionConfig
 from .exact import ExactArm, ExactTest
@@ -256,9 +257,11 @@ class MotionPlanner:
         array
             Centre and radius of each [m], base frame, shape (b, 4).
         """
-        R, p = self._spheres.poses(q[None])
-        centers = self._spheres.centers(R, p)[..., 0].T
-        return np.column_stack([centers, self._spheres.radii[:, 0] + room])
+        arm, trunk = self._spheres, self._spheres.trunk
+        R, p = arm.poses(q[None])
+        centers = [arm.centers(R, p), carried(R[0], p[0], trunk.centers)]
+        radii = np.concatenate([arm.radii, trunk.radii])[:, 0]
+        return np.column_stack([np.hstack(centers)[..., 0].T, radii + room])
 
     def _goals(
         self, start: FloatArray, goal: SE3 | ArrayLike, rng: Rng

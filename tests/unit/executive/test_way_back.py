@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import releasing, resting
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.moves import planned
@@ -27,6 +28,19 @@ def test_a_hand_that_was_cleared_up_is_not_drawn_back_once_more(pipeline, monkey
         context.is_in_pile = is_in_pile
         assert isinstance(releasing.retreat(context), Done)
         assert drawn == expected
+
+
+def test_a_camera_that_fails_keeps_no_arm_from_going_to_rest(pipeline, monkeypatch):
+    _, task = before_a_brick(pipeline)
+    context, rested = task.context, []
+
+    def fails(*_):
+        raise DriverError("camera", "no answer")
+
+    monkeypatch.setattr(resting, "looked_after", fails)
+    monkeypatch.setattr(resting, "to_rest", lambda _, arm: rested.append(arm))
+    assert resting.put_away(context, "right", np.array([0.5, -0.8, 0.2])) is None
+    assert rested == ["right"]
 
 
 def test_an_arm_remembers_its_way_until_it_is_back_at_rest(pipeline):

@@ -43,6 +43,23 @@ def by_brute_force(arm, space: MotionSpace, q: np.ndarray, margin: float) -> boo
     return True
 
 
+def test_balls_cover_all_that_moves_and_the_idle_arm_with_the_trunk(
+    arm, planner, postures
+):
+    moving = {p.link for p in arm.collision.body.parts if p.segment > 0}
+    assert "left_arm_link4" in moving
+    rng = np.random.default_rng(7)
+    for q in postures[:10]:
+        balls = planner.balls_at(q, 0.0)
+        posed = arm.robot.links_solids(dict(zip(arm.joint_names, q, strict=True)))
+        for solid in (solid for link, solid in posed if link in moving):
+            low, high = solid.bounds.lower, solid.bounds.upper
+            points = rng.uniform(low, high, (300, 3))
+            points = points[solid.signed_distance(points) < 0.0]
+            away = np.linalg.norm(points[:, None] - balls[:, :3], axis=2) - balls[:, 3]
+            assert (away.min(axis=1) < 1e-6).all()
+
+
 def test_exact_contact_equals_brute_force(arm, planner, clutter, postures):
     test = planner.exact_test(clutter)
     oracle = [by_brute_force(arm, clutter, q, test.margin) for q in postures]
