@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, require_trailing
+from debrisgrasp.errors import InputError
 
 __all__ = [
     "exp",
@@ -69,8 +70,14 @@ def exp(rotvec: FloatArray) -> FloatArray:
     -------
     FloatArray
         Rotation matrices, shape (..., 3, 3).
+
+    Raises
+    ------
+    ShapeError
+        If the last axis is not of size 3.
     """
     rotvec = np.asarray(rotvec, dtype=np.float64)
+    require_trailing(rotvec, "rotation vector", (3,))
     a, b, _ = _angle_coefficients(np.linalg.norm(rotvec, axis=-1))
     k = hat(rotvec)
     return np.eye(3) + a[..., None, None] * k + b[..., None, None] * (k @ k)
@@ -99,6 +106,11 @@ def log(R: FloatArray) -> FloatArray:
     -------
     FloatArray
         Rotation vectors [rad], shape (..., 3).
+
+    Raises
+    ------
+    ShapeError
+        If the last axes are not 3 by 3.
     """
     quat = to_quat_wxyz(R)
     w, v = quat[..., 0], quat[..., 1:]
@@ -113,8 +125,15 @@ def log(R: FloatArray) -> FloatArray:
 
 
 def to_quat_wxyz(R: FloatArray) -> FloatArray:
-    """Return unit quaternions (w, x, y, z) with w >= 0, shape (..., 4)."""
+    """Return unit quaternions (w, x, y, z) with w >= 0, shape (..., 4).
+
+    Raises
+    ------
+    ShapeError
+        If the last axes are not 3 by 3.
+    """
     R = np.asarray(R, dtype=np.float64)
+    require_trailing(R, "rotation matrix", (3, 3))
     d0, d1, d2 = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
     # Row i is the quaternion times four times its i-th component; the longest is safe.
     rows = np.empty((*R.shape[:-2], 4, 4))
@@ -136,9 +155,26 @@ def to_quat_wxyz(R: FloatArray) -> FloatArray:
 
 
 def from_quat_wxyz(quat_wxyz: FloatArray) -> FloatArray:
-    """Rotation matrix of a quaternion (w, x, y, z); it is normalised first."""
+    """Rotation matrix (..., 3, 3) of a quaternion (w, x, y, z); it is normalised first.
+
+    Raises
+    ------
+    ShapeError
+        If the last axis is not of size 4.
+    InputError
+        If a quaternion is zero, or not finite.
+    """
     quat = np.asarray(quat_wxyz, dtype=np.float64)
-    quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
+    require_trailing(quat, "quaternion (w, x, y, z)", (4,))
+    norm = np.linalg.norm(quat, axis=-1, keepdims=True)
+    if not ((norm > 0.0) & np.isfinite(norm)).all():
+        raise InputError(
+            "quaternion (w, x, y, z)",
+            got="all zero, NaN or infinite",
+            expected="four finite numbers, not all zero",
+            mend="No rotation is (1, 0, 0, 0); an empty message holds only zeros.",
+        )
+    quat = quat / norm
     w, x, y, z = np.moveaxis(quat, -1, 0)
     R = np.empty((*quat.shape[:-1], 3, 3))
     R[..., 0, 0], R[..., 0, 1] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z)
@@ -150,7 +186,14 @@ def from_quat_wxyz(quat_wxyz: FloatArray) -> FloatArray:
 
 
 def from_rpy(rpy: FloatArray) -> FloatArray:
-    """Rotation ``Rz(yaw) Ry(pitch) Rx(roll)`` of (roll, pitch, yaw) [rad]."""
+    """Rotation ``Rz(yaw) Ry(pitch) Rx(roll)`` of (roll, pitch, yaw) [rad], (..., 3, 3).
+
+    Raises
+    ------
+    ShapeError
+        If the last axis is not of size 3.
+    """
     rpy = np.asarray(rpy, dtype=np.float64)
+    require_trailing(rpy, "roll, pitch, yaw", (3,))
     x, y, z = np.eye(3)
     return exp(rpy[..., 2:3] * z) @ exp(rpy[..., 1:2] * y) @ exp(rpy[..., 0:1] * x)

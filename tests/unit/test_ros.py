@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp import ros
-from debrisgrasp.errors import CaptureError
+from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.prototypes import GripperModel
@@ -165,6 +165,16 @@ def test_a_pose_survives_the_way_there_and_back(store, sent):
         message.pose.position, message.pose.orientation
     )
     np.testing.assert_allclose(ros.pose_of(transform).matrix, TURNED.matrix, atol=1e-12)
+
+
+def test_a_transform_that_nobody_filled_in_is_no_pose(store):
+    types = store.types
+    empty = types["geometry_msgs/msg/Transform"](
+        types["geometry_msgs/msg/Vector3"](1.0, 0.0, 0.0),
+        types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 0.0),
+    )
+    with pytest.raises(InputError, match="an empty message holds only zeros"):
+        ros.pose_of(empty)
 
 
 def test_a_trajectory_is_sent_by_its_knots_or_at_a_period(sent):

@@ -93,3 +93,23 @@ def test_what_is_a_rigid_transform_is_taken_as_it_is(rng):
     R = so3.exp(rng.normal(size=(50, 3)))
     T = SE3.from_parts(R, rng.normal(size=(50, 3))).matrix
     assert_array_equal(SE3.from_matrix(T).matrix, T)
+
+
+@pytest.mark.parametrize("make", [so3.exp, so3.from_rpy])
+@pytest.mark.parametrize("values", [0.3, [0.1, 0.2], np.zeros((2, 4))])
+def test_turns_have_three_numbers(make, values):
+    with pytest.raises(ShapeError, match=r"trailing axes \(3\)"):
+        make(values)
+
+
+@pytest.mark.parametrize("quaternion", [[0, 0, 0, 0], [np.nan, 0, 0, 1]])
+def test_a_quaternion_that_is_none_makes_no_rotation(quaternion):
+    with pytest.raises(InputError, match="all zero, NaN"):
+        so3.from_quat_wxyz([[1, 0, 0, 0], quaternion])
+
+
+def test_matrices_and_quaternions_of_other_shapes_are_refused():
+    with pytest.raises(ShapeError, match="rotation matrix"):
+        so3.log(np.eye(4))
+    with pytest.raises(ShapeError, match="quaternion"):
+        so3.from_quat_wxyz([0, 0, 1])
