@@ -174,6 +174,8 @@ def put_down(context: Context, most: float) -> FaultFound | None:
         if depth <= 2e-3:
             break
         fault = lower(drive, depth)
+        if fault is not None and n_before and fault.fault == "too_heavy":
+            break  # its far end lies on something, and bends it no farther
         if fault is not None:
             return fault
     return let_go(context)

@@ -29,6 +29,8 @@ _SPEED = 0.03
 """Without a load [m/s]; near its limit a leg has a tenth of it."""
 _FALLS = 0.99
 """A step that leaves more than this share of the load was the wrong way."""
+_REAL = 0.97
+"""A step back that leaves less than this share of a force shows that it is real."""
 _NOISE = (7.0, 0.7)
 """By so much a load may seem to grow [N, N m]."""
 _MOST = 4.0
@@ -65,7 +67,9 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
         words = f"the force on the hand is {hypot(*load[:3]):.0f} N already"
         return FaultFound("ratchet", words, arm)
     if context.held is None and drive.carried(tuple(load)) > heaviest(context):
-        return doubted(context, arm, drive.carried(tuple(load)))
+        load = _stepped_back(context, drive, load)
+        if isinstance(load, FaultFound):
+            return load
     n_failed = 0
     for _ in range(_STEPS):
         before = _share(load, limits.force, limits.torque)
@@ -75,16 +79,7 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
         force = T.R @ load[:3]
         push = force / max(float(np.linalg.norm(force)), 1e-9)
         way = (push, -T.R[:, 2], 0.5 * (push - T.R[:, 2]))[n_failed]
-        allowed = with_room(limits, load)
-        end = drive.leg(
-            _STEP * way, speed=_SPEED, tare=TarePolicy.SESSION, limits=allowed
-        )
-        if isinstance(end, FaultFound) and end.fault not in _EXPECTED:
-            return end
-        if limb.limb.arm.is_stopped:
-            context.wait(_LOOK)
-            limb.limb.arm.reset()
-        after = standing_load(context, drive)
+        after = _stepped(context, drive, way, load)
         if isinstance(after, FaultFound):
             return after
         load = after
@@ -96,6 +91,46 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
         return None
     words = f"the force on the hand is {hypot(*load[:3]):.0f} N already, and no way "
     return FaultFound("ratchet", words + "eases it", arm)
+
+
+def _stepped(
+    context: Context, drive: Drive, way: FloatArray, load: FloatArray
+) -> FloatArray | FaultFound:
+    """Load (6,) after a step along a way (3,), begun at a load (6,)."""
+    end = drive.leg(
+        _STEP * way,
+        speed=_SPEED,
+        tare=TarePolicy.SESSION,
+        limits=with_room(drive.limits, load),
+    )
+    if isinstance(end, FaultFound) and end.fault not in _EXPECTED:
+        return end
+    arm = drive.limb.limb.arm
+    if arm.is_stopped:
+        context.wait(_LOOK)
+        arm.reset()
+    return standing_load(context, drive)
+
+
+def _stepped_back(
+    context: Context, drive: Drive, load: FloatArray
+) -> FloatArray | FaultFound:
+    """Load (6,) after a step back to where the hand gripped, if it is less there.
+
+    Then the hand hooks something. Else its sensor is doubted: what looks like giving
+    way would press the hand into what it stands on; where it was just now, nothing is.
+    """
+    motion, limb = context.cycle.motion, drive.limb
+    if motion is not None and motion.arm == limb.name and context.dragged is None:
+        way = motion.grasp.T_base_hand.p - limb.pose(context.posture(limb)).p
+        size = float(np.linalg.norm(way))
+        if size > _STEP:
+            after = _stepped(context, drive, way / size, load)
+            if isinstance(after, FaultFound):
+                return after
+            if hypot(*after[:3]) < _REAL * hypot(*load[:3]):
+                return after
+    return doubted(context, limb.name, drive.carried(tuple(load)))
 
 
 def heaviest(context: Context) -> float:

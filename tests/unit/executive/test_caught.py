@@ -150,3 +150,29 @@ def test_an_empty_hand_gives_way_to_no_weight_that_nothing_has(
     found = relief.relieve(context, "right", tight=0.3)
     assert found.fault == (expected or "wrench_frozen")
     assert bool(legs) is (expected is None)
+
+
+@pytest.mark.parametrize(("falls", "expected"), [(0.8, None), (1.0, "ratchet")])
+def test_a_weight_that_falls_on_the_way_back_is_no_lie(
+    pipeline, monkeypatch, falls, expected
+):
+    """What the hand hooked on its way up presses less where it came from."""
+    _, task = before_a_brick(pipeline)
+    context, limb = task.context, task.context.limbs["right"]
+    gripped_below(context, "right", 0.1)
+    T, weight, ways = limb.pose(context.posture(limb)), [112.0], []
+
+    def leg(_, way, **__):
+        ways.append(np.asarray(way))
+        weight[0] *= falls
+
+    monkeypatch.setattr(
+        relief,
+        "standing_load",
+        lambda *_: np.array([*(T.R.T @ [0.0, 0.0, -weight[0]]), 0.0, 0.0, 0.0]),
+    )
+    monkeypatch.setattr(Drive, "leg", leg)
+    found = relief.relieve(context, "right", tight=0.3)
+    assert (found and found.fault) == expected
+    assert ways[0][2] == pytest.approx(-2e-3)  # to where it gripped
+    assert (len(ways) == 1) is (expected is not None)

@@ -324,3 +324,20 @@ def test_what_brushed_something_high_up_is_lowered_on(
     monkeypatch.setattr(moves, "let_go", lambda _: None)
     assert moves.put_down(context, 0.1) is None
     assert done == pytest.approx([max(lowest, 0.1)] * lowerings)
+
+
+def test_what_bends_on_something_far_out_is_let_go_there(pipeline, monkeypatch):
+    """The second lowering only presses its far end down, to the limit of the hand."""
+    _, task = before_a_brick(pipeline)
+    context, limb = task.context, task.context.limbs["right"]
+    T = limb.pose(context.posture(limb))
+    bottom = T.inverse().apply(np.array([[*T.p[:2], 0.4]]))
+    context.held = holding(points_hand=bottom, is_lifted=True)
+    monkeypatch.setattr(moves, "free_share", lambda *_: 1.0)
+    monkeypatch.setattr(moves, "let_go", lambda _: None)
+    ends = [None, FaultFound("too_heavy", "32 N m")]
+    monkeypatch.setattr(moves, "lower", lambda *_: ends.pop(0))
+    assert moves.put_down(context, 0.1) is None
+    assert not ends
+    ends[:] = [FaultFound("too_heavy", "32 N m")]
+    assert moves.put_down(context, 0.1).fault == "too_heavy"
