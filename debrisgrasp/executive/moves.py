@@ -25,6 +25,7 @@ from .fingers import loosen
 from .folding import free_share, straight
 from .relief import standing_load, with_room
 from .result import FaultFound
+from .stopping import reset_stops
 
 __all__ = [
     "CAUGHT",
@@ -175,7 +176,8 @@ def put_down(context: Context, most: float) -> FaultFound | None:
             break
         fault = lower(drive, depth)
         if fault is not None and n_before and fault.fault == "too_heavy":
-            break  # its far end lies on something, and bends it no farther
+            reset_stops(context)  # its far end lies on something, and bends no farther
+            break
         if fault is not None:
             return fault
     return let_go(context)

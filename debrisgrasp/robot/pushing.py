@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
+from math import hypot, sqrt
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from debrisgrasp._physics import GRAVITY
 
 from .config import FakeConfig
 from .rubble import Rubble
+from .springs import Spring
 
-__all__ = ["Push", "Pushes"]
+__all__ = ["Push", "Pushes", "Yielding"]
 
 _SPEED = 0.3
 """At which a body yields at most [m/s]."""
@@ -21,6 +23,19 @@ _CHECK = 0.003
 """After every so much of a push it is looked whether something is in the way [m]."""
 _WEDGED = 0.003
 """Deeper than this in another than before, a pushed body is stuck [m]."""
+_PATCH = 0.5
+"""Lever of the friction that resists a turn, as a share of half the diagonal of what a
+body covers: a bar has 1/2, a disk 2/3 of its radius."""
+
+
+@dataclass(frozen=True, slots=True)
+class Yielding:
+    """How a pushed body gives way in one period."""
+
+    way: FloatArray
+    """[m], shape (3,)."""
+    turn: float = 0.0
+    """About the vertical through its centre of mass [rad]."""
 
 
 @dataclass(slots=True)
@@ -35,52 +50,74 @@ class Push:
     """Of what lies on it [N]."""
     overlap: float
     """How deep it was in others when the push began [m]."""
+    radius: float
+    """Half the diagonal of what it covers [m]."""
     way: float = 0.0
     """How far it was pushed [m]."""
     is_stuck: bool = False
-    _since_free: FloatArray = field(default_factory=lambda: np.zeros(3))
+    _since_free: float = field(default=0.0)
 
     @classmethod
     def begun(cls, body: int, rubble: Rubble) -> Push:
         """Begin to push a body."""
+        low, high = rubble.box(body)
         return cls(
             body=body,
             weight=GRAVITY * rubble.shapes[body].mass,
             on_top=GRAVITY * rubble.load_on(body),
             overlap=rubble.overlap(body),
+            radius=0.5 * hypot(*(high - low)[:2]),
         )
 
     def wanted(
-        self, force: FloatArray, config: FakeConfig, stiffness: float
-    ) -> FloatArray | None:
-        """How far a force (3,) [N] moves the body in one period [m], shape (3,).
+        self, springs: Sequence[Spring], com: FloatArray, config: FakeConfig
+    ) -> Yielding | None:
+        """How the springs of hands move the body in one period.
 
-        It slides by what exceeds the friction under and over it, or is lifted by what
-        exceeds its weight; as far as the springs, together as stiff as given [N/m],
-        then push no harder.
+        It is lifted by what exceeds its weight, or slides and turns on the ground by
+        what exceeds the friction under and over it, along the normal of an ellipsoid
+        (Lynch and Mason: the limit surface); as far as the springs then push no harder.
         """
         if self.is_stuck:
             return None
+        forces = -np.array([spring.force for spring in springs])
+        sizes = np.linalg.norm(forces, axis=1)
+        stiffness = sizes / np.array([spring.depth for spring in springs])
+        x, y, up = forces.sum(axis=0).tolist()
         most, carried = _SPEED * config.period, self.weight + self.on_top
-        if force[2] > carried:
-            up = (force[2] - carried) / stiffness
-            return np.array([0.0, 0.0, min(up, most)])
-        size = float(np.hypot(force[0], force[1]))
-        excess = size - config.friction * (carried - force[2] + self.on_top)
-        if excess <= 0.0:
+        if up > carried:
+            rise = (up - carried) / float(stiffness.sum())
+            return Yielding(np.array([0.0, 0.0, min(rise, most)]))
+        arms = np.array([spring.point for spring in springs]) - com
+        levers = np.column_stack([-arms[:, 1], arms[:, 0]])
+        moment = float((levers * forces[:, :2]).sum())
+        friction = config.friction * (carried - up + self.on_top)
+        lever = max(_PATCH * self.radius, 1e-3)
+        load = hypot(x, y, moment / lever) / friction
+        if load <= 1.0:
             return None
-        step = min(excess / stiffness, most)
-        return np.array([step / size * force[0], step / size * force[1], 0.0])
+        gain = (1.0 - 1.0 / load) * load**2
+        slide = np.array([x, y]) / friction**2
+        turn = moment / (lever * friction) ** 2
+        # Each spring is eased along the level part of its force.
+        eased = (forces[:, :2] / sizes[:, None] * (slide + turn * levers)).sum(axis=1)
+        gain /= max(float(stiffness @ eased**2), 1e-12)
+        gain = min(gain, most / (hypot(*slide) + abs(turn) * self.radius))
+        return Yielding(np.array([*(gain * slide), 0.0]), gain * turn)
 
-    def move(self, way: FloatArray, rubble: Rubble) -> None:
-        """Move the body by (3,) [m], unless something turns out to be in its way."""
-        rubble.shift(self.body, way)
-        self.way += float(np.linalg.norm(way))
-        self._since_free = self._since_free + way
-        if float(np.linalg.norm(self._since_free)) > _CHECK:
+    def move(self, by: Yielding, rubble: Rubble) -> float:
+        """Move the body, unless something turns out to be in its way; how far [m]."""
+        rubble.shift(self.body, by.way)
+        if by.turn:
+            rubble.turn(self.body, by.turn)
+        gone = sqrt(float(by.way @ by.way)) + abs(by.turn) * self.radius
+        self.way += gone
+        self._since_free += gone
+        if self._since_free > _CHECK:
             # It stays where it got stuck: set back, it would strike the hand.
             self.is_stuck = rubble.overlap(self.body) > self.overlap + _WEDGED
-            self._since_free = np.zeros(3)
+            self._since_free = 0.0
+        return gone
 
 
 class Pushes:
@@ -104,13 +141,11 @@ class Pushes:
         over = [b for b in self._begun if b not in touched and not is_near(b)]
         return [self._begun.pop(body) for body in over]
 
-    def push(self, body: int, force: FloatArray, stiffness: float) -> float | None:
+    def push(self, body: int, springs: Sequence[Spring]) -> float | None:
         """Move a body as `Push.wanted` says; how far [m], or nothing if it stays."""
         if body not in self._begun:
             self._begun[body] = Push.begun(body, self._rubble)
         push = self._begun[body]
-        way = push.wanted(force, self._config, stiffness)
-        if way is None:
-            return None
-        push.move(way, self._rubble)
-        return float(np.linalg.norm(way))
+        com = self._rubble.shapes[body].com
+        by = push.wanted(springs, com, self._config)
+        return None if by is None else push.move(by, self._rubble)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from math import cos, sin
 
 import numpy as np
 
@@ -62,6 +63,12 @@ class Rubble:
         """Move a body without turning it."""
         self.shapes[body].shift(way)
         self._is_current = False
+
+    def turn(self, body: int, angle: float) -> None:
+        """Turn a body about the vertical through its centre of mass [rad]."""
+        shape, c, s = self.shapes[body], cos(angle), sin(angle)
+        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        self.place(body, R @ shape.R, shape.com + R @ (shape.p - shape.com))
 
     def box(self, body: int) -> tuple[FloatArray, FloatArray]:
         """Corners of the box around a body [m]."""

@@ -31,7 +31,7 @@ from .links import LinkSpheres
 from .pushing import Pushes
 from .rubble import Rubble
 from .settling import HandState, Settling
-from .springs import GROUND, PALM
+from .springs import GROUND, PALM, Spring
 from .touch import Touch
 
 __all__ = ["Stage"]
@@ -137,8 +137,7 @@ class Stage:
 
     def advance(self, T_odom_base: SE3) -> None:
         """Let a period pass for fingers and bodies."""
-        touched: dict[int, FloatArray] = {}
-        stiffness: dict[int, float] = {}
+        touched: dict[int, list[Spring]] = {}
         if T_odom_base is not self._base[0]:
             self._base = T_odom_base, *parts(T_odom_base)
         self.sticky_ticks = max(self.sticky_ticks - 1, 0)
@@ -146,13 +145,9 @@ class Stage:
             self._advance_hand(name, hand)
             for spring in hand.springs:
                 if spring.body != GROUND and not self._is_held(spring.body):
-                    push = touched.setdefault(spring.body, np.zeros(3))
-                    push -= spring.force
-                    stiffness[spring.body] = stiffness.get(spring.body, 0.0) + (
-                        float(np.linalg.norm(spring.force)) / spring.depth
-                    )
+                    touched.setdefault(spring.body, []).append(spring)
         if touched or self._pushes:
-            self._push(touched, stiffness)
+            self._push(touched)
         if self._settling.is_leaning:
             self._settling.follow(self._held_bodies())
 
@@ -356,9 +351,7 @@ class Stage:
         way = self._rubble.shapes[body].com - self._started[body]
         self._is_far[body] = bool(np.linalg.norm(way) > self._config.removed_beyond)
 
-    def _push(
-        self, touched: Mapping[int, FloatArray], stiffness: Mapping[int, float]
-    ) -> None:
+    def _push(self, touched: Mapping[int, list[Spring]]) -> None:
         """Move what is pushed with more than friction, and settle what no longer is."""
         # What would fall into a hand waits until that is away.
         hands = self._hands.values()
@@ -370,8 +363,8 @@ class Stage:
             if push.way > _LIFTED and not self._is_held(push.body):
                 beside = self._rubble.touching(push.body)
                 self._settling.settle({push.body, *beside}, self._held_bodies())
-        for body, force in touched.items():
-            way = self._pushes.push(body, force, stiffness[body])
+        for body, springs in touched.items():
+            way = self._pushes.push(body, springs)
             if way is None:
                 continue
             for hand in hands:
