@@ -27,9 +27,10 @@ from .moves import LAST_RESORT, planned
 from .obstacles import box_around, room_for, space_of
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
+from .stopping import reset_stops
 from .triage import Way
 
-__all__ = ["lift", "transport", "verify_hold"]
+__all__ = ["lift", "taken_back", "transport", "verify_hold"]
 
 _STANDING = 0.4
 """How long the arm stands while the load is averaged [s]."""
@@ -50,6 +51,8 @@ _FREE = 0.6
 _BORNE = 0.6
 """With less than this share of its weight on the hand, an object stands on something.
 """
+_LOOKS_UP = 0.2
+"""Upward part of a palm's axis from which on what it holds lies on it."""
 _IMPOSSIBLE = 30.0
 """Nothing pushes a hand up that it has lifted; a sensor that says so lies [N]."""
 
@@ -178,6 +181,8 @@ def transport(context: Context) -> StepResult:
     held = context.held
     assert held is not None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
+    if context.cycle.hung is None:
+        context.cycle.hung = context.posture(limb)
     is_again = sum(state is context.state for state in context.cycle.reached) > 1
     if is_again and _is_beside(context, limb, held):
         context.is_in_pile = None
@@ -218,6 +223,36 @@ def transport(context: Context) -> StepResult:
             held.points_hand = longer(held.points_hand, T, room)
         return fault
     return Done({"seconds": round(context.now() - begun, 3)})
+
+
+def taken_back(context: Context) -> FaultFound | None:
+    """Bring what lies on a palm that looks up back to where it was lifted.
+
+    No hand lets go of that: it would lie on the fingers. Where there is no way back, it
+    stays where it is.
+    """
+    held, hung = context.held, context.cycle.hung
+    if held is None or hung is None:
+        return None
+    limb = context.limbs[held.arm]
+    if limb.pose(context.posture(limb)).R[2, 2] < _LOOKS_UP:
+        return None
+    is_own, ignored = context.cycle.is_own, UnknownSpace.IGNORED
+    space = room_for(context, [limb], is_own, unknown=ignored)
+    known = np.array(limb.trail) if limb.trail else None
+    found = planned(context, limb, hung, space, known=known)
+    if isinstance(found, FaultFound):
+        return None
+    assert found.trajectory is not None
+    fault = Drive(context, held.arm).follow(
+        found.trajectory,
+        pace=_CAREFUL * context.settings.carry_speed,
+        points=held.points_hand,
+    )
+    if fault is None or fault.fault != "plan_collision":
+        return fault
+    reset_stops(context)  # what it touched may bear it
+    return None
 
 
 def _is_beside(context: Context, limb: LimbState, held: Held) -> bool:

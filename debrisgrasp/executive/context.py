@@ -167,6 +167,8 @@ class Cycle:
     """Whether it has been counted as a try in vain."""
     speed: float = 1.0
     """Share of the usual speed; lower after something swung."""
+    hung: FloatArray | None = None
+    """Posture (d,) in which the object was lifted, before it was carried away."""
     place: FloatArray | None = None
     """Where the object was let go, base frame [m], shape (3,)."""
     peak_force: float = 0.0

@@ -8,6 +8,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3, Bounds
 
+from .carrying import taken_back
 from .caught import felt_out
 from .context import Context, Held
 from .drive import Drive
@@ -78,7 +79,8 @@ def clear_up(context: Context) -> FaultFound | None:
     if held is not None:
         held.is_watched = False
     if held is not None and held.is_lifted:
-        fault = relieve(context, held.arm) or put_down(context, _LOWERED)
+        fault = relieve(context, held.arm) or taken_back(context)
+        fault = fault or put_down(context, _LOWERED)
     elif busy is not None:
         # What presses on a hand that has lifted nothing is its own squeeze first.
         if held is not None:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from debrisgrasp.executive import carrying as carriage
+from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
 from debrisgrasp.executive.loaded import carrying
 from debrisgrasp.executive.obstacles import box_around
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
-from debrisgrasp.geometry import so3
+from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import ArmReach
 from debrisgrasp.motion import MotionPlanner, MotionSpace
 from tests.unit.executive.rigs import POINTS, before_a_brick, holding
@@ -84,3 +86,37 @@ def test_what_finds_no_way_is_lifted_again_only_if_that_can_be(
     answer = answer_to(State.TRANSPORT, fault)
     assert answer.action is action
     assert answer.is_cleared_up is is_highest
+
+
+@pytest.mark.parametrize(
+    ("looks_up", "met", "expected"),
+    [
+        (False, None, (None, 0)),
+        (True, None, (None, 1)),
+        (True, "plan_collision", (None, 1)),
+        (True, "wrench_frozen", ("wrench_frozen", 1)),
+    ],
+)
+def test_what_lies_on_a_palm_is_taken_back_before_it_is_let_go(
+    pipeline, monkeypatch, looks_up, met, expected
+):
+    _, task = before_a_brick(pipeline)
+    context, limb, ways = task.context, task.context.limbs["right"], []
+    context.held = holding(arm="right", points_hand=POINTS, is_lifted=True)
+    q_hung = context.posture(limb) + 0.2
+    context.cycle.hung = q_hung
+    palm = so3.exp(np.array([0.0 if looks_up else np.pi, 0.0, 0.0]))
+    monkeypatch.setattr(limb, "pose", lambda _: SE3.from_parts(palm, [0.5, -0.5, 1.0]))
+
+    def planned(_, __, goal, *___, **____):
+        np.testing.assert_array_equal(goal, q_hung)
+        return SimpleNamespace(trajectory="back")
+
+    def follow(_, trajectory, **__):
+        ways.append(trajectory)
+        return None if met is None else FaultFound(met, "as asked")
+
+    monkeypatch.setattr(carriage, "planned", planned)
+    monkeypatch.setattr(Drive, "follow", follow)
+    found = carriage.taken_back(context)
+    assert ((found and found.fault), len(ways)) == expected
