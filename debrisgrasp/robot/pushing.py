@@ -23,6 +23,8 @@ _CHECK = 0.003
 """After every so much of a push it is looked whether something is in the way [m]."""
 _WEDGED = 0.003
 """Deeper than this in another than before, a pushed body is stuck [m]."""
+_BACKS = 3
+"""Pushed back so often within a bit of a way, it is wedged."""
 _PATCH = 0.5
 """Lever of the friction that resists a turn, as a share of half the diagonal of what a
 body covers: a bar has 1/2, a disk 2/3 of its radius."""
@@ -55,7 +57,12 @@ class Push:
     way: float = 0.0
     """How far it was pushed [m]."""
     is_stuck: bool = False
-    _since_free: float = field(default=0.0)
+    _since_free: float = 0.0
+    _since_back: float = 0.0
+    """How far it has gone since it was last pushed back [m] ..."""
+    _n_back: int = 0
+    """... which has happened so often after hardly any way."""
+    _last: FloatArray = field(default_factory=lambda: np.zeros(4))
 
     @classmethod
     def begun(cls, body: int, rubble: Rubble) -> Push:
@@ -113,11 +120,22 @@ class Push:
         gone = sqrt(float(by.way @ by.way)) + abs(by.turn) * self.radius
         self.way += gone
         self._since_free += gone
+        self._wedge(np.array([*by.way, by.turn * self.radius]), gone)
         if self._since_free > _CHECK:
             # It stays where it got stuck: set back, it would strike the hand.
             self.is_stuck = rubble.overlap(self.body) > self.overlap + _WEDGED
             self._since_free = 0.0
         return gone
+
+    def _wedge(self, step: FloatArray, gone: float) -> None:
+        """Notice what is between two sides that push it by turns: it goes nowhere."""
+        if float(step @ self._last) < 0.0:
+            is_soon = self._since_back < _CHECK
+            self._n_back = self._n_back + 1 if is_soon else 1
+            self.is_stuck |= self._n_back >= _BACKS
+            self._since_back = 0.0
+        self._since_back += gone
+        self._last = step
 
 
 class Pushes:

@@ -12,8 +12,9 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TypeVar
 
@@ -62,20 +63,20 @@ def files() -> list[Path]:
     return sorted(PILES.glob("*.npz")) or [data_path("captures", "pile.npz")]
 
 
-def captures() -> list[debrisgrasp.Capture]:
-    return [debrisgrasp.Capture.load(path) for path in files()]
+def captures() -> Iterator[debrisgrasp.Capture]:
+    """One after another: a user has one at a time in memory."""
+    for path in files():
+        yield debrisgrasp.Capture.load(path)
 
 
-def real_captures() -> list[debrisgrasp.Capture]:
+def real_captures() -> Iterator[debrisgrasp.Capture]:
     """Those of real cameras, moved in the plane so that they lie before the robot."""
-    moved = []
     for path in sorted(REAL.glob("*.npz")):
         capture = debrisgrasp.Capture.load(path)
         T = capture.T_base_camera or capture.T_level_camera or LOOKING_DOWN
         middle = np.median(capture.posed(T).cloud().points, axis=0)
         shift = SE3.from_parts(p=[AHEAD - middle[0], -middle[1], 0.0])
-        moved.append(capture.posed(shift @ T))
-    return moved
+        yield capture.posed(shift @ T)
 
 
 def timed(work: Callable[[], T]) -> tuple[T, float, float]:
@@ -136,12 +137,11 @@ def evaluations_per_second(capture: debrisgrasp.Capture) -> tuple[float, float]:
 def main() -> None:
     options = arguments(__doc__ or "")
     pipeline = debrisgrasp.Pipeline(robot="roman")
-    piles = captures()
-    n_piles, first, shown = len(piles), piles[0], [*piles, *real_captures()]
+    n_piles, first = len(files()), next(captures())
     pipeline.plan(first)  # builds the arms' maps, once per process
     rows, seconds, again, offered, executable = [], [], [], 0, 0
     cpu_first, cpu_again, hurried, hurried_share = [], [], [], []
-    for capture in shown:
+    for capture in chain(captures(), real_captures()):
         result, *first_time = timed(lambda c=capture: pipeline.plan(replace(c)))
         seconds.append(first_time[0])
         cpu_first.append(first_time[1])

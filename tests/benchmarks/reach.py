@@ -169,7 +169,7 @@ def survey_figures() -> dict[str, float]:
 
 def strategy_figures() -> dict[str, float]:
     """Reachability in the search against the two steps of the paper."""
-    figures, rows, loaded = {}, [], captures()
+    figures, rows, loaded = {}, [], list(captures())
     for strategy in ("search", "after"):
         planner = PlannerConfig(reach=strategy)
         pipeline = debrisgrasp.Pipeline(config=PipelineConfig(planner=planner))
