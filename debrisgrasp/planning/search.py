@@ -53,6 +53,7 @@ class Watch(Protocol):
 
 
 _FLOOR = 1e-3
+_HOPELESS = 0.005
 _CLIMB = 3.0
 """A refinement brings a pose no farther up than this [log-odds]."""
 _MISSED = 0.3
@@ -144,7 +145,8 @@ class GraspSearch:
         """States of all walkers, and the tops that were climbed from the best.
 
         Where the best of these is doubtful, and yet of use, more walkers set out, and
-        the best of all climb on.
+        the best of all climb on. Where it is hopeless nothing more is tried: of 44
+        objects of 22 piles none came from there to more than 0.02.
         """
         states, tops = [], []
         for config, name in ((self._config, "search"), (self._wider, "wider search")):
@@ -154,6 +156,8 @@ class GraspSearch:
             found = self._promising(merit, states[-1], watch, beyond)
             tops.append(self._refined(merit, postures, found, watch, rng, beyond))
             best = tops[-1].score.max(initial=0.0)
+            if len(tops) == 1 and best < _HOPELESS:
+                return states[0], tops[0]
             if not beyond <= best < SETTLED or watch.is_late():
                 break
         found = Candidates.together(tops)
