@@ -51,6 +51,8 @@ _FREE = 0.6
 _BORNE = 0.6
 """With less than this share of its weight on the hand, an object stands on something.
 """
+_MET = ("plan_collision", "too_heavy", "ratchet")
+"""How a motion ends that meets something."""
 _LOOKS_UP = 0.2
 """Upward part of a palm's axis from which on what it holds lies on it."""
 _IMPOSSIBLE = 30.0
@@ -226,12 +228,13 @@ def transport(context: Context) -> StepResult:
 
 
 def taken_back(context: Context) -> FaultFound | None:
-    """Bring what lies on a palm that looks up back to where it was lifted.
+    """Try to bring what lies on a palm that looks up back to where it was lifted.
 
-    No hand lets go of that: it would lie on the fingers. Where there is no way back, it
-    stays where it is.
+    Let go here it would lie on the fingers. It is tried once: where a motion meets
+    something, or there is none, it is let go all the same.
     """
     held, hung = context.held, context.cycle.hung
+    context.cycle.hung = None
     if held is None or hung is None:
         return None
     limb = context.limbs[held.arm]
@@ -246,10 +249,10 @@ def taken_back(context: Context) -> FaultFound | None:
     assert found.trajectory is not None
     fault = Drive(context, held.arm).follow(
         found.trajectory,
-        pace=_CAREFUL * context.settings.carry_speed,
+        pace=_CAREFUL * context.settings.carry_speed * context.cycle.speed,
         points=held.points_hand,
     )
-    if fault is None or fault.fault != "plan_collision":
+    if fault is None or fault.fault not in _MET:
         return fault
     reset_stops(context)  # what it touched may bear it
     return None

@@ -296,6 +296,7 @@ class Context:
             cycle.centroid = x, y, z
         if cycle.place is not None:
             cycle.place = T_now_before.apply(cycle.place)
+        cycle.hung = None
         for limb in self.limbs.values():
             limb.trail.clear()  # it leads through other places
         self.forget()

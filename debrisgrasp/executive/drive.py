@@ -140,7 +140,7 @@ class Drive(Senses):
             return engaged
         # Before the first baseline nobody knows what the sensor is worth.
         is_free = self.context.held is None and self.limb.baseline_time > 0.0
-        supervisor, begun = self.supervised(is_free=is_free)
+        supervisor, begun = self.supervised(is_free=is_free, is_planned=True)
         if isinstance(begun, FaultFound):
             return begun
         state, gap = begun, float(np.abs(np.array(begun.q) - trajectory.q[0]).max())

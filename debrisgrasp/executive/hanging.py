@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
-from debrisgrasp.geometry import Bounds, DepthSight, LineOfSight, voxel_downsample
+from debrisgrasp.geometry import DepthSight, LineOfSight, voxel_downsample
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline.self_filter import are_near, body_at
 
@@ -112,7 +112,9 @@ def looked_at(context: Context, held: Held) -> int:
     return len(seen)
 
 
-def looked_after(context: Context, arm: str, place: FloatArray) -> FloatArray:
+def looked_after(
+    context: Context, arm: str, place: FloatArray, name: str = "released"
+) -> FloatArray | None:
     """See what lies where a hand put something down, and where nothing does.
 
     Until then it was taken for a box where the hand let it go, larger than it and
@@ -122,39 +124,40 @@ def looked_after(context: Context, arm: str, place: FloatArray) -> FloatArray:
     ----------
     place
         Where it was let go, base frame [m], shape (3,).
+    name
+        Of the captures in the record.
 
     Returns
     -------
-    FloatArray
-        Points seen there, base frame [m], shape (n, 3); none: the image is none to go
-        by, or shows nothing.
+    FloatArray or None
+        Points seen there, base frame [m], shape (n, 3); None: there is no image to go
+        by.
     """
-    seen: list[FloatArray] = [np.zeros((0, 3))]
     if context.cycle.motion is None:
-        return seen[0]
+        return None
     opening = max(context.limbs[arm].limb.gripper.read().openings)
     # What may have fallen lies low.
     place = np.array([*place[:2], min(place[2], _HIGHEST)])
-    number = context.cycle.number
+    seen: list[FloatArray] = []
     aim: FloatArray | None = place
     looked: Mapping[str, float] = {}
     # What stands on end goes on above a picture: no way may lead through there.
-    for name in (f"released_{number:03d}{higher}" for higher in _HIGHER):
+    for higher in _HIGHER:
         if aim is None:
             break
         look = look_towards(context, aim)
-        if len(seen[-1]) and look == looked:
+        if seen and look == looked:
             break  # no head turns higher
         looked = look
-        is_first = len(seen) == 1
-        is_wanted = partial(_is_beside, place) if is_first else is_close
-        taken = image(context, name, look, is_wanted=is_wanted)
+        is_wanted = is_close if seen else partial(_is_beside, place)
+        called = f"{name}_{context.cycle.number:03d}{higher}"
+        taken = image(context, called, look, is_wanted=is_wanted)
         if isinstance(taken, FaultFound):
             break
         context.record.keep(taken, taken.name)
         seen.append(_lying(context, arm, opening, taken, place))
         aim = _above_picture(taken, seen[-1])
-    return np.concatenate(seen)
+    return np.concatenate(seen) if seen else None
 
 
 def looked_again(
@@ -162,22 +165,31 @@ def looked_again(
 ) -> None:
     """See once more, from rest, what lay where a hand put something down (n, 3).
 
-    What stood may have leaned on the hand, and have fallen when that went. The arm may
-    hide it now: it stands only if some of it is seen to.
+    What stood there may have leaned on the hand, and have fallen when that went. The
+    arm may hide it now: it stands only if some of it is seen to.
     """
     stood = before[before[:, 2] > _STANDS]
-    if not len(stood):
+    seen = looked_after(context, arm, place, "rested") if len(stood) else None
+    if seen is None:
         return
-    seen = looked_after(context, arm, place)
     stands = seen[seen[:, 2] > _STANDS]
     part, _ = _parts(np.concatenate([stood, stands]))
-    gone = stood[~np.isin(part[: len(stood)], part[len(stood) :])]
-    if not len(gone):
-        return
-    around = Bounds.around(gone, _BRIDGED)
-    for bodies in (context.dropped, context.lain):
-        left = [b[~((b[:, 2] > _STANDS) & around.contains(b))] for b in bodies]
-        bodies[:] = [body for body in left if len(body)]
+    own, still = part[: len(stood)], part[len(stood) :]
+    leaned = own[_away(stood, place) < _PLACE]
+    gone = stood[np.isin(own, leaned) & ~np.isin(own, still)]
+
+    def left(body: FloatArray, near: BoolArray) -> FloatArray:
+        return body[~(near & (body[:, 2] > _STANDS))]
+
+    def is_gone(body: FloatArray) -> BoolArray:
+        is_near = _near(gone, body, _TOGETHER)
+        return np.asarray(is_near & ~_near(stands, body, _TOGETHER))
+
+    context.lain[:] = [left(body, is_gone(body)) for body in context.lain]
+    # A guess is one thing: it stands, or it does not.
+    context.dropped[:] = [
+        left(body, np.full(len(body), is_gone(body).any())) for body in context.dropped
+    ]
 
 
 def _is_beside(place: FloatArray, ground: FloatArray) -> BoolArray:

@@ -51,6 +51,7 @@ def release(context: Context) -> StepResult:
         body = lying(T, points)
         context.dropped.append(body)
         context.cycle.place = body.mean(axis=0)
+    context.cycle.hung = None  # what is caught in the hand now lies where it belongs
     context.cycle.is_removed = False
     context.released, context.is_in_pile = held, held.arm
     # As the base stands once it is back.

@@ -15,6 +15,7 @@ from debrisgrasp.kinematics import LimitSet
 from .context import Context
 from .drive import Drive
 from .result import FaultFound
+from .states import State
 
 __all__ = ["doubted", "heaviest", "relieve", "standing_load", "with_room"]
 
@@ -120,8 +121,9 @@ def _stepped_back(
     Then the hand hooks something. Else its sensor is doubted: what looks like giving
     way would press the hand into what it stands on; where it was just now, nothing is.
     """
-    motion, limb = context.cycle.motion, drive.limb
-    if motion is not None and motion.arm == limb.name and context.dragged is None:
+    motion, limb, reached = context.cycle.motion, drive.limb, context.cycle.reached
+    was_there = State.CLOSE in reached and State.TRANSPORT not in reached
+    if motion is not None and motion.arm == limb.name and was_there:
         way = motion.grasp.T_base_hand.p - limb.pose(context.posture(limb)).p
         size = float(np.linalg.norm(way))
         if size > _STEP:

@@ -52,16 +52,16 @@ def put_away(
         Where its hand put something down, base frame [m], shape (3,): that is looked
         at before, and again from rest if something stands.
     """
-    T_before_way, seen = context.T_base_way, np.zeros((0, 3))
+    T_before_way, seen = context.T_base_way, None
     if place is not None:
-        # A camera that answers no more is noticed when it is needed.
+        # What answers no more is noticed when it is needed.
         with suppress(DriverError):
             seen = looked_after(context, arm, place)
     fault = to_rest(context, arm) or drive_back(context)
     if fault is not None:
         return fault
     context.limbs[arm].limb.arm.disengage()
-    if place is not None:
+    if place is not None and seen is not None:
         moved = context.T_base_way @ T_before_way.inverse()
         with suppress(DriverError):
             looked_again(context, arm, moved.apply(place), moved.apply(seen))

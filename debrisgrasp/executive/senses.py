@@ -214,16 +214,16 @@ class Senses:
 
         return is_met
 
-    @property
-    def _safety(self) -> SafetyConfig:
+    def _safety(self, *, is_planned: bool) -> SafetyConfig:
         held = self.context.held
-        if self.context.state is not State.TRANSPORT or held is None:
+        is_carrying = is_planned or self.context.state is State.TRANSPORT
+        if held is None or not held.is_lifted or not is_carrying:
             return SAFETY
         turn = GRAVITY * held.payload.mass * _UNSURE_COM
         return replace(_CARRYING, motion_torque=(_CARRYING.motion_torque or 0.0) + turn)
 
     def supervised(
-        self, *, is_free: bool = False
+        self, *, is_free: bool = False, is_planned: bool = False
     ) -> tuple[Supervisor, SafetyState | FaultFound]:
         """Begin to watch the arm: who watches, and its state, or why not.
 
@@ -231,8 +231,11 @@ class Senses:
         ----------
         is_free
             The hand is empty, and should touch nothing more than it does now.
+        is_planned
+            The motion is planned: what is carried should touch nothing either.
         """
-        limb, safety, reading = self.limb, self._safety, self.read()
+        limb, reading = self.limb, self.read()
+        safety = self._safety(is_planned=is_planned)
         if is_free:
             self.weighed()
             force, torque = met_from(hypot(*self.load[:3]), hypot(*self.load[3:]))

@@ -172,7 +172,7 @@ def from_quat_wxyz(quat_wxyz: FloatArray) -> FloatArray:
             "quaternion (w, x, y, z)",
             got="all zero, NaN or infinite",
             expected="four finite numbers, not all zero",
-            mend="No rotation is (1, 0, 0, 0); an empty message holds only zeros.",
+            mend="(1, 0, 0, 0) turns nothing; an empty message holds only zeros.",
         )
     quat = quat / norm
     w, x, y, z = np.moveaxis(quat, -1, 0)

@@ -54,6 +54,7 @@ class Watch(Protocol):
 
 _FLOOR = 1e-3
 _HOPELESS = 0.005
+"""No search comes from below this score to a chance."""
 _CLIMB = 3.0
 """A refinement brings a pose no farther up than this [log-odds]."""
 _MISSED = 0.3

@@ -23,11 +23,12 @@ _CHECK = 0.003
 """After every so much of a push it is looked whether something is in the way [m]."""
 _WEDGED = 0.003
 """Deeper than this in another than before, a pushed body is stuck [m]."""
-_BACKS = 3
-"""Pushed back so often within a bit of a way, it is wedged."""
+_NET, _IDLE = 0.3, 2
+"""What two sides push back and forth, and get no farther than this share of its way so
+many times, is wedged between them."""
 _PATCH = 0.5
-"""Lever of the friction that resists a turn, as a share of half the diagonal of what a
-body covers: a bar has 1/2, a disk 2/3 of its radius."""
+"""Lever of the friction that resists a turn, as a share of a body's radius: a bar has
+1/2, a disk 2/3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,27 +54,28 @@ class Push:
     overlap: float
     """How deep it was in others when the push began [m]."""
     radius: float
-    """Half the diagonal of what it covers [m]."""
+    """Largest distance of its points from the vertical through its centre of mass [m].
+    """
     way: float = 0.0
     """How far it was pushed [m]."""
     is_stuck: bool = False
     _since_free: float = 0.0
-    _since_back: float = 0.0
-    """How far it has gone since it was last pushed back [m] ..."""
-    _n_back: int = 0
-    """... which has happened so often after hardly any way."""
-    _last: FloatArray = field(default_factory=lambda: np.zeros(4))
+    _net: FloatArray = field(default_factory=lambda: np.zeros(4))
+    """What has come of that, turns by the radius [m]."""
+    _n_idle: int = 0
+    """So many times now hardly anything."""
 
     @classmethod
     def begun(cls, body: int, rubble: Rubble) -> Push:
         """Begin to push a body."""
-        low, high = rubble.box(body)
+        shape = rubble.shapes[body]
+        beside = (shape.points - shape.com)[:, :2]
         return cls(
             body=body,
-            weight=GRAVITY * rubble.shapes[body].mass,
+            weight=GRAVITY * shape.mass,
             on_top=GRAVITY * rubble.load_on(body),
             overlap=rubble.overlap(body),
-            radius=0.5 * hypot(*(high - low)[:2]),
+            radius=float(np.linalg.norm(beside, axis=1).max()),
         )
 
     def wanted(
@@ -98,7 +100,7 @@ class Push:
         arms = np.array([spring.point for spring in springs]) - com
         levers = np.column_stack([-arms[:, 1], arms[:, 0]])
         moment = float((levers * forces[:, :2]).sum())
-        friction = config.friction * (carried - up + self.on_top)
+        friction = max(config.friction * (carried - up + self.on_top), 1e-6)
         lever = max(_PATCH * self.radius, 1e-3)
         load = hypot(x, y, moment / lever) / friction
         if load <= 1.0:
@@ -120,22 +122,17 @@ class Push:
         gone = sqrt(float(by.way @ by.way)) + abs(by.turn) * self.radius
         self.way += gone
         self._since_free += gone
-        self._wedge(np.array([*by.way, by.turn * self.radius]), gone)
+        self._net = self._net + np.array([*by.way, by.turn * self.radius])
         if self._since_free > _CHECK:
+            is_idle = float(np.linalg.norm(self._net)) < _NET * self._since_free
+            self._n_idle = self._n_idle + 1 if is_idle else 0
             # It stays where it got stuck: set back, it would strike the hand.
-            self.is_stuck = rubble.overlap(self.body) > self.overlap + _WEDGED
-            self._since_free = 0.0
+            self.is_stuck = (
+                rubble.overlap(self.body) > self.overlap + _WEDGED
+                or self._n_idle >= _IDLE
+            )
+            self._since_free, self._net = 0.0, np.zeros(4)
         return gone
-
-    def _wedge(self, step: FloatArray, gone: float) -> None:
-        """Notice what is between two sides that push it by turns: it goes nowhere."""
-        if float(step @ self._last) < 0.0:
-            is_soon = self._since_back < _CHECK
-            self._n_back = self._n_back + 1 if is_soon else 1
-            self.is_stuck |= self._n_back >= _BACKS
-            self._since_back = 0.0
-        self._since_back += gone
-        self._last = step
 
 
 class Pushes:

@@ -54,6 +54,14 @@ def test_progress_of_a_search_never_goes_back(floating, pipe_capture):
         assert shares[-1] == 1.0
 
 
+def test_what_is_hopeless_is_not_searched_on(floating, pipe_capture, monkeypatch):
+    monkeypatch.setattr("debrisgrasp.planning.search._HOPELESS", 1.0)
+    stages = set()
+    floating.plan(pipe_capture, mass=12.0, progress=lambda stage, _: stages.add(stage))
+    assert "search" in stages
+    assert "wider search" not in stages
+
+
 class FakeTime:
     """A clock on which one sweep of the search takes a second, and nothing else any."""
 

@@ -73,7 +73,8 @@ def test_a_crate_upside_down_is_pushed_over_the_nearer_border(pipeline, place, s
     assert done.next is State.RETREAT
     came = side * (across(fake) - place[1])
     assert came > 0.3
-    assert done.facts["pushed"] == pytest.approx(came, abs=0.05)  # it slides aside
+    # It also turns, and its middle gets less far than where it is pushed.
+    assert came < done.facts["pushed"] < came + 0.12
     assert side * across(fake) > 0.6
     truth = fake.truth()
     assert truth.removed == ("crate",)
@@ -126,7 +127,8 @@ def test_what_came_has_come_whatever_happens_on_the_way_back(pipeline, monkeypat
     chosen_to_push(context)
     assert push_aside(context) is touched
     assert context.n_pushed == 1
-    assert context.cycle.pushed == pytest.approx(-0.3 - across(fake), abs=0.05)
+    came = -0.3 - across(fake)
+    assert came < context.cycle.pushed < came + 0.12
     assert context.marks.marks[0].n_stayed == 0
     assert context.is_in_pile == "right"  # it is cleared up
 

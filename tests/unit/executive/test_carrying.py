@@ -120,3 +120,23 @@ def test_what_lies_on_a_palm_is_taken_back_before_it_is_let_go(
     monkeypatch.setattr(Drive, "follow", follow)
     found = carriage.taken_back(context)
     assert ((found and found.fault), len(ways)) == expected
+
+
+@pytest.mark.parametrize(
+    ("is_lifted", "is_planned", "state", "force"),
+    [
+        (True, True, State.RECOVER, 30.0),
+        (True, False, State.RECOVER, None),
+        (True, False, State.TRANSPORT, 30.0),
+        (False, True, State.PREGRASP, None),
+    ],
+)
+def test_what_is_carried_on_a_planned_way_should_touch_nothing(
+    pipeline, is_lifted, is_planned, state, force
+):
+    _, task = before_a_brick(pipeline)
+    task.context.state = state
+    task.context.held = holding(is_lifted=is_lifted)
+    drive = Drive(task.context, "right")
+    supervisor, _ = drive.supervised(is_planned=is_planned)
+    assert supervisor.config.motion_force == force

@@ -150,30 +150,41 @@ def test_what_stands_on_end_is_seen_up_to_its_top(lifted, monkeypatch, height, b
     assert lying[:, 2].max() == pytest.approx(height, abs=0.03)
 
 
-@pytest.mark.parametrize(("fell", "expected"), [(True, 0), (False, 1)])
+def post_at(x, low=0.0, high=0.6):
+    heights = np.arange(low, high, 0.01)
+    return np.array([x, -0.85, 0.0]) + heights[:, None] * [0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("seen", "heights"),
+    [
+        (np.concatenate([post_at(0.75, high=0.15), post_at(1.0)]), (0.2, 0.6, 0.6)),
+        (np.concatenate([post_at(0.75, 0.5), post_at(1.0)]), (0.6, 0.6, 0.6)),
+        (np.zeros((0, 3)), (0.2, 0.2, 0.6)),
+        (None, (0.6, 0.6, 0.6)),
+    ],
+)
 def test_what_leaned_on_the_hand_is_not_believed_to_stand_when_that_is_away(
-    lifted, monkeypatch, fell, expected
+    lifted, monkeypatch, seen, heights
 ):
-    """From rest the arm may hide it; what is seen of it in part stands as before."""
+    """What is seen in part stands, as does what stood elsewhere; nothing is known from
+    no picture.
+    """
     _, context, _ = lifted
-    place = np.array([0.75, -0.85, 0.3])
-    height = np.arange(0.0, 0.6, 0.01)
-    post = place * [1, 1, 0] + height[:, None] * [0.0, 0.0, 1.0]
-    low, top = post[post[:, 2] < 0.15], post[post[:, 2] > 0.5]
+    posts = [post_at(x) for x in (0.75, 1.0, 1.4)]
     looks = []
-
-    def looked(*_):
-        looks.append(1)
-        return low if fell else np.concatenate([low, top])
-
-    monkeypatch.setattr(hanging, "looked_after", looked)
-    context.lain[:], context.dropped[:] = [post], [np.add(post, [0.05, 0, 0])]
-    hanging.looked_again(context, "right", place, low)
+    monkeypatch.setattr(hanging, "looked_after", lambda *_: looks.append(1) or seen)
+    context.lain[:] = [np.concatenate(posts)]
+    context.dropped[:] = [np.add(post, [0.02, 0.0, 0.0]) for post in posts]
+    place = np.array([0.75, -0.85, 0.3])
+    hanging.looked_again(context, "right", place, post_at(0.75, high=0.15))
     assert not looks  # what lies can't fall
-    hanging.looked_again(context, "right", place, post)
-    for bodies in (context.lain, context.dropped):
-        assert (np.concatenate(bodies)[:, 2].max() > 0.25) == expected
-        assert np.concatenate(bodies)[:, 2].min() < 0.05
+    hanging.looked_again(context, "right", place, np.concatenate(posts))
+    (lain,) = context.lain
+    for i, (x, height) in enumerate(zip((0.75, 1.0, 1.4), heights, strict=True)):
+        top = lain[np.abs(lain[:, 0] - x) < 0.1, 2].max()
+        assert top == pytest.approx(height, abs=0.02)
+        assert context.dropped[i][:, 2].max() == pytest.approx(height, abs=0.02)
 
 
 def test_a_head_at_its_stop_takes_no_picture_twice(lifted, monkeypatch):

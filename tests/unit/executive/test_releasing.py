@@ -110,3 +110,16 @@ def test_what_is_let_go_twice_lies_in_one_place(pipeline, monkeypatch):
         assert isinstance(releasing.release(context), Done)
         context.held = held  # it still hangs in the hand
     assert len(context.dropped) == 1
+
+
+def test_what_was_let_go_at_the_drop_off_is_taken_back_nowhere(pipeline, monkeypatch):
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    context.held = holding(arm="right", points_hand=POINTS, is_lifted=True)
+    context.cycle.hung = context.posture(context.limbs["right"])
+    context.cycle.reached.append(context.state)
+    monkeypatch.setattr(releasing, "put_down", lambda *_: None)
+    assert isinstance(releasing.release(context), Done)
+    assert context.cycle.hung is None
+    (body,) = context.dropped
+    np.testing.assert_allclose(context.cycle.place, body.mean(axis=0))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from debrisgrasp.control import GripCommand
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
@@ -135,15 +135,21 @@ def test_a_pushed_bar_slides_with_the_force_of_its_friction():
     assert rig.fake.truth().peak_force["right"] < 0.6 * 1.0 * G + 1.5 * excess
 
 
-def yielding(points, forces) -> Yielding | None:
-    """How a bar of 2 kg along x gives way to forces (n, 3) on it [N]."""
+def lying_bar() -> Rubble:
+    """A bar of 2 kg along x."""
     bar = beam("bar", 2.0, (0.8, -0.3, 0.0445))
-    rubble = Rubble(World((bar,), Ground.level()), FakeConfig())
+    return Rubble(World((bar,), Ground.level()), FakeConfig())
+
+
+def yielding(points, forces, friction=0.6) -> Yielding | None:
+    """How the bar gives way to forces (n, 3) on it [N]."""
+    rubble = lying_bar()
     springs = [
         Spring(1, 0, np.add((0.8, -0.3, 0.0445), p), -np.array(f, float), 1e-4)
         for p, f in zip(points, forces, strict=True)
     ]
-    return Push.begun(0, rubble).wanted(springs, rubble.shapes[0].com, FakeConfig())
+    config = FakeConfig(friction=friction)
+    return Push.begun(0, rubble).wanted(springs, rubble.shapes[0].com, config)
 
 
 def test_a_push_through_the_middle_turns_nothing_and_a_couple_shifts_nothing():
@@ -168,19 +174,49 @@ def test_a_bar_turns_where_less_would_not_shift_it():
 @given(
     points=arrays(float, (3, 3), elements=st.floats(-0.2, 0.2)),
     forces=arrays(float, (3, 3), elements=st.floats(-30.0, 30.0)),
+    friction=st.sampled_from([0.0, 0.6]),
 )
-def test_a_body_gives_way_to_what_pushes_it_and_not_too_fast(points, forces):
+def test_a_body_gives_way_to_what_pushes_it_and_not_too_fast(points, forces, friction):
     pressed = np.linalg.norm(forces, axis=1) > 0.1
     points, forces = points[pressed], forces[pressed]
     if not len(forces):
         return
-    by = yielding(points, forces)
+    by = yielding(points, forces, friction)
     if by is None:
         return
     moment = np.cross(points, forces)[:, 2].sum()
     assert by.way @ forces.sum(axis=0) + by.turn * moment > 0.0
     moved = by.way[:2] + by.turn * np.column_stack([-points[:, 1], points[:, 0]])
     assert np.linalg.norm(moved, axis=1).max() < 0.31 * FakeConfig().period
+
+
+@pytest.mark.parametrize(
+    ("step", "expected"),
+    [
+        (lambda _: Yielding(np.array([8e-4, 0.0, 0.0]), 0.01), False),
+        (lambda i: Yielding(np.array([0.0, 8e-4 * (-1) ** i, 0.0])), True),
+        (lambda i: Yielding(np.zeros(3), 3e-3 * (-1) ** i), True),
+        (lambda i: Yielding(np.array([8e-4 * (-1) ** (i // 10), 0.0, 0.0])), False),
+        (lambda i: Yielding(np.array([3e-4, 0.0, 0.0]), 1e-3 * (-1) ** i), False),
+    ],
+)
+def test_what_is_pushed_by_turns_from_two_sides_is_wedged(step, expected):
+    """But not what goes on, though it sways, nor what is pushed back after some way."""
+    rubble = lying_bar()
+    push = Push.begun(0, rubble)
+    for i in range(40):
+        push.move(step(i), rubble)
+    assert push.is_stuck is expected
+
+
+def test_a_body_turns_about_its_middle():
+    rubble = lying_bar()
+    com = rubble.shapes[0].com.copy()
+    rubble.turn(0, 0.3)
+    np.testing.assert_allclose(rubble.shapes[0].com, com, atol=1e-12)
+    turned = so3.exp(np.array([0.0, 0.0, 0.3]))
+    np.testing.assert_allclose(rubble.shapes[0].R, turned, atol=1e-12)
+    np.testing.assert_allclose(rubble.world.bodies[0].T_base_body.R, turned, atol=1e-12)
 
 
 def test_a_heavy_bar_cannot_be_pushed():
