@@ -47,6 +47,8 @@ _KNOWN = 40
 """Corners of ways to earlier grasps that are remembered."""
 _INSIDE = 1.0 / 3.0
 """What was seen of an object lies in the way if so much of it does."""
+_UNSURE = 0.05
+"""The middle of what was seen may be so far from that of an object [m]."""
 _SPECK = 20
 """Fewer cells of surface than this are noise, wherever they are."""
 
@@ -200,7 +202,8 @@ def _not_in_the_way(
     config = context.pipeline.config
     # Only the side towards the camera was seen: what is behind it counts, too.
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    if context.is_in_way(points).mean() < _INSIDE and not context.is_in_way(middle):
+    is_outside = not context.is_in_way(middle, _UNSURE)
+    if context.is_in_way(points).mean() < _INSIDE and is_outside:
         return "outside the workspace"
     is_low = triage.way is Way.DRIVE_OVER
     least = config.min_object_points if is_low else _SPECK

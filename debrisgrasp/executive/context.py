@@ -267,10 +267,16 @@ class Context:
         finally:
             self.held = held
 
-    def is_in_way(self, points: FloatArray) -> BoolArray:
-        """Which points (..., 3), base frame [m], lie in the workspace."""
+    def is_in_way(self, points: FloatArray, beside: float = 0.0) -> BoolArray:
+        """Which points (..., 3), base frame [m], lie in the workspace.
+
+        Parameters
+        ----------
+        beside
+            So far beside it counts, too [m].
+        """
         T_way_base = self.T_base_way.inverse()
-        return self.settings.bounds.contains(T_way_base.apply(points))
+        return self.settings.bounds.grown(beside).contains(T_way_base.apply(points))
 
     def preshape_of(self, limb: LimbState) -> str:
         """Name of the preshape that a hand has taken."""

@@ -45,7 +45,8 @@ class TaskSettings:
         (1.9, 0.62, 1.3),
     )
     """Box of the way that is to be cleared, lower and upper corner, base frame [m]; an
-    array (2, 3) will do. Objects with their middle outside are not in the way."""
+    array (2, 3) will do. Objects whose middle seems to be more than 5 cm outside are
+    not in the way."""
     drop_off: Mapping[str, tuple[float, float]] = field(default_factory=_beside)
     """Where each arm puts things down: (x, y) in the base frame [m]."""
     drop_height: float = 0.04
