@@ -16,6 +16,8 @@ __all__ = ["Along", "taken_along"]
 
 _IN_A_ROW = 2
 """So many times in a row it must bear more: one sample may be wrong."""
+_PRESSED = 25.0
+"""With so much on it a hand that should be empty touches something [N]."""
 _SILENT = 10
 """So many samples without a number tell nothing of what it meets."""
 
@@ -27,6 +29,8 @@ class Along:
         self._senses = senses
         force, torque = self._bears()
         limits = senses.limits
+        self.is_pressed = force > _PRESSED
+        """Whether it touches something already."""
         most_force, most_torque = met_from(force, torque)
         self._force = min(most_force, limits.force)
         self._torque = min(most_torque, limits.torque)

@@ -20,6 +20,7 @@ from debrisgrasp.control import (
     LegState,
     Reading,
     SafetyState,
+    ServoConfig,
     Supervisor,
     TarePolicy,
 )
@@ -36,6 +37,8 @@ from .senses import SAFETY, Senses
 
 __all__ = ["OUTSIDE", "Drive", "LegEnd"]
 
+_TRUNK_STILL = ServoConfig(shared_cost=1e6)
+"""Turned on, an arm that touches something would be pressed harder."""
 _BRAKES_WITHIN = 0.03
 """Slower is a leg on which the joints need longer to stop [s]."""
 _AT_START = 0.03
@@ -210,9 +213,11 @@ class Drive(Senses):
         engaged = self.engage()
         if engaged is not None:
             return engaged
+        along = taken_along(self)
         begin = partial(
             self._begun,
             goal,
+            is_trunk_still=any(other.is_pressed for other in along),
             guard=guard,
             compliance=compliance,
             tare=tare,
@@ -226,7 +231,6 @@ class Drive(Senses):
         if sent is None or clock.now() > sent[0]:
             self._send(state.servo.q)  # speeds count from the tick of the last command
         self.limb.went(np.array([state.servo.q]))
-        along = taken_along(self)
         while True:
             clock.wait_until(clock.now() + self.period)
             reading = self.read()
@@ -271,12 +275,19 @@ class Drive(Senses):
         goal: SE3 | ArrayLike,
         speed: float,
         *,
+        is_trunk_still: bool,
         guard: ContactGuard | None,
         compliance: Compliance | None,
         tare: TarePolicy,
         limits: LimitSet | None,
     ) -> _Begun | FaultFound:
-        """Begin a leg where the arm stands; or why it is refused."""
+        """Begin a leg where the arm stands; or why it is refused.
+
+        Parameters
+        ----------
+        is_trunk_still
+            Whether joints that turn other arms, too, are not moved.
+        """
         limb = self.limb
         reading = self.read()
         q = self._stands_at(reading)
@@ -292,7 +303,11 @@ class Drive(Senses):
                 limb.loads,
                 leg,
                 ControllerConfig(
-                    period=self.period, speed=speed, tare=tare, safety=SAFETY
+                    period=self.period,
+                    speed=speed,
+                    tare=tare,
+                    safety=SAFETY,
+                    servo=_TRUNK_STILL if is_trunk_still else ServoConfig(),
                 ),
                 compliance=compliance,
                 guard=guard,

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from debrisgrasp.control import LegOutcome
 from debrisgrasp.executive.along import Along
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.moves import planned
 from debrisgrasp.executive.obstacles import space_of
+from debrisgrasp.executive.states import State
 from debrisgrasp.motion import UnknownSpace
 from tests.unit.executive.rigs import before_a_brick
 
@@ -55,3 +57,23 @@ def test_an_arm_that_is_taken_along_is_watched_within_its_limits(
     monkeypatch.setattr(Along, "_bears", lambda _: (force, torque))
     found = [each.fault for each in (along.met() for _ in range(12)) if each]
     assert set(found) == ({fault} if fault else set())
+
+
+@pytest.mark.parametrize(("force", "turns"), [(0.0, True), (40.0, False)])
+def test_a_leg_does_not_turn_an_arm_that_touches_something(
+    pipeline, monkeypatch, force, turns
+):
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    context.state = State.RETREAT
+    limb, drive = context.limbs["right"], Drive(context, "right")
+    for each in context.limbs.values():
+        each.baseline_time = 1.0
+    monkeypatch.setattr(Along, "_bears", lambda _: (force, 0.0))
+    before = context.posture(limb)
+    place = limb.pose(before).p
+    end = drive.leg([0.05, 0.05, 0.0], speed=0.05)
+    assert end.outcome is LegOutcome.DONE
+    after = context.posture(limb)
+    assert limb.pose(after).p - place == pytest.approx([0.05, 0.05, 0.0], abs=2e-3)
+    assert bool(abs(after[0] - before[0]) > 1e-3) is turns
