@@ -10,12 +10,13 @@ import debrisgrasp
 from debrisgrasp._arrays import require_range
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
+from debrisgrasp.pipeline import without_robot
 from debrisgrasp.pipeline.inputs import LEAST_MASS, MOST_MASS
 from debrisgrasp.settings import Settings
 
 from .policy_arguments import add_policy, policy_of
 from .site_arguments import add_grippers, add_site, site_of
-from .values import add_region, number, region_of, seed, some_path
+from .values import add_region, joint, number, region_of, seed, some_path
 
 __all__ = [
     "add_capture",
@@ -116,6 +117,14 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
         metavar="KG",
         help="what the first object that is tried weighs, if known",
     )
+    search.add_argument(
+        "--joints",
+        nargs="+",
+        type=joint,
+        metavar="NAME=VALUE",
+        help="leave out what shows the robot itself: its joints when the picture was "
+        "taken, in rad or m; arms not named are idle, other joints at rest",
+    )
 
 
 def tell(notes: Iterable[str]) -> None:
@@ -127,7 +136,7 @@ def tell(notes: Iterable[str]) -> None:
 def refuse_planning(arguments: argparse.Namespace, where: str) -> None:
     """Refuse arguments of a search where there is none."""
     search = ("arm", "gripper", "prototypes", "policy", "priority_point", "pick")
-    for name in (*search, "region", "object", "mass"):
+    for name in (*search, "region", "object", "mass", "joints"):
         if getattr(arguments, name) is not None:
             option = "--" + name.replace("_", "-")
             raise ConfigError(
@@ -158,6 +167,8 @@ def planned(
             )
     pipeline = debrisgrasp.Pipeline.from_settings(settings)
     pipeline.policy = policy_of(arguments, pipeline.policy)
+    if arguments.joints is not None:
+        capture = _bare(capture, pipeline, dict(arguments.joints))
     result = pipeline.plan(
         capture,
         region=region,
@@ -170,6 +181,20 @@ def planned(
     )
     tell(result.plan.notes)
     return result
+
+
+def _bare(
+    capture: Capture, pipeline: debrisgrasp.Pipeline, joints: dict[str, float]
+) -> Capture:
+    """Leave out what of a capture shows the robot itself."""
+    if pipeline.robot is None:
+        raise ConfigError(
+            "--joints", got="some", expected="none for a hand without a robot"
+        )
+    bare = without_robot(capture, pipeline.robot, joints)
+    n = len(capture.cloud().points) - len(bare.cloud().points)
+    tell([f"{n} points show the robot itself, and were left out"])
+    return bare
 
 
 def progress(arguments: argparse.Namespace) -> debrisgrasp.Progress | None:

@@ -11,7 +11,7 @@ import numpy as np
 from debrisgrasp._arrays import require_metres
 from debrisgrasp.geometry import Bounds
 
-__all__ = ["add_region", "number", "region_of", "seed", "some_path"]
+__all__ = ["add_region", "joint", "number", "region_of", "seed", "some_path"]
 
 _EXAMPLE = "0.7 -0.3 0 1.3 0.3 0.6"
 
@@ -32,6 +32,14 @@ def number(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
     return value
+
+
+def joint(text: str) -> tuple[str, float]:
+    """Parse the value of a joint, ``NAME=VALUE``."""
+    name, _, value = text.partition("=")
+    if not name or not value:
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE [rad or m]")
+    return name, number(value)
 
 
 def seed(text: str) -> int:

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import debrisgrasp
-from debrisgrasp.geometry import Bounds
+from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.io.plan_json import load_plan
+from debrisgrasp.kinematics import RobotModel
 from tests.scenes import capture_of
 
 from .conftest import PIPE
@@ -354,3 +355,41 @@ def test_every_command_says_what_it_wrote(run, pipe_file, tmp_path, command):
 def test_what_is_only_drawn_is_not_called_a_page(refused, pipe_file, command):
     message = refused(command, pipe_file, "--report", "report.html")
     assert "name of a picture: got report.html" in message
+
+
+def test_a_plan_leaves_out_the_arm_in_the_picture(run, dictionary, tmp_path):
+    """Where an arm would be that was held so, a thing of its size is no obstacle."""
+    robot = RobotModel.load("roman")
+    joints = {"right_arm_joint2": 0.4, "right_arm_joint4": -0.5}
+    solids = dict(robot.links_solids(joints))
+    wrist = solids["right_arm_link5"]
+    low, high = wrist.bounds.lower, wrist.bounds.upper
+    inside = np.random.default_rng(0).uniform(low, high, (200, 3))
+    inside = inside[wrist.signed_distance(inside) < 0.0]
+    pile = Capture.load(data_path("captures", "pile.npz")).cloud()
+    points = np.concatenate([pile.points[::4], inside])
+    path = tmp_path / "seen.npz"
+    seen = Capture(
+        points=points, T_base_camera=SE3.identity(), viewpoint=(0.3, 0.0, 1.0)
+    )
+    seen.save(path)
+    given = [f"{name}={value}" for name, value in joints.items()]
+    ended = run("plan", path, "--prototypes", dictionary, "--joints", *given)
+    words = f"note: {len(inside)} points show the robot itself, and were left out"
+    assert words in ended.err
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (("--joints", "elbow=0.1"), "unknown joint of robot roman: got 'elbow'"),
+        (("--joints", "torso_joint"), "is not NAME=VALUE"),
+        (("--joints", "torso_joint=nan"), "not a finite number"),
+        (("--robot", "none", "--joints", "torso_joint=0"), "a hand without a robot"),
+    ],
+)
+def test_joints_that_are_none_are_refused(run, pipe_file, argv, words):
+    ended = run("plan", pipe_file, *argv)
+    assert ended.status == 2
+    assert words in ended.err
+    assert "Traceback" not in ended.err
