@@ -81,12 +81,14 @@ def real_captures() -> Iterator[debrisgrasp.Capture]:
 
 def timed(work: Callable[[], T]) -> tuple[T, float, float]:
     """Result of some work, and medians of three runs: time, CPU time of the thread."""
-    times = []
+    times, done = [], None
     for _ in range(3):
+        done = None  # nobody holds two results
         begin, spent = time.perf_counter(), time.thread_time()
         done = work()
         times.append((time.perf_counter() - begin, time.thread_time() - spent))
     seconds, cpu = np.median(times, axis=0).tolist()
+    assert done is not None
     return done, seconds, cpu
 
 
@@ -170,6 +172,7 @@ def main() -> None:
                 f"{seconds[-1]:.2f}",
             ]
         )
+        del capture, result, seen, quick, plan, best
     print(columns(["capture", "tried", "grasps", "best Q", "prototype", "s"], rows))
     print()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
