@@ -242,8 +242,7 @@ def taken_back(context: Context) -> FaultFound | None:
         return None
     is_own, ignored = context.cycle.is_own, UnknownSpace.IGNORED
     space = room_for(context, [limb], is_own, unknown=ignored)
-    known = np.array(limb.trail) if limb.trail else None
-    found = planned(context, limb, hung, space, known=known)
+    found = planned(context, limb, hung, space, known=limb.known_way)
     if isinstance(found, FaultFound):
         return None
     assert found.trajectory is not None

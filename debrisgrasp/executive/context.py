@@ -106,6 +106,11 @@ class LimbState:
             if all(np.abs(q - known).max() > _APART for known in self.trail):
                 self.trail.append(np.array(q))
 
+    @property
+    def known_way(self) -> FloatArray | None:
+        """The trail, shape (k, d); None: it is at rest, or the base has moved since."""
+        return np.array(self.trail) if self.trail else None
+
     @cached_property
     def planner(self) -> MotionPlanner:
         """Of motions with nothing in the hand."""

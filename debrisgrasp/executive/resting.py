@@ -138,8 +138,7 @@ def _way_to(
     seen is in the way: all else is a guess, near which the arm goes slowly. What came
     into the way since the arm went it moved there, and at last is moved again.
     """
-    known = np.array(limb.trail) if limb.trail else None
-    q = context.posture(limb)
+    q, known = context.posture(limb), limb.known_way
     stands, gone = (limb.planner, q), (limb.planner, _way_gone(limb, q))
     for unknown, leaves, with_guesses in (
         (UnknownSpace.HIDDEN, None, True),

@@ -23,7 +23,6 @@ from debrisgrasp.kinematics import (
     solve,
     solve_distinct,
 )
-from debrisgrasp.kinematics.segments import carried
 
 from .config import MotionConfig
 from .exact import ExactArm, ExactTest
@@ -257,10 +256,10 @@ class MotionPlanner:
         array
             Centre and radius of each [m], base frame, shape (b, 4).
         """
-        arm, trunk = self._spheres, self._spheres.trunk
+        arm = self._spheres
         R, p = arm.poses(q[None])
-        centers = [arm.centers(R, p), carried(R[0], p[0], trunk.centers)]
-        radii = np.concatenate([arm.radii, trunk.radii])[:, 0]
+        centers = [arm.centers(R, p), arm.trunk_centers(R, p)]
+        radii = np.concatenate([arm.radii, arm.trunk.radii])[:, 0]
         return np.column_stack([np.hstack(centers)[..., 0].T, radii + room])
 
     def _goals(

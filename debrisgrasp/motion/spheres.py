@@ -213,6 +213,10 @@ class ArmSpheres:
             start = stop
         return found
 
+    def trunk_centers(self, R: Float32Array, p: Float32Array) -> Float32Array:
+        """Centres of the spheres of segment 1 in base, (3, t, n) [m]."""
+        return carried(R[0], p[0], self.trunk.centers)
+
     def hits_still(
         self, centers: Float32Array, R: Float32Array, p: Float32Array, margin: float
     ) -> BoolArray:
@@ -310,7 +314,7 @@ class SphereTest:
         q = np.zeros((len(values), chain.n_joints))
         q[:, 0] = values
         R, p = self.arm.poses(q)
-        centers = carried(R[0], p[0], cover.centers)
+        centers = self.arm.trunk_centers(R, p)
         # Between two values of the table the trunk moves by half a step.
         lever = np.hypot(*cover.centers[:2]).max() if chain.is_revolute[0] else 1.0
         sweep = 0.5 * _STEP * float(lever) if self.is_strict else 0.0
