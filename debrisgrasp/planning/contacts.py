@@ -39,8 +39,11 @@ _HALF_PAD = 0.015
 """An object that ends by more than this before the middle of a pad misses it [m]."""
 _END_ERROR = 0.008
 """Standard deviation of where an object ends [m]."""
-_SPARE = 0.02
-"""By so much more than a preshape is for its fingers close [m]."""
+_HEIGHTS = np.arange(0.005, 0.4, 0.01)
+"""Over the palm, at which the gap between closed fingers is known [m]."""
+_DEEP = 0.01
+"""So much of a face lies deeper than where fingers press on it: at its end they would
+hook rather than squeeze [m]."""
 _BY_THE_REST = 0.05
 """Probability that the other fingers hold what one of them misses."""
 _TOGETHER = 200_000
@@ -83,13 +86,13 @@ class PadZones:
     """[m], shape (p, 3)."""
     upper: Float32Array
     """[m], shape (p, 3)."""
-    narrowest: Float32Array
-    """Narrowest object that the preshape is for [m], shape (p,)."""
+    gaps: Float32Array
+    """Left between closed fingers at each of some heights [m], shape (p, h)."""
 
     @classmethod
     def of(cls, library: PrototypeLibrary, config: ContactConfig) -> PadZones:
         """Collect the zone of each prototype's hand."""
-        lower, upper, narrowest = [], [], []
+        lower, upper, gaps = [], [], []
         for prototype in library:
             gripper = library.grippers[prototype.gripper]
             pads = gripper.pad_positions(prototype.preshape, prototype.width)
@@ -99,8 +102,12 @@ class PadZones:
             low = max(height - config.zone, 0.0)
             lower.append([-half, beside.min() - config.margin, low])
             upper.append([half, beside.max() + config.margin, reach])
-            narrowest.append(gripper.preshape(prototype.preshape).widths[0])
-        return cls(*(np.array(x, np.float32) for x in (lower, upper, narrowest)))
+            gap = gripper.closed_gaps(prototype.preshape, _HEIGHTS)
+            known = gap[np.isfinite(gap)]
+            at_tips = known[-1] if len(known) else 0.0
+            gap = np.where(reach > _HEIGHTS, gap, at_tips)
+            gaps.append(np.minimum(gap, prototype.opening))
+        return cls(*(np.array(x, np.float32) for x in (lower, upper, gaps)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,8 +119,8 @@ class PadLook:
     which too little was seen is taken to lean as the outline of the object does, if
     what was seen of that leaves a finger room there. Where the object ends before it
     gets to a finger, that one presses on nothing, and so do all where it is narrower
-    than what the preshape is for. Fingertips that end before the middle of what is
-    round press it out of the hand."""
+    than what closed fingers leave between them at its height. Fingertips that end
+    before the middle of what is round press it out of the hand."""
     causes: FloatArray
     """What of it the lean of the faces leaves, then pads beyond the end of the object,
     then its being narrow, in [0, 1], shape (k, 3)."""
@@ -199,7 +206,7 @@ class PadContacts:
         is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
         width = upper[:, 1] - lower[:, 1]
         angles, rooms, leaning = [], [], []
-        spare = _SPARE - self._zones.narrowest[prototype]
+        spare = -self._least_gap(near, prototype)
         for side in (-1.0, 1.0):
             cosine = np.float32(side) * near.along
             faces = is_beside & (cosine > np.float32(_TURNED))
@@ -239,6 +246,16 @@ class PadContacts:
         slant, error = near.slant(upper[:, 2])
         spare[near.n_each < self._config.min_points] = np.inf
         return np.stack([*angles, *rooms, *leaning, over, slant, error, spare], axis=1)
+
+    def _least_gap(self, near: NearPads, prototype: IntArray) -> FloatArray:
+        """Least gap of closed fingers at the heights of what was seen [m], (k,)."""
+        half = 0.5 * (_HEIGHTS[1] - _HEIGHTS[0])
+        last = bounded(near.greatest(near.z, 0.0) - _DEEP, half, _HEIGHTS[-1])[:, None]
+        first = np.minimum(-near.greatest(-near.z, -np.inf)[:, None], last)
+        is_level = (_HEIGHTS + half > first) & (_HEIGHTS - half < last)
+        gaps = np.where(is_level, self._zones.gaps[prototype], np.inf)
+        least: FloatArray = gaps.min(axis=1)
+        return least
 
     def _overhang(
         self, near: NearPads, is_open: BoolArray, width: Float32Array

@@ -21,6 +21,9 @@ from .hand_kinematics import Finger, Preshape
 
 __all__ = ["FURTHER_HANDS", "GripperModel", "known_grippers", "load_grippers"]
 
+_STEP, _ACROSS = 2e-3, 9
+"""Spacing along the closing axis of places that are asked for being in a finger [m],
+and how many there are across a side."""
 _OUT = 0.01
 """A palm that stands out of its frame by more than this is in the objects [m]."""
 
@@ -167,6 +170,34 @@ class GripperModel:
         """How far the fingers stand out in front of the palm [m]."""
         solids = self.finger_solids(preshape, opening)
         return max(float(solid.bounds.upper[2]) for solid in solids)
+
+    def closed_gaps(self, preshape: str, heights: FloatArray) -> FloatArray:
+        """Gap left between both sides where fingers close as far as they go, in front.
+
+        Parameters
+        ----------
+        heights
+            Over the palm [m], shape (n,).
+
+        Returns
+        -------
+        FloatArray
+            [m], shape (n,); infinite where no finger of a side is.
+        """
+        shape = self.preshape(preshape)
+        closed = max(float(shape.openings[-1]), 0.0)
+        x = np.arange(-shape.widest, shape.widest, _STEP)
+        gaps = np.zeros(len(heights))
+        for side in (-1, 1):
+            solids = self.finger_solids(preshape, closed, side)
+            low = min(float(solid.bounds.lower[1]) for solid in solids)
+            high = max(float(solid.bounds.upper[1]) for solid in solids)
+            y = np.linspace(low, high, _ACROSS)
+            places = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1)
+            depth = np.stack([s.signed_distance(places.reshape(-1, 3)) for s in solids])
+            is_in = (depth.min(axis=0).reshape(places.shape[:3]) < 0.0).any(axis=1)
+            gaps += np.where(is_in, side * x[:, None], np.inf).min(axis=0)
+        return np.maximum(gaps, 0.0)
 
     def closing_region(self, preshape: str, opening: float) -> Box:
         """Volume between the fingers, from the palm to their tips.

@@ -118,6 +118,38 @@ def test_claw_openings_agree_with_the_published_table(claw: GripperModel) -> Non
     assert max(reach) == pytest.approx(0.083, abs=1e-3)
 
 
+def test_closed_fingers_leave_a_gap_near_the_palm_and_none_at_their_tips(
+    claw: GripperModel, robotiq: GripperModel
+) -> None:
+    """Measured on the solids: hooks that stand 8 cm out, 2 cm thick."""
+    for gripper, preshape, tips in ((claw, "claw", 0.07), (robotiq, "basic", 0.10)):
+        gaps = gripper.closed_gaps(preshape, np.array([0.03, tips, 0.2]))
+        assert gaps[0] > 0.02
+        assert gaps[1] < 0.004
+        assert gaps[2] == np.inf
+
+
+def test_nothing_of_a_finger_is_in_the_gap_of_a_closed_hand(
+    gripper: GripperModel,
+) -> None:
+    heights = np.linspace(0.0, 0.08, 9)
+    for preshape in gripper.preshapes:
+        gaps = gripper.closed_gaps(preshape, heights)
+        thumb, pair = (gripper.finger_solids(preshape, 0.0, side) for side in (-1, 1))
+        for z, gap in zip(heights, gaps, strict=True):
+            grid = np.meshgrid(np.linspace(-0.2, 0.2, 401), np.linspace(-0.1, 0.1, 21))
+            points = np.stack([*map(np.ravel, grid), np.full(grid[0].size, z)], axis=1)
+            inner = [
+                max(
+                    (side * points[s.contains(points), 0]).max(initial=-np.inf)
+                    for s in solids
+                )
+                for side, solids in ((1, thumb), (-1, pair))
+            ]
+            # Between fingers that overlap there is no gap.
+            assert gap == pytest.approx(max(-sum(inner), 0.0), abs=5e-3)
+
+
 def test_opening_survives_the_way_through_the_command(gripper: GripperModel) -> None:
     low, high = gripper.opening_range
     for preshape in gripper.preshapes:
