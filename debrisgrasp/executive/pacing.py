@@ -210,7 +210,7 @@ def careful(
     if context.held is None:
         is_free: BoolArray = np.all(context.known.is_free(where), axis=1)
         # Beside it, too: between two looks it may begin anywhere.
-        is_known = np.convolve(~is_free, np.ones(3), mode="same") < 0.5
+        is_known = np.convolve(~is_free, np.ones(3))[1:-1] < 0.5
     else:
         # What is held may be larger than all that was seen of it.
         is_known = np.zeros(n, dtype=bool)

@@ -16,7 +16,7 @@ from debrisgrasp.motion import MotionPlan, UnknownSpace
 from .context import Context, LimbState
 from .drag import drive_back
 from .drive import Drive
-from .folding import straight
+from .folding import is_folded, straight
 from .hanging import looked_after, looked_again
 from .moves import LAST_RESORT, planned, pull_of, reversed_motion
 from .obstacles import space_of
@@ -82,6 +82,9 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
         eased = _risen(drive)  # it touched something: over that
     if eased is not None:
         return eased
+    eased = _unfolded(drive)
+    if eased is not None:
+        return eased
     q = context.posture(limb)
     limb.went(q[None])
     motion = context.cycle.motion
@@ -105,6 +108,21 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
         return found
     assert found.trajectory is not None
     return _back(drive, found.trajectory)
+
+
+def _unfolded(drive: Drive) -> FaultFound | None:
+    """Lead a hand straight back to where its arm last was not folded onto the robot.
+
+    What pushes an arm aside brings it nearer to itself than its leg was to, and no
+    motion begins there.
+    """
+    limb, q = drive.limb, drive.context.posture(drive.limb)
+    if not is_folded(limb, q):
+        return None
+    free = next((row for row in reversed(limb.trail) if not is_folded(limb, row)), q)
+    way, speed = limb.pose(free).p - limb.pose(q).p, drive.context.settings.lift_speed
+    end = straight(drive, way, pull_of(drive), speed=speed, least=_LEAST)
+    return end if isinstance(end, FaultFound) else None
 
 
 def _risen(drive: Drive) -> FaultFound | None:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from debrisgrasp.control import LegOutcome
 from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import releasing, resting
 from debrisgrasp.executive.drive import Drive
@@ -60,6 +61,32 @@ def test_an_arm_remembers_its_way_until_it_is_back_at_rest(pipeline):
     assert to_rest(context, "right") is None
     assert limb.trail == []
     assert np.abs(context.posture(limb) - q).max() < 0.01
+
+
+def test_an_arm_that_was_pushed_onto_itself_goes_back_to_where_it_was_free(
+    pipeline, monkeypatch
+):
+    _, task = before_a_brick(pipeline)
+    context, folded = task.context, []
+    limb, drive = context.limbs["right"], Drive(context, "right")
+    begin = limb.pose(context.posture(limb)).p
+    assert drive.leg((0.0, 0.0, 0.1), speed=0.05).outcome is LegOutcome.DONE
+
+    def is_folded(limb, q):
+        folded.append(np.linalg.norm(limb.pose(q).p - begin) > 0.05)
+        return folded[-1]
+
+    monkeypatch.setattr(resting, "is_folded", is_folded)
+    straight, ways = resting.straight, []
+
+    def noted(drive, way, *_, **more):
+        ways.append(way)
+        return straight(drive, way, *_, **more)
+
+    monkeypatch.setattr(resting, "straight", noted)
+    assert to_rest(context, "right") is None
+    np.testing.assert_allclose(ways, [[0.0, 0.0, -0.1]], atol=5e-3)
+    assert folded == [True, False]
 
 
 def test_at_last_nothing_but_what_was_seen_is_in_the_way(pipeline):
