@@ -70,6 +70,9 @@ CONTACT = (
         )
         for of in ("above", "below")
     ),
+    # What else may be the same object.
+    "kinship",
+    *(f"{what}_{of}" for what in ("kin", "kin_lowest") for of in ("above", "below")),
 )  # fmt: skip
 """Names of the columns of `contact_features`; lengths in [m]."""
 
@@ -83,6 +86,8 @@ BEARING = (
     "others_on_below",
     "others_on_above",
     "lead",
+    "kin_support",
+    "kin_carries",
 )
 """Names of the columns of `in_context`; probabilities."""
 
@@ -103,6 +108,8 @@ class Seen:
     """Share of each object's outline at which another one is in front, shape (s,)."""
     certainty: FloatArray
     """Of each object being one, shape (s,)."""
+    kinship: FloatArray
+    """Probability of two labels being one object, shape (s + 1, s + 1)."""
 
     @classmethod
     def of(
@@ -114,13 +121,22 @@ class Seen:
     ) -> Seen:
         """Measure a thinned cloud; surfaces touch up to ``reach`` [m] apart."""
         n = len(segmentation.segments)
+        kinship = np.zeros((n + 1, n + 1))
+        if segmentation.kinship is not None:
+            kinship[1:, 1:] = segmentation.kinship
+            np.fill_diagonal(kinship, 0.0)
         return cls(
             contacts=find_contacts(surface, reach),
             surface=surface,
             shapes=Shapes.of(surface, n),
             occluded=occluded_shares(cloud, segmentation.labels, n),
             certainty=np.array([s.certainty for s in segmentation.segments]),
+            kinship=kinship,
         )
+
+    def kin(self) -> tuple[IntArray, FloatArray]:
+        """Find what each label is likeliest one with, and how likely, (s + 1,)."""
+        return self.kinship.argmax(axis=1), self.kinship.max(axis=1)
 
     def overlaps(self) -> FloatArray:
         """Share of each end of a contact over the other's outline, shape (c, 2)."""
@@ -179,7 +195,7 @@ def judged_relations(seen: Seen) -> tuple[IntArray, FloatArray]:
     """
     relations, features = contact_features(seen)
     alone = contact_evidence().probability(features)
-    among = in_context(relations, features, alone)
+    among = in_context(relations, features, alone, seen)
     return relations, bearing_evidence().probability(among)
 
 
@@ -203,6 +219,7 @@ def contact_features(seen: Seen) -> tuple[IntArray, FloatArray]:
                 *_at_contact(seen.contacts, seen.surface, over, above),
                 *_heights(seen.contacts, seen.shapes, level, above),
                 *_ends(seen.contacts, seen.shapes, alone, above),
+                *_kin(seen, above),
             ]
         )
         for above in (0, 1)
@@ -288,8 +305,15 @@ def _ends(
     return [column for pair in columns for column in pair.T]
 
 
+def _kin(seen: Seen, above: int) -> list[FloatArray]:
+    a, b = seen.contacts.labels[:, above], seen.contacts.labels[:, 1 - above]
+    kin, likely = seen.kin()
+    lowest = np.where(likely > 0.0, seen.shapes.lowest[kin], np.nan)
+    return [seen.kinship[a, b], likely[a], likely[b], lowest[a], lowest[b]]
+
+
 def in_context(
-    relations: IntArray, features: FloatArray, alone: FloatArray
+    relations: IntArray, features: FloatArray, alone: FloatArray, seen: Seen
 ) -> FloatArray:
     """Add to `CONTACT` what the relations say of each other: `BEARING`, (r, f).
 
@@ -301,12 +325,16 @@ def in_context(
     if not len(relations):
         return np.zeros((0, len(BEARING)))
     a, b = relations.T
-    n = int(relations.max()) + 1
+    n = len(seen.kinship)
     bears = np.zeros((n, n))
     bears[a, b] = alone
+    kin, likely = seen.kin()
+    by_kin = likely[a, None] * bears[kin[a]]
+    on_kin = likely[b, None] * bears[:, kin[b]].T
     row = np.arange(len(relations))
     supports, burdens, on_above = bears[a], bears[:, b].T, bears[:, a].T
     supports[row, b] = burdens[row, a] = on_above[row, b] = 0.0
+    by_kin[row, b] = on_kin[row, a] = 0.0
     return np.column_stack(
         [
             features,
@@ -317,5 +345,7 @@ def in_context(
             burdens.max(axis=1),
             on_above.max(axis=1),
             alone - supports.max(axis=1),
+            by_kin.max(axis=1),
+            on_kin.max(axis=1),
         ]
     )

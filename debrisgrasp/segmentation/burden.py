@@ -32,6 +32,8 @@ BURDEN = (
     "higher_neighbours",
     "steepest_front",
     "n_objects",
+    "kin",
+    "kin_carries",
 )
 """Names of the columns of `burden_features`; lengths in [m]."""
 
@@ -66,9 +68,11 @@ def burden_features(
         front[a] = max(front[a], -contacts.front[k])
         higher[b if shapes.highest[a] > shapes.highest[b] else a] += 1
     alone = seen.of_objects()
+    carries = 1.0 - np.prod(1.0 - bears, axis=0)
+    kin, likely = seen.kin()
     features = np.column_stack(
         [
-            1.0 - np.prod(1.0 - bears, axis=0),
+            carries,
             bears.max(axis=0),
             bears.sum(axis=0),
             bears[:, 1:].sum(axis=1),
@@ -86,6 +90,8 @@ def burden_features(
             higher,
             front,
             np.full(n + 1, n),
+            likely,
+            likely * carries[kin],
         ]
     )
     return features[1:]

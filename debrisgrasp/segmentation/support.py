@@ -29,8 +29,8 @@ __all__ = ["GROUND", "SupportConfig", "SupportGraph", "support_graph"]
 GROUND = 0
 """Label of the ground in relations."""
 
-_GROUND_EVIDENCE = np.array([-21.0, -2.33, 7.68])
-_GROUND_PRIOR = 2.92
+_GROUND_EVIDENCE = np.array([-20.7, -2.25, 6.43])
+_GROUND_PRIOR = 2.98
 """What speaks for resting on the ground, a logistic model: height of the lowest part
 that was seen [m], probability of another support, and their product."""
 _OFF_GROUND = 0.15

@@ -36,9 +36,8 @@ from .fit_singulation import FIRST_SEED
 from .piles import FreshPile, fresh_piles
 from .support import Truth, bodies_of, captures, seen_labels, true_segmentation
 
-CONTACT_FIT = Boosting(n_terms=200, depth=5, rate=0.08)
-BEARING_FIT = Boosting(n_terms=200, depth=5, rate=0.08)
-BURDEN_FIT = Boosting(n_terms=150, depth=4, rate=0.06)
+CONTACT_FIT = BEARING_FIT = Boosting(n_terms=350, depth=5, rate=0.06, ridge=10.0)
+BURDEN_FIT = Boosting(n_terms=250, depth=5, rate=0.05)
 
 
 @dataclass
@@ -126,7 +125,7 @@ def fitted(scenes: list[Scene], out: Path, rng: np.random.Generator) -> None:
     contacts = [scene.features for scene in scenes]
     alone = told_by_others(scenes, contacts, CONTACT_FIT, CONTACT, rng)
     among = [
-        in_context(scene.relations, scene.features, own)
+        in_context(scene.relations, scene.features, own, scene.seen)
         for scene, own in zip(scenes, alone, strict=True)
     ]
     confidence = told_by_others(scenes, among, BEARING_FIT, BEARING, rng)
@@ -165,7 +164,7 @@ def logistic_weights(cases: Cases) -> np.ndarray:
 def main() -> None:
     """Fit and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--piles", type=int, default=400)
+    parser.add_argument("--piles", type=int, default=800)
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()

@@ -1,5 +1,7 @@
 """What speaks for one object bearing on another."""
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,11 @@ def seen() -> Seen:
     return Seen.of(segmentation, cloud, surface, config.reach)
 
 
+def related(kinship: np.ndarray) -> Seen:
+    """Of which nothing but the kinship counts."""
+    return Seen(*[None] * (len(fields(Seen)) - 1), kinship)  # type: ignore[arg-type]
+
+
 def test_each_contact_is_looked_at_from_both_ends(seen):
     relations, features = contact_features(seen)
     assert relations.tolist() == [[1, 2], [2, 1]]
@@ -57,14 +64,36 @@ def test_relations_are_judged_among_the_others():
     relations = np.array([[1, 2], [1, 3], [2, 1], [3, 1]])
     features = np.zeros((4, len(CONTACT)))
     alone = np.array([0.6, 0.9, 0.1, 0.2])
-    among = in_context(relations, features, alone)
+    among = in_context(relations, features, alone, related(np.zeros((4, 4))))
     first, second = (dict(zip(BEARING, row, strict=True)) for row in among[:2])
     assert first["alone"] == 0.6
     assert first["back"] == 0.1
     assert first["other_support"] == first["other_supports"] == 0.9
     assert first["others_on_above"] == second["others_on_above"] + 0.1 == 0.2
     assert first["lead"] == pytest.approx(-0.3)
-    assert first["others_on_below"] == 0.0
+    assert first["others_on_below"] == first["kin_support"] == 0.0
+
+
+def test_what_may_be_the_same_object_speaks_for_both(seen):
+    """1 and 4 are likely one: what 4 rests on, and what rests on 4, tells of 1."""
+    relations = np.array([[1, 2], [4, 3], [2, 1], [3, 4], [5, 4], [4, 5]])
+    alone = np.array([0.6, 0.9, 0.1, 0.1, 0.7, 0.1])
+    kinship = np.zeros((6, 6))
+    kinship[1, 4] = kinship[4, 1] = 0.5
+    features = np.zeros((6, len(CONTACT)))
+    among = in_context(relations, features, alone, related(kinship))
+    first, _, back, *_ = (dict(zip(BEARING, row, strict=True)) for row in among)
+    assert first["kin_support"] == pytest.approx(0.5 * 0.9)
+    assert first["other_support"] == 0.0
+    assert back["kin_carries"] == pytest.approx(0.5 * 0.7)
+    kinship = np.zeros((3, 3))
+    kinship[1, 2] = kinship[2, 1] = 0.3
+    _, features = contact_features(replace(seen, kinship=kinship))
+    low, high = (dict(zip(CONTACT, row, strict=True)) for row in features)
+    assert low["kinship"] == low["kin_above"] == low["kin_below"] == 0.3
+    assert high["kin_lowest_below"] == high["lowest_above"]
+    _, features = contact_features(seen)
+    assert np.isnan(features[:, CONTACT.index("kin_lowest_above")]).all()
 
 
 def test_heights_are_those_over_the_ground(seen):
