@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 
 import numpy as np
 
@@ -26,6 +26,9 @@ _WEDGED = 0.003
 _NET, _IDLE = 0.3, 2
 """What two sides push back and forth, and get no farther than this share of its way so
 many times, is wedged between them."""
+_WORSE, _OFTEN = 3.0, 3
+"""What is pressed harder by so much [N] after each time that it gave way, so often one
+after another, is wedged: it turns onto what pushes it."""
 _PATCH = 0.5
 """Lever of the friction that resists a turn, as a share of a body's radius: a bar has
 1/2, a disk 2/3."""
@@ -59,11 +62,16 @@ class Push:
     way: float = 0.0
     """How far it was pushed [m]."""
     is_stuck: bool = False
+    felt: float = inf
+    """What pushed it when it gave way in the last period [N]; infinite if it did not.
+    """
     _since_free: float = 0.0
     _net: FloatArray = field(default_factory=lambda: np.zeros(4))
     """What has come of that, turns by the radius [m]."""
     _n_idle: int = 0
     """So many times now hardly anything."""
+    _n_worse: int = 0
+    """So many times now it was pushed harder after that."""
 
     @classmethod
     def begun(cls, body: int, rubble: Rubble) -> Push:
@@ -114,6 +122,16 @@ class Push:
         gain = min(gain, most / (hypot(*slide) + abs(turn) * self.radius))
         return Yielding(np.array([*(gain * slide), 0.0]), gain * turn)
 
+    def is_eased(self, felt: float) -> bool:
+        """Whether what pushes the body, now by ``felt`` [N], grew less as it gave way.
+
+        What is pushed ever harder is stuck from then on.
+        """
+        self._n_worse = self._n_worse + 1 if felt > self.felt + _WORSE else 0
+        self.felt = inf
+        self.is_stuck = self.is_stuck or self._n_worse >= _OFTEN
+        return not self.is_stuck
+
     def move(self, by: Yielding, rubble: Rubble) -> float:
         """Move the body, unless something turns out to be in its way; how far [m]."""
         rubble.shift(self.body, by.way)
@@ -162,5 +180,11 @@ class Pushes:
             self._begun[body] = Push.begun(body, self._rubble)
         push = self._begun[body]
         com = self._rubble.shapes[body].com
+        felt = float(sum(np.linalg.norm(spring.force) for spring in springs))
+        if not push.is_eased(felt):
+            return None
         by = push.wanted(springs, com, self._config)
-        return None if by is None else push.move(by, self._rubble)
+        if by is None:
+            return None
+        push.felt = felt
+        return push.move(by, self._rubble)

@@ -14,7 +14,7 @@ from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.robot.holding import is_enclosed
-from debrisgrasp.robot.pushing import Push, Yielding
+from debrisgrasp.robot.pushing import Push, Pushes, Yielding
 from debrisgrasp.robot.rubble import Rubble
 from debrisgrasp.robot.settling import Settling
 from debrisgrasp.robot.springs import Spring
@@ -207,6 +207,20 @@ def test_what_is_pushed_by_turns_from_two_sides_is_wedged(step, expected):
     for i in range(40):
         push.move(step(i), rubble)
     assert push.is_stuck is expected
+
+
+@pytest.mark.parametrize(
+    ("growth", "gives_way"), [(10.0, False), (1.0, True), (-10.0, True)]
+)
+def test_what_presses_harder_as_it_gives_way_is_wedged(growth, gives_way):
+    """It turns onto what pushes it; that would bear hundreds of newtons."""
+    rubble, config = lying_bar(), FakeConfig()
+    pushes, moved = Pushes(rubble, config), []
+    for i in range(8):
+        force = -np.array([0.0, 100.0 + growth * i, 0.0])
+        moved.append(pushes.push(0, [Spring(1, 0, rubble.shapes[0].com, force, 3e-3)]))
+    assert all(moved[:3])
+    assert all(way is not None for way in moved) is gives_way
 
 
 def test_a_body_turns_about_its_middle():
