@@ -9,6 +9,7 @@ the object between the fingers tells how far the hidden side is.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import ndtr
@@ -21,7 +22,7 @@ from debrisgrasp._arrays import (
     bounded,
     require_range,
 )
-from debrisgrasp.prototypes import PrototypeLibrary
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
 
 from .borders import is_behind
 from .near_pads import ROOM_ERROR, SAME, NearPads
@@ -102,12 +103,20 @@ class PadZones:
             low = max(height - config.zone, 0.0)
             lower.append([-half, beside.min() - config.margin, low])
             upper.append([half, beside.max() + config.margin, reach])
-            gap = gripper.closed_gaps(prototype.preshape, _HEIGHTS)
-            known = gap[np.isfinite(gap)]
-            at_tips = known[-1] if len(known) else 0.0
-            gap = np.where(reach > _HEIGHTS, gap, at_tips)
+            gap = _closed_gaps(gripper, prototype.preshape)
             gaps.append(np.minimum(gap, prototype.opening))
         return cls(*(np.array(x, np.float32) for x in (lower, upper, gaps)))
+
+
+@lru_cache(maxsize=64)
+def _closed_gaps(gripper: GripperModel, preshape: str) -> FloatArray:
+    """Gaps of a closed hand at `_HEIGHTS` [m]; beyond its tips that of the tips."""
+    gaps = gripper.closed_gaps(preshape, _HEIGHTS)
+    known = np.flatnonzero(np.isfinite(gaps))
+    if not len(known):  # its sides pass each other: where is not told
+        return np.zeros(len(gaps))
+    gaps[known[-1] :] = gaps[known[-1]]
+    return gaps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
