@@ -114,7 +114,8 @@ def _unfolded(drive: Drive) -> FaultFound | None:
     """Lead a hand straight back to where its arm last was not folded onto the robot.
 
     What pushes an arm aside brings it nearer to itself than its leg was to, and no
-    motion begins there.
+    motion begins there. It stays where that is as far as it remembers, and stops where
+    it would touch more of the robot.
     """
     limb, q = drive.limb, drive.context.posture(drive.limb)
     if not is_folded(limb, q):

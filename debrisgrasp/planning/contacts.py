@@ -40,7 +40,7 @@ _HALF_PAD = 0.015
 """An object that ends by more than this before the middle of a pad misses it [m]."""
 _END_ERROR = 0.008
 """Standard deviation of where an object ends [m]."""
-_HEIGHTS = np.arange(0.005, 0.4, 0.01)
+_HEIGHTS = np.arange(0.005, 0.6, 0.01)
 """Over the palm, at which the gap between closed fingers is known [m]."""
 _DEEP = 0.01
 """So much of a face lies deeper than where fingers press on it: at its end they would
@@ -88,7 +88,8 @@ class PadZones:
     upper: Float32Array
     """[m], shape (p, 3)."""
     gaps: Float32Array
-    """Left between closed fingers at each of some heights [m], shape (p, h)."""
+    """Left between closed fingers at each of some heights [m], shape (p, h); past the
+    tips as at the tips, and no more than the opening."""
 
     @classmethod
     def of(cls, library: PrototypeLibrary, config: ContactConfig) -> PadZones:
@@ -261,7 +262,7 @@ class PadContacts:
         half = 0.5 * (_HEIGHTS[1] - _HEIGHTS[0])
         last = bounded(near.greatest(near.z, 0.0) - _DEEP, half, _HEIGHTS[-1])[:, None]
         first = np.minimum(-near.greatest(-near.z, -np.inf)[:, None], last)
-        is_level = (_HEIGHTS + half > first) & (_HEIGHTS - half < last)
+        is_level = (_HEIGHTS + half >= first) & (_HEIGHTS - half < last)
         gaps = np.where(is_level, self._zones.gaps[prototype], np.inf)
         least: FloatArray = gaps.min(axis=1)
         return least

@@ -21,9 +21,10 @@ from .hand_kinematics import Finger, Preshape
 
 __all__ = ["FURTHER_HANDS", "GripperModel", "known_grippers", "load_grippers"]
 
-_STEP, _ACROSS = 2e-3, 9
-"""Spacing along the closing axis of places that are asked for being in a finger [m],
-and how many there are across a side."""
+_STEP = 1e-3
+"""Spacing along the closing axis of places that may be in a finger [m] ..."""
+_ACROSS = np.linspace(0.1, 0.9, 5)
+"""... and where they are across it, as shares of its width."""
 _OUT = 0.01
 """A palm that stands out of its frame by more than this is in the objects [m]."""
 
@@ -172,7 +173,7 @@ class GripperModel:
         return max(float(solid.bounds.upper[2]) for solid in solids)
 
     def closed_gaps(self, preshape: str, heights: FloatArray) -> FloatArray:
-        """Gap left between both sides where fingers close as far as they go, in front.
+        """Gap left between both sides where the fingers close as far as they go.
 
         Parameters
         ----------
@@ -182,21 +183,27 @@ class GripperModel:
         Returns
         -------
         FloatArray
-            [m], shape (n,); infinite where no finger of a side is.
+            To 1 mm [m], shape (n,); infinite where a side has no finger.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such preshape.
         """
-        shape = self.preshape(preshape)
-        closed = max(float(shape.openings[-1]), 0.0)
-        x = np.arange(-shape.widest, shape.widest, _STEP)
+        closed = max(float(self.preshape(preshape).openings[-1]), 0.0)
         gaps = np.zeros(len(heights))
         for side in (-1, 1):
-            solids = self.finger_solids(preshape, closed, side)
-            low = min(float(solid.bounds.lower[1]) for solid in solids)
-            high = max(float(solid.bounds.upper[1]) for solid in solids)
-            y = np.linspace(low, high, _ACROSS)
-            places = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1)
-            depth = np.stack([s.signed_distance(places.reshape(-1, 3)) for s in solids])
-            is_in = (depth.min(axis=0).reshape(places.shape[:3]) < 0.0).any(axis=1)
-            gaps += np.where(is_in, side * x[:, None], np.inf).min(axis=0)
+            inner = np.full(len(heights), np.inf)
+            for solid in self.finger_solids(preshape, closed, side):
+                low, high = solid.bounds.lower, solid.bounds.upper
+                x = np.arange(low[0], high[0] + _STEP, _STEP)
+                y = low[1] + (high - low)[1] * _ACROSS
+                places = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1)
+                depth = solid.signed_distance(places.reshape(-1, 3))
+                is_in = depth.reshape(places.shape[:3]).min(axis=1) < 0.5 * _STEP
+                ends = np.where(is_in, side * x[:, None], np.inf).min(axis=0)
+                inner = np.minimum(inner, ends)
+            gaps += inner
         return np.maximum(gaps, 0.0)
 
     def closing_region(self, preshape: str, opening: float) -> Box:

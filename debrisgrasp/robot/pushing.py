@@ -26,9 +26,9 @@ _WEDGED = 0.003
 _NET, _IDLE = 0.3, 2
 """What two sides push back and forth, and get no farther than this share of its way so
 many times, is wedged between them."""
-_WORSE, _OFTEN = 3.0, 3
-"""What is pressed harder by so much [N] after each time that it gave way, so often one
-after another, is wedged: it turns onto what pushes it."""
+_WORSE, _OFTEN = 750.0, 3
+"""What gave way, and is pushed harder at such a rate all the same [N/s], for so many
+periods one after another, is wedged: it turns onto what pushes it."""
 _PATCH = 0.5
 """Lever of the friction that resists a turn, as a share of a body's radius: a bar has
 1/2, a disk 2/3."""
@@ -122,15 +122,19 @@ class Push:
         gain = min(gain, most / (hypot(*slide) + abs(turn) * self.radius))
         return Yielding(np.array([*(gain * slide), 0.0]), gain * turn)
 
-    def is_eased(self, felt: float) -> bool:
-        """Whether what pushes the body, now by ``felt`` [N], grew less as it gave way.
+    def feel(self, felt: float, config: FakeConfig) -> None:
+        """Take note of what pushes the body now [N].
 
-        What is pushed ever harder is stuck from then on.
+        What is pushed ever harder, though it gives way each time, is stuck.
         """
-        self._n_worse = self._n_worse + 1 if felt > self.felt + _WORSE else 0
+        is_worse = felt > self.felt + _WORSE * config.period
+        self._n_worse = self._n_worse + 1 if is_worse else 0
         self.felt = inf
         self.is_stuck = self.is_stuck or self._n_worse >= _OFTEN
-        return not self.is_stuck
+
+    def rest(self) -> None:
+        """Take note that nothing pushes the body now."""
+        self.felt, self._n_worse = inf, 0
 
     def move(self, by: Yielding, rubble: Rubble) -> float:
         """Move the body, unless something turns out to be in its way; how far [m]."""
@@ -171,7 +175,10 @@ class Pushes:
         self, touched: Collection[int], is_near: Callable[[int], bool]
     ) -> list[Push]:
         """Take out those of bodies that nothing touches, and no hand is near to."""
-        over = [b for b in self._begun if b not in touched and not is_near(b)]
+        free = [body for body in self._begun if body not in touched]
+        for body in free:
+            self._begun[body].rest()
+        over = [body for body in free if not is_near(body)]
         return [self._begun.pop(body) for body in over]
 
     def push(self, body: int, springs: Sequence[Spring]) -> float | None:
@@ -180,9 +187,8 @@ class Pushes:
             self._begun[body] = Push.begun(body, self._rubble)
         push = self._begun[body]
         com = self._rubble.shapes[body].com
-        felt = float(sum(np.linalg.norm(spring.force) for spring in springs))
-        if not push.is_eased(felt):
-            return None
+        felt = float(np.linalg.norm(np.sum([s.force for s in springs], axis=0)))
+        push.feel(felt, self._config)
         by = push.wanted(springs, com, self._config)
         if by is None:
             return None

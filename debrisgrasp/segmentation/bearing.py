@@ -25,6 +25,7 @@ __all__ = [
     "contact_features",
     "in_context",
     "judged_relations",
+    "likeliest_kin",
 ]
 
 CONTACT = (
@@ -134,10 +135,6 @@ class Seen:
             kinship=kinship,
         )
 
-    def kin(self) -> tuple[IntArray, FloatArray]:
-        """Find what each label is likeliest one with, and how likely, (s + 1,)."""
-        return self.kinship.argmax(axis=1), self.kinship.max(axis=1)
-
     def overlaps(self) -> FloatArray:
         """Share of each end of a contact over the other's outline, shape (c, 2)."""
         cells = self.surface.cells_of
@@ -175,6 +172,11 @@ class Seen:
         return middle
 
 
+def likeliest_kin(kinship: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Find what each label is likeliest one with, and how likely, (s + 1,) each."""
+    return kinship.argmax(axis=1), kinship.max(axis=1)
+
+
 @cache
 def contact_evidence() -> Evidence:
     """Evidence of a contact by itself, fitted to simulated piles at rest."""
@@ -195,7 +197,7 @@ def judged_relations(seen: Seen) -> tuple[IntArray, FloatArray]:
     """
     relations, features = contact_features(seen)
     alone = contact_evidence().probability(features)
-    among = in_context(relations, features, alone, seen)
+    among = in_context(relations, features, alone, seen.kinship)
     return relations, bearing_evidence().probability(among)
 
 
@@ -307,13 +309,16 @@ def _ends(
 
 def _kin(seen: Seen, above: int) -> list[FloatArray]:
     a, b = seen.contacts.labels[:, above], seen.contacts.labels[:, 1 - above]
-    kin, likely = seen.kin()
+    kin, likely = likeliest_kin(seen.kinship)
     lowest = np.where(likely > 0.0, seen.shapes.lowest[kin], np.nan)
     return [seen.kinship[a, b], likely[a], likely[b], lowest[a], lowest[b]]
 
 
 def in_context(
-    relations: IntArray, features: FloatArray, alone: FloatArray, seen: Seen
+    relations: IntArray,
+    features: FloatArray,
+    alone: FloatArray,
+    kinship: FloatArray,
 ) -> FloatArray:
     """Add to `CONTACT` what the relations say of each other: `BEARING`, (r, f).
 
@@ -321,20 +326,26 @@ def in_context(
     ----------
     relations, alone
         (above, below) labels, shape (r, 2), and how likely each is by itself, (r,).
+    features
+        `CONTACT` of each, shape (r, f).
+    kinship
+        See `Seen`.
     """
     if not len(relations):
         return np.zeros((0, len(BEARING)))
     a, b = relations.T
-    n = len(seen.kinship)
+    n = len(kinship)
     bears = np.zeros((n, n))
     bears[a, b] = alone
-    kin, likely = seen.kin()
+    kin, likely = likeliest_kin(kinship)
     by_kin = likely[a, None] * bears[kin[a]]
     on_kin = likely[b, None] * bears[:, kin[b]].T
     row = np.arange(len(relations))
     supports, burdens, on_above = bears[a], bears[:, b].T, bears[:, a].T
     supports[row, b] = burdens[row, a] = on_above[row, b] = 0.0
     by_kin[row, b] = on_kin[row, a] = 0.0
+    # Parts of one object that hold each other tell nothing of it.
+    by_kin[row, a] = on_kin[row, b] = 0.0
     return np.column_stack(
         [
             features,

@@ -8,7 +8,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray
 
-from .bearing import Seen
+from .bearing import Seen, likeliest_kin
 from .evidence import Evidence
 
 __all__ = ["BURDEN", "burden_evidence", "burden_features"]
@@ -68,11 +68,12 @@ def burden_features(
         front[a] = max(front[a], -contacts.front[k])
         higher[b if shapes.highest[a] > shapes.highest[b] else a] += 1
     alone = seen.of_objects()
-    carries = 1.0 - np.prod(1.0 - bears, axis=0)
-    kin, likely = seen.kin()
+    kin, likely = likeliest_kin(seen.kinship)
+    on_kin = bears[:, kin].T
+    np.fill_diagonal(on_kin, 0.0)  # its own weight
     features = np.column_stack(
         [
-            carries,
+            1.0 - np.prod(1.0 - bears, axis=0),
             bears.max(axis=0),
             bears.sum(axis=0),
             bears[:, 1:].sum(axis=1),
@@ -91,7 +92,7 @@ def burden_features(
             front,
             np.full(n + 1, n),
             likely,
-            likely * carries[kin],
+            likely * (1.0 - np.prod(1.0 - on_kin, axis=1)),
         ]
     )
     return features[1:]

@@ -125,7 +125,7 @@ def fitted(scenes: list[Scene], out: Path, rng: np.random.Generator) -> None:
     contacts = [scene.features for scene in scenes]
     alone = told_by_others(scenes, contacts, CONTACT_FIT, CONTACT, rng)
     among = [
-        in_context(scene.relations, scene.features, own, scene.seen)
+        in_context(scene.relations, scene.features, own, scene.seen.kinship)
         for scene, own in zip(scenes, alone, strict=True)
     ]
     confidence = told_by_others(scenes, among, BEARING_FIT, BEARING, rng)

@@ -142,7 +142,7 @@ def test_a_claw_can_not_squeeze_what_is_thinner_than_it_closes(
 
 
 @pytest.mark.parametrize(
-    ("height", "least", "most"), [(0.03, 0.0, 0.15), (0.06, 0.7, 1.0)]
+    ("height", "least", "most"), [(0.03, 0.0, 0.3), (0.06, 0.7, 1.0)]
 )
 def test_a_thin_wall_is_squeezed_where_it_goes_down_to_the_fingertips(
     height, least, most

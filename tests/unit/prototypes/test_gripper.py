@@ -150,6 +150,20 @@ def test_nothing_of_a_finger_is_in_the_gap_of_a_closed_hand(
             assert gap == pytest.approx(max(-sum(inner), 0.0), abs=5e-3)
 
 
+@pytest.mark.parametrize(("width", "apart"), [(0.008, 0.05), (0.002, 0.03)])
+def test_narrow_fingers_far_apart_are_found_in_the_gap(width, apart, claw, monkeypatch):
+    def fingers(_self, _preshape, _opening, side):
+        return tuple(
+            Box([0.004, width / 2, 0.04], SE3.from_parts(p=[side * 0.007, y, 0.04]))
+            for y in (-apart, apart)
+        )
+
+    monkeypatch.setattr(GripperModel, "finger_solids", fingers)
+    gaps = claw.closed_gaps("claw", np.array([0.02, 0.06, 0.1]))
+    assert gaps[:2] == pytest.approx(0.006, abs=1.1e-3)
+    assert gaps[2] == np.inf
+
+
 def test_opening_survives_the_way_through_the_command(gripper: GripperModel) -> None:
     low, high = gripper.opening_range
     for preshape in gripper.preshapes:

@@ -1,6 +1,6 @@
 """What speaks for one object bearing on another."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,11 +38,6 @@ def seen() -> Seen:
     return Seen.of(segmentation, cloud, surface, config.reach)
 
 
-def related(kinship: np.ndarray) -> Seen:
-    """Of which nothing but the kinship counts."""
-    return Seen(*[None] * (len(fields(Seen)) - 1), kinship)  # type: ignore[arg-type]
-
-
 def test_each_contact_is_looked_at_from_both_ends(seen):
     relations, features = contact_features(seen)
     assert relations.tolist() == [[1, 2], [2, 1]]
@@ -64,7 +59,7 @@ def test_relations_are_judged_among_the_others():
     relations = np.array([[1, 2], [1, 3], [2, 1], [3, 1]])
     features = np.zeros((4, len(CONTACT)))
     alone = np.array([0.6, 0.9, 0.1, 0.2])
-    among = in_context(relations, features, alone, related(np.zeros((4, 4))))
+    among = in_context(relations, features, alone, np.zeros((4, 4)))
     first, second = (dict(zip(BEARING, row, strict=True)) for row in among[:2])
     assert first["alone"] == 0.6
     assert first["back"] == 0.1
@@ -76,16 +71,17 @@ def test_relations_are_judged_among_the_others():
 
 def test_what_may_be_the_same_object_speaks_for_both(seen):
     """1 and 4 are likely one: what 4 rests on, and what rests on 4, tells of 1."""
-    relations = np.array([[1, 2], [4, 3], [2, 1], [3, 4], [5, 4], [4, 5]])
-    alone = np.array([0.6, 0.9, 0.1, 0.1, 0.7, 0.1])
+    relations = np.array(
+        [[1, 2], [4, 3], [2, 1], [3, 4], [5, 4], [4, 5], [4, 1], [1, 4]]
+    )
+    alone = np.array([0.6, 0.5, 0.1, 0.1, 0.4, 0.1, 0.9, 0.9])
     kinship = np.zeros((6, 6))
     kinship[1, 4] = kinship[4, 1] = 0.5
-    features = np.zeros((6, len(CONTACT)))
-    among = in_context(relations, features, alone, related(kinship))
+    features = np.zeros((8, len(CONTACT)))
+    among = in_context(relations, features, alone, kinship)
     first, _, back, *_ = (dict(zip(BEARING, row, strict=True)) for row in among)
-    assert first["kin_support"] == pytest.approx(0.5 * 0.9)
-    assert first["other_support"] == 0.0
-    assert back["kin_carries"] == pytest.approx(0.5 * 0.7)
+    assert first["kin_support"] == pytest.approx(0.5 * 0.5)
+    assert back["kin_carries"] == pytest.approx(0.5 * 0.4)
     kinship = np.zeros((3, 3))
     kinship[1, 2] = kinship[2, 1] = 0.3
     _, features = contact_features(replace(seen, kinship=kinship))
