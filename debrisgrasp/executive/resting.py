@@ -80,9 +80,7 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     eased = relieve(context, arm, _PRESSED) if limb.trail else None
     if eased is None and context.cycle.speed <= _GUARDED:
         eased = _risen(drive)  # it touched something: over that
-    if eased is not None:
-        return eased
-    eased = _unfolded(drive)
+    eased = eased or _unfolded(drive)
     if eased is not None:
         return eased
     q = context.posture(limb)
