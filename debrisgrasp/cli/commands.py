@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from debrisgrasp.pipeline import PlanningResult
 
 Subparsers = Any  # argparse gives its subparsers no public type
+_LIKELY = 0.5
+"""Scores below which a plan is proposed to be asked for advice."""
 
 
 def version() -> str:
@@ -104,7 +106,7 @@ def add_plan(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--advice",
         action="store_true",
-        help="say what would help even where the plan is good",
+        help="say what would help even where there are grasps",
     )
     parser.add_argument("--out", type=some_path, metavar="FILE", help="grasps as JSON")
     add_reports(parser, "report")
@@ -136,6 +138,9 @@ def run_plan(arguments: argparse.Namespace) -> int:
             print(f"ground left in the scene: {ground.reason}")
         _print_surroundings(ground)
         print(plan_summary(result.plan))
+        best = next(iter(result.plan.grasps), None)
+        if best is not None and best.score < _LIKELY and not arguments.advice:
+            print("\nnone is likely to hold; --advice says what would help")
         print(f"\ntook {_seconds(result)}")
         print_written(arguments.out, *arguments.report)
     return 0 if result.plan.grasps else 1

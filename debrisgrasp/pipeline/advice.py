@@ -1,4 +1,4 @@
-"""What to advise on a plan that came out empty or poor."""
+"""What to advise on a plan: what would free the poses that were ruled out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from debrisgrasp.geometry import Bounds, PointCloud
 from debrisgrasp.kinematics import ArmReach
 from debrisgrasp.planning import (
     Advice,
-    Grasp,
     GraspPlanner,
     GraspScene,
     ObstacleMap,
@@ -20,16 +19,7 @@ from debrisgrasp.planning import (
     Situation,
 )
 
-__all__ = ["advice_on", "is_poor"]
-
-_FEW, _WEAK = 3, 0.35
-"""Fewer grasps than this, or none whose expected quality is above, make a poor plan."""
-
-
-def is_poor(grasps: Sequence[Grasp]) -> bool:
-    """Whether a plan leaves so little choice that advice is due."""
-    good = [grasp for grasp in grasps if grasp.expected >= _WEAK]
-    return len(grasps) < _FEW or not good
+__all__ = ["advice_on"]
 
 
 def advice_on(

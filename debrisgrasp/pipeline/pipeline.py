@@ -31,7 +31,7 @@ from debrisgrasp.segmentation import (
 )
 from debrisgrasp.settings import Settings
 
-from .advice import advice_on, is_poor
+from .advice import advice_on
 from .inputs import arms_of, library_of, require_limits, robot_of, with_hands
 from .notes import deadline_notes, mass_notes
 from .perception import Perception
@@ -217,7 +217,7 @@ class Pipeline:
             bounds are estimated from what was seen of them; a note of the plan tells if
             another one was chosen.
         advise
-            Whether to work out advice for a good plan too; poor and empty ones have it.
+            Whether to work out advice where there are grasps, too; empty plans have it.
         progress
             Called as the work goes on.
 
@@ -257,7 +257,7 @@ class Pipeline:
         advice: tuple[Advice, ...] = ()
         if target is not None:
             grasps = self._grasps(planner, seen, result, target, watch)
-            if (advise or is_poor(grasps)) and not watch.is_late():
+            if (advise or not grasps) and not watch.is_late():
                 advice = self._advice(planner, seen, result, target, seed, watch)
         plan = GraspPlan(
             grasps=grasps,

@@ -136,6 +136,6 @@ class GraspPlan:
     """One sentence that says why there is no grasp; None if there is one."""
     advice: tuple[Advice, ...] = ()
     """What would free the poses that were ruled out, what frees most first; found where
-    the plan is empty or poor, or asked for."""
+    the plan is empty, or asked for."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Time spent in each stage; not part of the saved plan."""

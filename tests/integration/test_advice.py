@@ -91,11 +91,31 @@ def test_what_would_hardly_hold_is_no_grasp(dictionary, monkeypatch):
     assert all(grasp.success_probability >= 0.1 for grasp in plan.grasps)
 
 
-def test_a_good_plan_has_advice_only_on_wish(floating):
-    capture = capture_of([lying_pipe()])
-    assert floating.plan(capture).plan.advice == ()
-    asked = floating.plan(capture, advise=True).plan
-    assert "what would help:" in plan_summary(asked) or not asked.ruled_out.counts()
+def test_a_plan_with_grasps_has_advice_only_on_wish(roman):
+    aside = capture_of([lying_pipe(length=0.5, position=(0.9, 0.9, 0.3))])
+    plan = roman.plan(aside).plan
+    assert plan.grasps
+    assert plan.advice == ()
+    asked = roman.plan(aside, advise=True).plan
+    assert "what would help:" in plan_summary(asked)
+    assert [a.score for a in asked.grasps] == [b.score for b in plan.grasps]
+
+
+def test_the_command_proposes_to_ask_where_no_grasp_is_likely_to_hold(
+    run, dictionary, tmp_path, monkeypatch
+):
+    words = "none is likely to hold; --advice"
+    capture = tmp_path / "pipe.npz"
+    capture_of([lying_pipe()]).save(capture)
+    command = ("plan", capture, "--robot", "none", "--prototypes", dictionary)
+    assert words not in run(*command).out
+    shipped = SuccessModel.load()
+    gloomy = replace(shipped, intercept=shipped.intercept - 4.5)
+    monkeypatch.setattr(SuccessModel, "load", lambda: gloomy)
+    found = run(*command)
+    assert found.status == 0
+    assert words in found.out
+    assert words not in run(*command, "--advice").out
 
 
 def test_neighbours_named_are_other_objects_and_the_counts_agree(floating):
