@@ -6,6 +6,8 @@ import argparse
 import sys
 from collections.abc import Iterable
 
+import numpy as np
+
 import debrisgrasp
 from debrisgrasp._arrays import require_range
 from debrisgrasp.errors import ConfigError
@@ -192,9 +194,16 @@ def _bare(
             "--joints", got="some", expected="none for a hand without a robot"
         )
     bare = without_robot(capture, pipeline.robot, joints)
-    n = len(capture.cloud().points) - len(bare.cloud().points)
+    n = _n_missing(bare) - _n_missing(capture)
     tell([f"{n} points show the robot itself, and were left out"])
     return bare
+
+
+def _n_missing(capture: Capture) -> int:
+    """Count what has no number."""
+    values = capture.points if capture.depth is None else capture.depth[..., None]
+    assert values is not None
+    return int(np.isnan(values).any(axis=-1).sum())
 
 
 def progress(arguments: argparse.Namespace) -> debrisgrasp.Progress | None:
