@@ -25,6 +25,8 @@ class GripLevers:
     """Middle between the pads [m], palm frame, shape (p, 3)."""
     lever: FloatArray
     """Lever of the contacts about x, y and z of the palm frame [m], shape (p, 3)."""
+    width: FloatArray
+    """Of what is between the pads [m], shape (p,)."""
     max_force: FloatArray
     """Largest force at the fingers [N], shape (p,)."""
 
@@ -48,7 +50,8 @@ class GripLevers:
             patch = config.patch
             lever.append([0.67 * patch + span / 2, patch + depth / 2, patch + span])
             force.append(gripper.max_force)
-        return cls(np.array(middle), np.array(lever), np.array(force))
+        widths = np.array([width for _, _, width in hands])
+        return cls(np.array(middle), np.array(lever), widths, np.array(force))
 
     @classmethod
     def on(cls, library: PrototypeLibrary, config: LoadConfig) -> GripLevers:

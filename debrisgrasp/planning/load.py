@@ -21,6 +21,8 @@ __all__ = ["LoadModel", "Loads"]
 
 _FLOOR = 1e-9
 """Keeps quotients finite; far below every load and limit."""
+_THICKEST_WALL = 0.07
+"""What is thicker than this is no wall [m]."""
 _MOST = 1e3
 """Margins are cut here: the load is nothing to speak of."""
 
@@ -46,7 +48,8 @@ class Loads:
     tilt: FloatArray
     """[rad], shape (k,)."""
     weight: FloatArray
-    """[N], shape (3,)."""
+    """[N], shape (k, 3); more than of the mass where the walls that are gripped are
+    thick."""
     wrench: FloatArray
     """Expected wrench on the hand, force and then torque about the palm, palm frame
     [N, N m], shape (k, 6)."""
@@ -75,7 +78,16 @@ class Loads:
 
     def __getitem__(self, rows: IntArray | BoolArray) -> Loads:
         """Pick some of the grasps."""
-        per_grasp = ("torque", "grip", "demand", "limit", "lever", "tilt", "wrench")
+        per_grasp = (
+            "torque",
+            "grip",
+            "demand",
+            "limit",
+            "lever",
+            "tilt",
+            "weight",
+            "wrench",
+        )
         return self._with({name: getattr(self, name)[rows] for name in per_grasp})
 
     def _with(self, changed: dict[str, np.ndarray]) -> Loads:
@@ -88,7 +100,7 @@ class Loads:
         return LoadForecast(
             build=self.build.value,
             mass=_ends(self.mass),
-            force=_ends(self.weight),
+            force=_ends(self.weight[row]),
             torque=_ends(self.torque[row]),
             grip=_ends(self.grip[row]),
             lever=float(self.lever[row]),
@@ -127,6 +139,7 @@ class LoadModel:
         self._mass = np.array(
             [(each.mass[0], each.expected_mass, each.mass[1]) for each in objects]
         )
+        self._walls = float(self._share @ [each.walls for each in objects])
         self._com = np.array([each.com for each in objects])
         self._com_error = np.array([each.com_error for each in objects])
         self._level_error = np.array([each.level_error for each in objects])
@@ -158,7 +171,9 @@ class LoadModel:
         level = self._apart(p)
         error = self._level_error[:, None]
         reach = np.stack([np.maximum(level - error, 0.0), level, level + error], -1)
-        torque = self._over_all(reach * weight[:, None])
+        heavier = np.ones((len(p), 3))
+        heavier[:, 1] = self._heavier(which, levers)
+        torque = heavier * self._over_all(reach * weight[:, None])
         grip_force = _grip_needed(
             down,
             self._moments(R, grip),
@@ -167,7 +182,7 @@ class LoadModel:
             levers.lever[which],
             config,
         )
-        grip_force = self._over_all(grip_force * weight[:, None])
+        grip_force = heavier * self._over_all(grip_force * weight[:, None])
         mass = self._over_all(self._mass)
         pull = np.tensordot(self._share * weight[:, 1], self._moments(R, p), axes=1)
         return Loads(
@@ -180,8 +195,9 @@ class LoadModel:
             lever=self._distance(grip),
             lever_error=self._lever_error,
             tilt=np.arccos(np.clip(down[:, 2], -1.0, 1.0)),
-            weight=mass * config.gravity,
-            wrench=np.concatenate([down * mass[1] * config.gravity, pull], axis=1),
+            weight=heavier * mass * config.gravity,
+            wrench=heavier[:, 1:2]
+            * np.concatenate([down * mass[1] * config.gravity, pull], axis=1),
         )
 
     def _apart(self, points: FloatArray) -> FloatArray:
@@ -248,6 +264,19 @@ class LoadModel:
             ),
             weight.sum() / wrists[which, 0],
         )
+        found *= self._heavier(which, levers)
+        return found
+
+    def _heavier(self, which: IntArray, levers: GripLevers) -> FloatArray:
+        """How much more than expected it weighs if its walls are as thick, (k,).
+
+        What fits a wall of a hollow object has measured how thick that is.
+        """
+        width = levers.width[which]
+        mass = np.where(width < _THICKEST_WALL, width, 0.0) * self._walls
+        expected = float(self._share @ self._mass[:, 1])
+        most = max(float(self._mass[:, 2].max()), expected)
+        found: FloatArray = np.clip(mass, expected, most) / expected
         return found
 
     def distance(

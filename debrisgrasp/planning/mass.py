@@ -63,6 +63,9 @@ class LoadConfig:
     [kg/m^2]."""
     sheet: Interval = (4.0, 40.0)
     """Mass per seen surface of sheets: plywood, and steel plate [kg/m^2]."""
+    wall_density: float = 800.0
+    """Mass of hollow objects over seen surface times thickness of the walls [kg/m^3]:
+    blocks of concrete are at 900, crates of plastic at 500."""
     thin: float = 0.03
     """Objects are sheets if they are no thicker than this [m]."""
     inward: float = 0.12
@@ -86,7 +89,7 @@ class LoadConfig:
                     got=(low, high),
                     expected="0 < least <= greatest",
                 )
-        for name in ("shell", "thin", "inward", "patch", "gravity"):
+        for name in ("shell", "wall_density", "thin", "inward", "patch", "gravity"):
             require_range(f"LoadConfig.{name}", getattr(self, name), 1e-6, 1e6)
 
     @property
@@ -126,6 +129,9 @@ class ObjectMass:
     spread: FloatArray
     """How far it may be off: columns are the half axes of an ellipsoid [m], base
     frame, shape (3, 3)."""
+    walls: float = 0.0
+    """What it weighs for each metre that its walls are thick, as far as seen [kg/m]; 0
+    if it has none, or if its mass is known."""
     probability: float = 1.0
     """That the object is this one; see `likely_objects`."""
 
@@ -175,12 +181,15 @@ class ObjectMass:
         low, high = np.quantile(along, [_OUTLIERS, 1 - _OUTLIERS], axis=0)
         middle, extents = mean + axes @ (low + high) / 2, high - low
         build = _build(points - middle, normals, float(extents[2]), config)
+        walls = 0.0
         if mass is not None:
             bounds, expected = (float(mass), float(mass)), float(mass)
         else:
             inside = ((along >= low) & (along <= high)).all(axis=1)
             area = len(points) * spacing**2
             bounds = _mass_bounds(build, points[inside], extents, area, config, spacing)
+            if build is Build.HOLLOW:
+                walls = config.wall_density * area
             expected = _expected(bounds, config.typical)
             bounds = min(bounds[0], expected), max(bounds[1], expected)
         ends = _hidden_ends(along, low, high, goes_on)
@@ -191,6 +200,7 @@ class ObjectMass:
             build=build,
             mass=bounds,
             expected_mass=expected,
+            walls=walls,
             com=middle + 0.2 * extents[2] * sight + axes @ (ends[1] - ends[0]) / 2,
             spread=axes
             * np.hypot(np.array([0.15, 0.2, 0.35]) * extents + 0.01, ends.sum(axis=0)),

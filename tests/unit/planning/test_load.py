@@ -150,6 +150,31 @@ def test_the_expected_mass_is_drawn_to_what_most_pieces_weigh(rng):
         assert sure == pytest.approx(np.log(np.clip(7.05, *what.mass)), abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("kind", "is_walled"), [("cinder_block", True), ("ladder", True), ("brick", False)]
+)
+def test_who_grips_a_thick_wall_expects_a_heavy_object(kind, is_walled, rng):
+    robotiq = GripperModel.load("robotiq_3f")
+    widths = (0.012, 0.035, 0.06, 0.12)  # the last is around the whole object
+    levers = GripLevers.of([(robotiq, "basic", width) for width in widths], CONFIG)
+    levers = replace(levers, lever=levers.lever[[0]].repeat(4, axis=0))
+    _, points, normals = seen(kind, rng)
+    T = SE3.from_parts(TOP_DOWN, [0.95, 0.0, 0.4]).matrix
+    Ts, which = np.tile(T, (4, 1, 1)), np.arange(4)
+    weights = []
+    for mass in (None, 3.0):
+        what = ObjectMass.from_surface(
+            points, normals, VIEW.p, CONFIG, spacing=0.01, mass=mass
+        )
+        weights.append(LoadModel((what,), CONFIG)(Ts, which, levers).weight)
+    unknown, known = weights
+    assert (np.ptp(known, axis=0) == 0).all()
+    assert (np.ptp(unknown[:, [0, 2]], axis=0) == 0).all()
+    thin, thick, thickest, whole = unknown[:, 1]
+    assert whole <= thin <= thick <= thickest
+    assert (thickest > 1.5 * whole) == is_walled
+
+
 @pytest.mark.parametrize("n", [1, 2, 3, 40])
 def test_degenerate_surfaces_still_have_finite_loads(n, levers):
     line = np.linspace([0.8, 0.0, 0.1], [0.9, 0.0, 0.1], n)
@@ -253,10 +278,10 @@ def test_turning_about_the_vertical_and_moving_change_no_load(levers, T, yaw, x,
         assert getattr(there, name) == pytest.approx(getattr(here, name), abs=1e-6)
 
 
-@given(poses, st.sampled_from([0, 1]))
+@given(poses, st.sampled_from([0, 1]), st.floats(0.0, 500.0))
 @few
-def test_bounds_are_in_order(levers, T, hand):
-    loads = loads_of(ball(), T, levers, hand)
+def test_bounds_are_in_order(levers, T, hand, walls):
+    loads = loads_of(replace(ball(), walls=walls), T, levers, hand)
     for name in ("torque", "grip", "demand"):
         assert (np.diff(getattr(loads, name)) >= -1e-9).all()
     found = loads.forecast(0)
@@ -343,7 +368,7 @@ def test_loads_are_the_mean_over_what_the_object_may_be(levers):
 @few
 def test_a_search_expects_the_same_loads_as_the_forecast(levers, T, hand):
     objects = (
-        replace(ball(spread=0.05), probability=0.4),
+        replace(ball(spread=0.05), probability=0.4, walls=150.0),
         replace(ball((3.0, 9.0), (0.6, 0.4, 0.1), 0.1), probability=0.6),
     )
     Ts, which = T.matrix[None], np.array([hand])
