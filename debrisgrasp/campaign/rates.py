@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 from debrisgrasp._arrays import Rng
@@ -17,6 +18,7 @@ __all__ = ["FaultRates", "Rate", "random_faults"]
 
 _SCHEMA = "debrisgrasp/fault-rates/1"
 ANYWHERE = "any"
+_HUGE = 1e300
 _STATES = tuple(stage.value for stage in STAGES)
 
 
@@ -85,7 +87,7 @@ class FaultRates:
         entries = content.get("rates")
         if not isinstance(entries, list):
             raise ConfigError(f"{path}, rates", got=entries, expected="a list")
-        unknown = sorted(content.keys() - {"schema", "rates"})
+        unknown = sorted(map(str, content.keys() - {"schema", "rates"}))
         if unknown:
             raise ConfigError(f"{path}", got=unknown, expected="schema and rates")
         return FaultRates(
@@ -110,10 +112,11 @@ def _rate(entry: Any, where: str) -> Rate:
     names = [names] if isinstance(names, str) else names
     if isinstance(rate, bool) or not isinstance(rate, int | float):
         raise ConfigError(f"{where}, rate", got=repr(rate), expected="a number, 0 to 1")
+    rate = inf if abs(rate) > _HUGE else float(rate)  # too large for a float, maybe
     if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
         raise ConfigError(f"{where}, one_of", got=names, expected="names of faults")
     try:
-        return Rate(rate=float(rate), one_of=tuple(names), state=entry.get("state"))
+        return Rate(rate=rate, one_of=tuple(names), state=entry.get("state"))
     except InputError as error:
         raise ConfigError.about(where, error) from error
 

@@ -104,12 +104,16 @@ class RunRecord:
                 got=f"{self.failed_stage!r} with outcome {self.outcome!r}",
                 expected="none after a success, else one of " + ", ".join(STAGE_ORDER),
             )
-        for name in self.checks:
+        for name, count in self.checks.items():
             if name not in CHECKS:
                 raise ConfigError(
                     f"checks of run {self.name}",
                     got=repr(name),
                     expected="one of " + ", ".join(CHECKS),
+                )
+            if not isinstance(count, int) or count < 0:
+                raise ConfigError(
+                    f"{name} of run {self.name}", got=repr(count), expected="a count"
                 )
 
     @property

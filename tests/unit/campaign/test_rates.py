@@ -73,6 +73,8 @@ def test_there_are_shipped_rates():
         ("[1, 2]", "schema"),
         ("schema: debrisgrasp/fault-rates/1", "rates"),
         ("schema: debrisgrasp/fault-rates/1\nrates: []\nmore: 1", "more"),
+        ("schema: debrisgrasp/fault-rates/1\nrates: []\n1: a\nb: c", "'1', 'b'"),
+        (f"{{}}- {{{{rate: 1{'0' * 400}, one_of: slip}}}}", "rate 1: got inf"),
         ("{}- {{rate: 2, one_of: slip}}", "rate 1: got 2"),
         ("{}- {{rate: yes, one_of: slip}}", "rate 1, rate"),
         ("{}- {{rate: .nan, one_of: slip}}", "rate 1: got nan"),

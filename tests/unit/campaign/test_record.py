@@ -29,6 +29,8 @@ def test_reading_gives_what_was_written(outcome, error):
         {"outcome": SUCCESS, "failed_stage": "close"},
         {"outcome": "driver", "failed_stage": "lunch"},
         {"checks": {"lunch": 1}},
+        {"checks": {"uncaught": "1"}},
+        {"checks": {"uncaught": -1}},
     ],
 )
 def test_a_record_that_contradicts_itself_is_refused(changes):
