@@ -272,12 +272,12 @@ class LoadModel:
 
         What fits a wall of a hollow object has measured how thick that is.
         """
-        width = levers.width[which]
+        width = levers.width  # of a few hands, where a search has thousands of poses
         mass = np.where(width < _THICKEST_WALL, width, 0.0) * self._walls
         expected = float(self._share @ self._mass[:, 1])
         most = max(float(self._mass[:, 2].max()), expected)
-        found: FloatArray = np.clip(mass, expected, most) / expected
-        return found
+        heavier: FloatArray = np.clip(mass, expected, most) / expected
+        return heavier[which]
 
     def distance(
         self, Ts_base_hand: FloatArray, which: IntArray, levers: GripLevers
