@@ -32,6 +32,7 @@ from debrisgrasp.sim import (
 
 __all__ = [
     "NO_GRASP",
+    "YIELD",
     "Trial",
     "TrialRecord",
     "TrialSpec",
@@ -49,8 +50,8 @@ _ORDERS = ("support_aware", "priority_point")
 _PULLS = ("up", "retreat")
 _LEVEL = 0.1
 """Retreats with less of a level part lead straight up."""
-_YIELD = ((1e-4, 1e-4, 1e-4), (0.15, 0.15, 0.15))
-"""Compliance of a reactive lift: 5 mm under 50 N, 9 degrees under 1 N m. It turns, and
+YIELD = Compliance.diagonal((1e-4,) * 3, (0.4,) * 3)
+"""Compliance of a reactive lift: 5 mm under 50 N, 23 degrees under 1 N m. It turns, and
 hardly gives way along: what carries the weight must not sink under it."""
 
 
@@ -282,7 +283,7 @@ def _flight_config(spec: TrialSpec, grasp: Grasp) -> FlightConfig:
     x, y, z = (spec.clear * back / np.linalg.norm(back)).tolist()
     config = FlightConfig(lift=(0.0, 0.0, spec.lift), pull=(x, y, z))
     if spec.is_lift_reactive:
-        config = replace(config, compliance=Compliance.diagonal(*_YIELD))
+        config = replace(config, compliance=YIELD)
     if spec.pull == "retreat" and grasp.retreat is not None:
         x, y, z = (spec.lift * part for part in grasp.retreat.direction)
         config = replace(config, lift=(x, y, z))

@@ -80,7 +80,8 @@ class FlightConfig:
     hand: HandPhysics = HandPhysics()
     wrist: WristConfig = WristConfig()
     compliance: Compliance | None = None
-    """How the hand gives way to the wrench during the lift; None lifts stiffly."""
+    """How the hand gives way to the wrench before and during the lift; None lifts
+    stiffly."""
     approach_speed: float = 0.15
     """[m/s]."""
     contact_force: float = 40.0
@@ -91,6 +92,9 @@ class FlightConfig:
     """Longest time for that [s]."""
     squeeze_time: float = 0.5
     """Time with the full force before the lift [s]."""
+    settle_time: float = 1.0
+    """Time in which a hand with a compliance gives way to what the squeeze left in it,
+    before the lift [s]."""
     lift: tuple[float, float, float] = (0.0, 0.0, 0.25)
     """Way of the hand after it has gripped, base frame [m]."""
     lift_time: float = 2.0
@@ -112,7 +116,8 @@ class FlightConfig:
         require_range("pull_speed", self.pull_speed, 0.01, 2.0)
         require_range("length of pull", float(np.linalg.norm(self.pull)), 0.05, 5.0)
         require_range("resistance", self.resistance, 0.1, 1e4)
-        for name in ("closing_time", "squeeze_time", "lift_time", "hold_time"):
+        for phase in ("closing", "squeeze", "settle", "lift", "hold"):
+            name = f"{phase}_time"
             require_range(name, getattr(self, name), 0.05, 60.0)
         require_range("contact_force", self.contact_force, 1.0)
         length = float(np.linalg.norm(self.lift))

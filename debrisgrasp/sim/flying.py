@@ -115,6 +115,9 @@ class _Flight:
             for joint, value in drive.joints.items():
                 self.data.joint(joint).qpos[0] = value
         self.wrist = Wrist(self.model, start, config.wrist)
+        self.yielding = Yielding(config, self.wrist)
+        self.nominal = np.zeros(6)
+        """Displacement of the wrist but for what it gives way."""
         self.grip = Grip(self.model, drives, config.hand)
         self.grip.reset(self.data)
         self.mj.mj_forward(self.model, self.data)
@@ -138,6 +141,8 @@ class _Flight:
             shift = float(np.linalg.norm(before[index] - self.start[index]))
         self.close()
         gripped = self.gripped()
+        if self.config.compliance is not None:
+            self.stay(self.config.settle_time)
         poses = None if gripped is None else self.in_hand()
         self.peak[:] = 0.0
         risen = self.lift()
@@ -188,16 +193,16 @@ class _Flight:
             self.grip.advance(self.data, share, self.step)
             self.tick(gripping=True)
         self.wrist.target = self.wrist.displacement(self.data)
+        self.nominal = self.wrist.target.copy()
         self.wrist.hold_firmly()
         self.moments.append(self.moment("squeeze"))
 
     def lift(self) -> float:
         """Lift and hold; return the way of the hand over the commanded one."""
         start, direction = self.wrist.target[:3].copy(), np.array(self.config.lift)
-        yielding = Yielding(self.config, self.wrist)
-        nominal = self.carry(direction, self.config.lift_time, yielding)
+        self.carry(direction, self.config.lift_time)
         self.moments.append(self.moment("lift"))
-        self.stay(nominal, self.config.hold_time, yielding)
+        self.stay(self.config.hold_time)
         self.moments.append(self.moment("hold"))
         moved = self.wrist.displacement(self.data)[:3] - start
         return float(moved @ direction / (direction @ direction))
@@ -206,34 +211,33 @@ class _Flight:
         """Pull what did not come up; say whether it came along, clear of all else."""
         config, way = self.config, np.array(self.config.pull)
         length, start = float(np.linalg.norm(way)), self.centers()[body]
-        yielding = Yielding(config, self.wrist)
-        nominal = self.carry(way, 1.5 * length / config.pull_speed, yielding)
-        self.stay(nominal, config.hold_time, yielding)
+        self.carry(way, 1.5 * length / config.pull_speed)
+        self.stay(config.hold_time)
         self.moments.append(self.moment("pull"))
         self.pulled = float((self.centers()[body] - start) @ way / length)
         is_free = not touches_others(self.model, self.data, self.n, body)
         has_come = self.pulled >= _MOST_OF_WAY * length
         return has_come and is_free and self.gripped() == body
 
-    def carry(self, way: FloatArray, duration: float, yielding: Yielding) -> FloatArray:
-        """Move the hand with what it holds; return its nominal displacement (6,)."""
-        start = self.wrist.target.copy()
+    def carry(self, way: FloatArray, duration: float) -> None:
+        """Move the hand with what it holds."""
+        start = self.nominal.copy()
         for share, rate in _profile(duration, self.step):
-            nominal = start.copy()
-            nominal[:3] += share * way
-            self.wrist.target = yielding.deflected(nominal, self.data)
+            self.nominal[:3] = start[:3] + share * way
             self.wrist.rate[:3] = rate * way
-            self.grip.advance(self.data, 1.0, self.step)
-            self.tick(gripping=True)
+            self.hold_on()
         self.wrist.rate[:] = 0.0
-        return nominal
 
-    def stay(self, nominal: FloatArray, duration: float, yielding: Yielding) -> None:
-        """Hold still at a displacement (6,)."""
+    def stay(self, duration: float) -> None:
+        """Hold still."""
         for _ in range(round(duration / self.step)):
-            self.wrist.target = yielding.deflected(nominal, self.data)
-            self.grip.advance(self.data, 1.0, self.step)
-            self.tick(gripping=True)
+            self.hold_on()
+
+    def hold_on(self) -> None:
+        """Let one step pass with the full squeeze, giving way as a compliance asks."""
+        self.wrist.target = self.yielding.deflected(self.nominal, self.data)
+        self.grip.advance(self.data, 1.0, self.step)
+        self.tick(gripping=True)
 
     def tick(self, *, gripping: bool = False) -> bool:
         """Let one step pass; every tenth time look at the contacts and say so."""

@@ -21,7 +21,12 @@ _SMOOTHING = 0.05
 
 
 class Yielding:
-    """Moves the target of the lift as a compliance asks; or not at all without one."""
+    """Moves the target of the hand as a compliance asks; or not at all without one.
+
+    It gives way to all that the hand bears, not to what came in since the lift began:
+    a squeeze leaves a torque in a wrist that is held stiffly, which a lift that took it
+    for its zero would keep up.
+    """
 
     def __init__(self, config: FlightConfig, wrist: Wrist) -> None:
         self.compliance, self.wrist = config.compliance, wrist
@@ -31,15 +36,13 @@ class Yielding:
             softness = np.diag(config.compliance.tensor)
             gain = 1.0 + float((softness * np.repeat(config.wrist.stiffness, 3)).max())
             self.smoothing = min(_SMOOTHING, 0.25 / gain)
-        self.tare = wrist.wrench.copy()
         self.filtered = np.zeros(6)
 
     def deflected(self, nominal: FloatArray, data: Any) -> FloatArray:
         """Target for a nominal displacement (6,)."""
         if self.compliance is None:
             return nominal
-        reaction = self.tare - self.wrist.wrench
-        self.filtered += self.smoothing * (reaction - self.filtered)
+        self.filtered += self.smoothing * (-self.wrist.wrench - self.filtered)
         measured = self.wrist.pose(data)
         force = measured.R.T @ self.filtered[:3]
         torque = self.filtered[3:]

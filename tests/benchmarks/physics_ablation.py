@@ -4,9 +4,8 @@ Run: python -m tests.benchmarks.physics_ablation [--variant NAME --tier pile --n
      --seed0 1000 --json FILE]
 
 Every variant flies the first grasp of its own plan; a scene counts as gained or lost
-where its outcome differs from that of the planner as shipped. The yielding lift is
-looked at by its peak loads, in the scenes that it is for; both lifts are 40 cm there,
-since what the hand gives way to hangs down, and has to clear the ground.
+where its outcome differs from that of the planner as shipped. What a lift that gives
+way is worth, `tests.benchmarks.physics_lift` tells.
 """
 
 from __future__ import annotations
@@ -32,10 +31,6 @@ from debrisgrasp.trials import TrialRecord, TrialSpec, run_trial
 
 from .report import publish
 
-LIFTS = ("hedgehog", "beam_on_edge")
-"""Tiers in which the load of a lift is looked at."""
-HIGH = 0.4
-"""Lift in these [m]."""
 ROUGH = SceneConfig(calibration_shift=0.01, calibration_turn=float(np.radians(3.0)))
 
 
@@ -86,7 +81,6 @@ class Variant:
     said: str
     pipeline: Callable[[], Pipeline] = shipped
     scene: SceneConfig = SceneConfig()
-    is_lift_reactive: bool = False
 
 
 VARIANTS = {
@@ -96,7 +90,6 @@ VARIANTS = {
     "sight": Variant("no seen-through evidence", points_only),
     "object": Variant("the first object, however doubtful", any_object),
     "calibration": Variant("calibration off by 1 cm and 3 degrees", scene=ROUGH),
-    "lift": Variant("yielding lift", is_lift_reactive=True),
 }
 
 
@@ -108,17 +101,7 @@ def loaded(name: str) -> Pipeline:
 def flown(name: str, tier: str, seeds: range) -> list[TrialRecord]:
     """First grasps of a variant."""
     variant = VARIANTS[name]
-    specs = [
-        TrialSpec(
-            tier=tier,
-            seed=seed,
-            scene=variant.scene,
-            is_lift_reactive=variant.is_lift_reactive,
-        )
-        for seed in seeds
-    ]
-    if tier in LIFTS:
-        specs = [replace(spec, lift=HIGH) for spec in specs]
+    specs = [TrialSpec(tier=tier, seed=seed, scene=variant.scene) for seed in seeds]
     return [run_trial(spec, loaded(name)) for spec in specs]
 
 
@@ -129,12 +112,7 @@ def compared(base: list[TrialRecord], other: list[TrialRecord]) -> list[str]:
     low, high = wilson(good, n)
     gained = sum(b and not a for a, b in pairs)
     lost = sum(a and not b for a, b in pairs)
-    both = [(a, b) for a, b in zip(base, other, strict=True) if a.is_held and b.is_held]
-    force = [b.peak_force / a.peak_force for a, b in both]
-    torque = [b.peak_torque / a.peak_torque for a, b in both]
-    loads = [f"{np.median(x):.2f}" if x else "-" for x in (force, torque)]
-    span = f"{low:.0%} to {high:.0%}"
-    return [f"{good}/{n}", span, str(gained), str(lost), *loads]
+    return [f"{good}/{n}", f"{low:.0%} to {high:.0%}", str(gained), str(lost)]
 
 
 def main() -> None:
@@ -150,8 +128,7 @@ def main() -> None:
     base: dict[str, list[TrialRecord]] = {}
     rows, figures = [], {}
     for name in ["shipped", *(chosen.variant or list(VARIANTS)[1:])]:
-        tiers = LIFTS if name == "lift" else ("pile", "encumbered")
-        for tier in chosen.tier or tiers:
+        for tier in chosen.tier or ("pile", "encumbered"):
             if tier not in base:
                 base[tier] = flown("shipped", tier, seeds)
             records = base[tier] if name == "shipped" else flown(name, tier, seeds)
@@ -160,9 +137,8 @@ def main() -> None:
             good = sum(record.is_held for record in records)
             figures[f"{name}_{tier}"] = good / len(records)
             print(rows[-1], flush=True)
-    header = ["variant", "tier", "held", "95 %", "gained", "lost", "force", "torque"]
-    print("\n" + columns(header, rows))
-    print("force, torque: median of peaks over those of the planner as shipped\n")
+    header = ["variant", "tier", "held", "95 %", "gained", "lost"]
+    print("\n" + columns(header, rows) + "\n")
     publish(figures, chosen.json)
 
 
