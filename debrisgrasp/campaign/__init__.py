@@ -2,6 +2,7 @@
 
 from .accounting import (
     CLASS_ORDER,
+    LATER_TRY,
     Comparison,
     Share,
     Stage,
@@ -35,6 +36,7 @@ __all__ = [
     "CLASSES",
     "CLASS_ORDER",
     "FAKE_TIERS",
+    "LATER_TRY",
     "LEVELS",
     "SUCCESS",
     "UNCLASSIFIED",

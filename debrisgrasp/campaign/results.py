@@ -101,6 +101,7 @@ def tables_to_json(tables: Tables) -> dict[str, Any]:
         "objects_removed": _share(tables.removed),
         "classes_in_series": [_stage(stage) for stage in tables.classes],
         "stages_in_series": [_stage(stage) for stage in tables.stages],
+        "ended_in": dict(tables.ended_in),
         "system": None if system is None else float(system),
         "if_never": {
             name: None if value is None else float(value)

@@ -26,7 +26,7 @@ def tables_text(tables: Tables) -> str:
         [
             _outcomes(tables),
             _series(tables),
-            _stages(tables.stages),
+            _stages(tables),
             _checks(tables),
         ]
     )
@@ -72,11 +72,17 @@ def _series(tables: Tables) -> str:
     )
 
 
-def _stages(stages: Sequence[Stage]) -> str:
-    rows = [_row(stage) for stage in stages if stage.failed]
+def _stages(tables: Tables) -> str:
+    ends = dict(tables.ended_in)
+    rows = [
+        [*_row(stage), str(ends.get(stage.name, "-"))]
+        for stage in tables.stages
+        if stage.failed or ends.get(stage.name)
+    ]
     if not rows:
         return "no run ended in any stage"
-    return columns(["stage of the task", "reached", "failed", "r %", "95 %"], rows)
+    header = ["stage of the task", "reached", "no further", "r %", "95 %", "ended in"]
+    return columns(header, rows)
 
 
 def _row(stage: Stage) -> list[str]:
