@@ -34,4 +34,5 @@ __all__ = [
     "load_run",
     "require_drop_off",
     "simulate",
+    "state_named",
 ]
