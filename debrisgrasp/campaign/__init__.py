@@ -16,6 +16,7 @@ from .arm_run import run_arm
 from .fake_run import pipeline_of, run_fake
 from .flight_picture import save_flight
 from .flights import FlightGroup, draw_flight, flight_of, grouped
+from .in_the_way import Account, account
 from .intervals import Interval, jeffreys, newcombe, wilson
 from .physics_run import run_physics
 from .rates import FaultRates, Rate, random_faults
@@ -41,6 +42,7 @@ __all__ = [
     "SUCCESS",
     "UNCLASSIFIED",
     "WORLDS",
+    "Account",
     "Campaign",
     "ClusterWorkers",
     "Comparison",
@@ -56,6 +58,7 @@ __all__ = [
     "Share",
     "Stage",
     "Tables",
+    "account",
     "compare",
     "comparison_to_json",
     "draw_flight",

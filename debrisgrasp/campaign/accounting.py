@@ -179,7 +179,7 @@ class Tables:
     mended: tuple[tuple[str, Fraction | None], ...]
     """Success of the whole if one class never occurred, in the same order."""
     removed: Share
-    """Objects removed of those that were there."""
+    """Objects that are out of the way in the end, of those that were in it."""
     checks: tuple[tuple[str, int], ...]
     """How often each of `CHECKS` was violated, all runs together."""
 

@@ -78,7 +78,9 @@ class RunRecord:
     injected: tuple[str, ...] = ()
     """Faults that really came to pass of those that the spec asks for."""
     n_objects: int = 0
+    """Objects that were in the way at the start, and that a robot could remove."""
     n_removed: int = 0
+    """Of these, the ones that are not in the way in the end."""
     checks: Mapping[str, int] = field(default_factory=dict)
     """How often each of `CHECKS` was violated."""
     seconds: float = 0.0
@@ -115,6 +117,20 @@ class RunRecord:
                 raise ConfigError(
                     f"{name} of run {self.name}", got=repr(count), expected="a count"
                 )
+
+    @staticmethod
+    def unclassified(
+        name: str, spec: Mapping[str, Any], error: str, *, n_objects: int = 0
+    ) -> RunRecord:
+        """Make the record of a run that ended by an exception, or with its worker."""
+        return RunRecord(
+            name=name,
+            spec=spec,
+            outcome=UNCLASSIFIED,
+            failed_stage=STAGE_ORDER[0],
+            n_objects=n_objects,
+            error=error,
+        )
 
     @property
     def is_success(self) -> bool:

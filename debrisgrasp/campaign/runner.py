@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Protocol
 from debrisgrasp._files import read_json, write_atomic
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 
-from .record import STAGE_ORDER, UNCLASSIFIED, RunRecord
+from .record import RunRecord
 from .workers import Crew, LocalWorkers, Workers
 
 __all__ = ["Campaign", "Progress", "RunFunction", "Spec", "load_records"]
@@ -262,13 +262,7 @@ def _ending_worker_after(seconds: float | None) -> Iterator[None]:
 
 
 def _failed(spec: Spec, error: str) -> RunRecord:
-    return RunRecord(
-        name=spec.name,
-        spec=_as_read(spec.to_json()),
-        outcome=UNCLASSIFIED,
-        failed_stage=STAGE_ORDER[0],
-        error=error,
-    )
+    return RunRecord.unclassified(spec.name, _as_read(spec.to_json()), error)
 
 
 def _as_read(content: Mapping[str, Any]) -> Any:

@@ -50,7 +50,7 @@ def _outcomes(tables: Tables) -> str:
     header += ["with a grasp", f"% of {grasps}", "95 % "]
     removed = tables.removed
     share, interval = _percent(removed)
-    words = f"objects removed: {removed.count} of {removed.total}"
+    words = f"objects out of the way: {removed.count} of {removed.total}"
     if removed.total:
         words += f", {share} % ({interval})"
     return f"{columns(header, rows)}\n\n{words}"
