@@ -29,7 +29,7 @@ from fractions import Fraction
 from math import prod
 
 from debrisgrasp.errors import InputError
-from debrisgrasp.executive import State
+from debrisgrasp.executive import FAULTS, State
 
 from .intervals import Interval, newcombe, wilson
 from .record import CHECKS, STAGE_ORDER, SUCCESS, UNCLASSIFIED, RunRecord
@@ -170,6 +170,8 @@ class Tables:
     """Share of each outcome in all runs, success first."""
     of_grasps: tuple[tuple[str, Share], ...]
     """Share of each outcome in the runs that got to a grasp."""
+    by_first_fault: tuple[tuple[str, int], ...]
+    """The same runs, those that failed by the class of `RunRecord.first_fault`."""
     classes: tuple[Stage, ...]
     """The classes as stages in series, in `CLASS_ORDER`."""
     stages: tuple[Stage, ...]
@@ -208,6 +210,7 @@ def tabulate(records: Sequence[RunRecord]) -> Tables:
         )
     grasped = [record for record in records if record.got_to_a_grasp]
     ends = Counter(record.failed_stage for record in records)
+    firsts = Counter(map(_by_first_fault, records))
     classes = stages_in_series(
         CLASS_ORDER, (None if r.is_success else r.outcome for r in records)
     )
@@ -217,6 +220,7 @@ def tabulate(records: Sequence[RunRecord]) -> Tables:
     return Tables(
         of_all=_shares(records),
         of_grasps=_shares(grasped),
+        by_first_fault=tuple((name, firsts[name]) for name in (SUCCESS, *CLASS_ORDER)),
         classes=classes,
         stages=stages_in_series((*STAGE_ORDER, LATER_TRY), map(_got_to, records)),
         ended_in=tuple((name, ends[name]) for name in STAGE_ORDER),
@@ -230,6 +234,14 @@ def tabulate(records: Sequence[RunRecord]) -> Tables:
             for name in CHECKS
         ),
     )
+
+
+def _by_first_fault(record: RunRecord) -> str:
+    """Class that a run would count in if its first fault made it fail."""
+    fault = FAULTS.get(record.first_fault or "")
+    if record.is_success or fault is None:
+        return record.outcome
+    return fault.fault_class.value
 
 
 def _got_to(record: RunRecord) -> str | None:

@@ -143,6 +143,7 @@ def record_of(
     result, truth = done.result, done.truth
     failure = result.fault_class
     last = result.faults[-1] if result.faults else None
+    first = result.first_fault
     reached = tuple(stage.value for stage in STAGES if stage.value in watch.reached)
     failed_stage = None
     if failure is not None:
@@ -164,6 +165,7 @@ def record_of(
         reached=reached,
         failed_stage=failed_stage,
         fault=None if failure is None or last is None else last.fault,
+        first_fault=None if first is None else first.fault,
         end=result.end.value,
         faults=tuple(event.fault for event in result.faults),
         injected=done.happened,

@@ -40,14 +40,15 @@ def _outcomes(tables: Tables) -> str:
             *_percent(share),
             str(grasped.count),
             *_percent(grasped),
+            str(first),
         ]
-        for (name, share), (_, grasped) in zip(
-            tables.of_all, tables.of_grasps, strict=True
+        for (name, share), (_, grasped), (_, first) in zip(
+            tables.of_all, tables.of_grasps, tables.by_first_fault, strict=True
         )
     ]
     all_runs, grasps = tables.success.total, tables.grasp_success.total
     header = ["outcome", "runs", f"% of {all_runs}", "95 %"]
-    header += ["with a grasp", f"% of {grasps}", "95 % "]
+    header += ["with a grasp", f"% of {grasps}", "95 % ", "by first fault"]
     removed = tables.removed
     share, interval = _percent(removed)
     words = f"objects out of the way: {removed.count} of {removed.total}"

@@ -76,6 +76,14 @@ def test_without_recovery_the_first_fault_ends_a_run_with_the_arms_stopped():
     assert record.checks["stops_not_latched"] == 0
 
 
+def test_the_first_fault_is_kept_beside_the_one_that_ended_the_run():
+    stop = Injection(fault="wrench_nan", state="pregrasp")
+    record = run_fake(struck(Injection(fault="empty_cloud"), stop, recovery=True))
+    assert record.faults == ("empty_cloud", "wrench_nan")
+    assert (record.outcome, record.fault) == ("driver", "wrench_nan")
+    assert record.first_fault == "empty_cloud"
+
+
 def test_equal_specs_give_equal_records():
     spec = struck(Injection(fault="limit_mismatch"), Injection(fault="empty_cloud"))
     first, second = (run_fake(spec) for _ in range(2))

@@ -91,6 +91,20 @@ def test_every_run_is_in_exactly_one_row(ends):
         assert float(system_reliability(stages)) == tables.success.value
 
 
+def test_failed_runs_are_counted_by_their_first_fault_too():
+    runs = [
+        record("a", "driver", fault="wrench_nan", first_fault="empty_cloud"),
+        record("b", "driver", fault="wrench_nan", first_fault="wrench_nan"),
+        record("c", "driver"),  # of an older version
+        record("d", first_fault="slip"),  # answered: it cost nothing
+        record("e", UNCLASSIFIED),
+    ]
+    tables = tabulate(runs)
+    counted = {name: count for name, count in tables.by_first_fault if count}
+    assert counted == {"success": 1, "perception": 1, "driver": 2, "unclassified": 1}
+    assert dict(tables.of_all)["driver"].count == 3
+
+
 def test_checks_and_objects_are_added_up():
     runs = [
         record("a", n_objects=3, n_removed=2, checks={"false_cleared": 1}),
