@@ -13,6 +13,7 @@ from .accounting import (
     tabulate,
 )
 from .arm_run import run_arm
+from .contents import contents_of_site, digest
 from .fake_run import pipeline_of, run_fake
 from .flight_picture import save_flight
 from .flights import FlightGroup, draw_flight, flight_of, grouped
@@ -61,6 +62,8 @@ __all__ = [
     "account",
     "compare",
     "comparison_to_json",
+    "contents_of_site",
+    "digest",
     "draw_flight",
     "draw_specs",
     "fake_world",

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from debrisgrasp._files import data_path
 from debrisgrasp.campaign import RunRecord, RunSpec, fake_world, run_fake
 from debrisgrasp.campaign.fake_run import handle_of
 from debrisgrasp.robot import INJECTABLE, Injection
@@ -123,6 +125,26 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
     other = run(*words[:-1], out, "--seed", 5)
     assert other.status == 2
     assert "another folder" in other.err
+
+
+def test_a_file_that_was_edited_since_is_named(run, tmp_path):
+    rates, site, out = tmp_path / "rates.yaml", tmp_path / "site.yaml", tmp_path / "out"
+    prototypes = tmp_path / "mine"
+    shutil.copytree(data_path("prototypes"), prototypes)
+    rates.write_text(RATES)
+    site.write_text("schema: debrisgrasp/site/1\nprototypes: mine\n")
+    words = ("campaign", "--n", 1, "--faults", rates, "--no-recovery", "--site", site)
+    words += ("--tier", "single", "--workers", 1, "--out", out)
+    assert run(*words).status == 0
+    some = next(path for path in prototypes.rglob("*") if path.is_file())
+    for path in (rates, site, some):
+        before = path.read_bytes()
+        path.write_bytes(before + b"\n# edited\n")
+        done = run(*words)
+        assert done.status == 2
+        assert f"{path.name} with another content" in done.err
+        path.write_bytes(before)
+    assert run(*words).status == 0
 
 
 @pytest.mark.parametrize(

@@ -82,6 +82,48 @@ def test_the_folder_of_another_campaign_is_refused(tmp_path, marks):
         replace(campaign, header={"seed": 2}).run(THREADS)
 
 
+def test_a_folder_that_was_begun_with_other_files_is_refused_by_their_names(
+    tmp_path, marks
+):
+    files = {"rates.yaml": "ab12", "site.yaml": "cd34"}
+    campaign = Campaign(
+        specs=told(1, marks), run_one=do, folder=tmp_path, contents=files
+    )
+    campaign.run(THREADS)
+    assert len(campaign.run(THREADS)) == 1
+    changes = [
+        ({**files, "rates.yaml": "ef56"}, "got rates.yaml with another content"),
+        ({**files, "hand.yaml": "ab12"}, "got no record of what hand.yaml held"),
+        ({"site.yaml": "cd34"}, "got rates.yaml, which is not used any more"),
+    ]
+    for contents, message in changes:
+        with pytest.raises(InputError, match=message) as caught:
+            replace(campaign, contents=contents).run(THREADS)
+        assert "site.yaml" not in str(caught.value)
+
+
+def test_records_of_a_longer_campaign_that_was_there_before_are_not_read(
+    tmp_path, marks
+):
+    longer = Campaign(specs=told(5, marks), run_one=do, folder=tmp_path)
+    longer.run(THREADS)
+    shorter = replace(longer, specs=told(3, marks))
+    assert load_records(tmp_path) == longer.run(THREADS)
+    assert shorter.run(THREADS) == load_records(tmp_path)
+    longer.run(THREADS)
+    assert len(load_records(tmp_path)) == 5
+    assert len(begun(marks)) == 5
+
+
+def test_the_folder_of_an_older_version_is_read_whole(tmp_path, marks):
+    Campaign(specs=told(3, marks), run_one=do, folder=tmp_path).run(THREADS)
+    path = tmp_path / "campaign.json"
+    header = json.loads(path.read_text())
+    del header["runs"], header["contents"]
+    path.write_text(json.dumps(header))
+    assert len(load_records(tmp_path)) == 3
+
+
 def test_runs_that_end_their_workers_cost_no_other_run(tmp_path, marks):
     specs = told(8, marks)
     specs[2] = replace(specs[2], act="die once")
