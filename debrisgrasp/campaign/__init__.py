@@ -12,8 +12,9 @@ from .accounting import (
     system_reliability,
     tabulate,
 )
+from .again import Change, changes, done_again, run_function
 from .arm_run import run_arm
-from .contents import contents_of_site, digest
+from .contents import contents_of_site, digest, edited_since
 from .fake_run import pipeline_of, run_fake
 from .flight_picture import save_flight
 from .flights import FlightGroup, draw_flight, flight_of, grouped
@@ -45,6 +46,7 @@ __all__ = [
     "WORLDS",
     "Account",
     "Campaign",
+    "Change",
     "ClusterWorkers",
     "Comparison",
     "FaultRates",
@@ -60,12 +62,15 @@ __all__ = [
     "Stage",
     "Tables",
     "account",
+    "changes",
     "compare",
     "comparison_to_json",
     "contents_of_site",
     "digest",
+    "done_again",
     "draw_flight",
     "draw_specs",
+    "edited_since",
     "fake_world",
     "flight_of",
     "flights_to_json",
@@ -78,6 +83,7 @@ __all__ = [
     "random_faults",
     "run_arm",
     "run_fake",
+    "run_function",
     "run_physics",
     "save_flight",
     "save_results",

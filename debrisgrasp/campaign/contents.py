@@ -6,11 +6,13 @@ import os
 from collections.abc import Iterator, Mapping
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
+from debrisgrasp._files import read_json
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.settings import Settings
 
-__all__ = ["contents_of_site", "digest", "edited"]
+__all__ = ["contents_of_site", "digest", "edited", "edited_since"]
 
 
 def contents_of_site(path: str | os.PathLike[str]) -> dict[str, str]:
@@ -27,6 +29,20 @@ def contents_of_site(path: str | os.PathLike[str]) -> dict[str, str]:
     if Path(site.robot).suffix:
         places.append(Path(site.robot))
     return {str(file): digest(file) for place in places for file in _files(place)}
+
+
+def edited_since(folder: str | os.PathLike[str], spec: Mapping[str, Any]) -> list[str]:
+    """Say which files of the site of a run are others than when its campaign began.
+
+    Nothing is said if the folder holds no campaign, or one of an older version.
+    """
+    header = Path(folder) / "campaign.json"
+    if spec.get("site") is None or not header.is_file():
+        return []
+    content = read_json(header)
+    kept = content.get("contents", {}) if isinstance(content, dict) else {}
+    now = contents_of_site(spec["site"])
+    return edited(kept, {**kept, **now}) if kept else []
 
 
 def digest(path: str | os.PathLike[str]) -> str:

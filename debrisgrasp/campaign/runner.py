@@ -23,7 +23,7 @@ from .contents import edited
 from .record import RunRecord
 from .workers import Crew, LocalWorkers, Workers
 
-__all__ = ["Campaign", "Progress", "RunFunction", "Spec", "load_records"]
+__all__ = ["Campaign", "Progress", "RunFunction", "Spec", "guarded", "load_records"]
 
 _LIVES = 2
 """A run that ends its worker so many times, alone on it, is recorded as such."""
@@ -189,7 +189,7 @@ class Campaign:
                 spec = waiting.popleft()
                 try:
                     future = crew.executor.submit(
-                        _guarded, self.run_one, spec, crew.time_limit
+                        guarded, self.run_one, spec, crew.time_limit
                     )
                 except BrokenExecutor as error:
                     lost.append((spec, error))
@@ -200,7 +200,7 @@ class Campaign:
                 spec = pending.pop(future)
                 try:
                     record = future.result()
-                except Exception as error:  # noqa: BLE001 - `_guarded` raises none
+                except Exception as error:  # noqa: BLE001 - `guarded` raises none
                     lost.append((spec, error))
                 else:
                     keep(record)
@@ -249,7 +249,9 @@ def load_records(folder: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
     return tuple(records)
 
 
-def _guarded(run_one: RunFunction, spec: Spec, time_limit: float | None) -> RunRecord:
+def guarded(
+    run_one: RunFunction, spec: Spec, time_limit: float | None = None
+) -> RunRecord:
     """Run it; whatever it raises becomes a record, so that none is lost."""
     with _ending_worker_after(time_limit):
         try:

@@ -31,9 +31,7 @@ from debrisgrasp.campaign import (
     load_results,
     pipeline_of,
     random_faults,
-    run_arm,
-    run_fake,
-    run_physics,
+    run_function,
     save_results,
     tables_to_json,
     tabulate,
@@ -51,11 +49,6 @@ __all__ = ["run_campaigns"]
 
 _INTERRUPTED = 130
 _RANDOM = "random"
-_RUNS = {
-    ("fake", "hand"): run_fake,
-    ("mujoco", "hand"): run_physics,
-    ("mujoco", "arm"): run_arm,
-}
 
 
 def run_campaigns(arguments: argparse.Namespace) -> int:
@@ -132,7 +125,7 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
     header = {**common, "version": debrisgrasp.__version__, "faults": arguments.faults}
     return Campaign(
         specs=draw_specs(arguments.n, faults=source, **common),
-        run_one=_RUNS[arguments.world, arguments.level],
+        run_one=run_function(arguments.world, arguments.level),
         folder=arguments.out,
         header=header,
         contents=contents,
