@@ -2,6 +2,7 @@
 
 from .accounting import (
     CLASS_ORDER,
+    LATER_TRY,
     Comparison,
     Share,
     Stage,
@@ -11,10 +12,13 @@ from .accounting import (
     system_reliability,
     tabulate,
 )
+from .again import Change, changes, done_again, run_function
 from .arm_run import run_arm
+from .contents import contents_of_site, digest, edited_since
 from .fake_run import pipeline_of, run_fake
 from .flight_picture import save_flight
 from .flights import FlightGroup, draw_flight, flight_of, grouped
+from .in_the_way import Account, account
 from .intervals import Interval, jeffreys, newcombe, wilson
 from .physics_run import run_physics
 from .rates import FaultRates, Rate, random_faults
@@ -35,11 +39,14 @@ __all__ = [
     "CLASSES",
     "CLASS_ORDER",
     "FAKE_TIERS",
+    "LATER_TRY",
     "LEVELS",
     "SUCCESS",
     "UNCLASSIFIED",
     "WORLDS",
+    "Account",
     "Campaign",
+    "Change",
     "ClusterWorkers",
     "Comparison",
     "FaultRates",
@@ -54,10 +61,16 @@ __all__ = [
     "Share",
     "Stage",
     "Tables",
+    "account",
+    "changes",
     "compare",
     "comparison_to_json",
+    "contents_of_site",
+    "digest",
+    "done_again",
     "draw_flight",
     "draw_specs",
+    "edited_since",
     "fake_world",
     "flight_of",
     "flights_to_json",
@@ -70,6 +83,7 @@ __all__ = [
     "random_faults",
     "run_arm",
     "run_fake",
+    "run_function",
     "run_physics",
     "save_flight",
     "save_results",

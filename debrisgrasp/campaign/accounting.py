@@ -8,9 +8,16 @@ its stages' reliabilities (Figure 11b),
 
    r_i = (n_i - f_i) / n_i, \qquad \prod_i r_i = \text{successes} / \text{runs},
 
-where n_i runs reached stage i and f_i of them ended in it. That holds exactly only with
-the runs that really reached a stage. Dividing by successes plus failures of the stage
-forgets the runs that ended later, and gives a product that is too small.
+where n_i runs reached stage i and f_i of them got no further. That holds exactly only
+with the runs that really reached a stage. Dividing by successes plus failures of the
+stage forgets the runs that ended later, and gives a product that is too small.
+
+The stages of a removal are begun anew for each object. A run reached those that any of
+its tries began, so that those that reached `GRASPED_STAGE` are those that got to a
+grasp, and failed in the last of them. One that passed them all and was ended by a later
+try failed in `LATER_TRY`, which stands behind them. A success passed all, also where
+nothing had to be gripped. Where the fault was noticed that ended a run is counted
+beside this (`Tables.ended_in`): it may be an early stage of a late try.
 """
 
 from __future__ import annotations
@@ -22,12 +29,14 @@ from fractions import Fraction
 from math import prod
 
 from debrisgrasp.errors import InputError
+from debrisgrasp.executive import FAULTS, State
 
 from .intervals import Interval, newcombe, wilson
 from .record import CHECKS, STAGE_ORDER, SUCCESS, UNCLASSIFIED, RunRecord
 
 __all__ = [
     "CLASS_ORDER",
+    "LATER_TRY",
     "Comparison",
     "Share",
     "Stage",
@@ -52,6 +61,11 @@ CLASS_ORDER = (
     UNCLASSIFIED,
 )
 """Classes in the order in which a run meets them: the stages of the series."""
+
+LATER_TRY = "later_try"
+"""Last stage of the series of a removal: all tries after one that passed the others."""
+
+_RELEASED, _RETREAT = State.VERIFY_RELEASE.value, State.RETREAT.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +94,7 @@ class Stage:
     reached: int
     """Runs that came so far."""
     failed: int
-    """Runs that ended here."""
+    """Runs that got no further."""
 
     @property
     def reliability(self) -> Fraction:
@@ -98,19 +112,19 @@ class Stage:
 def stages_in_series(
     order: Sequence[str], failed_in: Iterable[str | None]
 ) -> tuple[Stage, ...]:
-    """Count how many runs reached and how many ended in each stage.
+    """Count how many runs reached each stage, and how many got no further.
 
     Parameters
     ----------
     order
         Names of the stages, first to last.
     failed_in
-        Of each run: the stage in which it ended, None after a success.
+        Of each run: the last stage that it reached, None after a success.
 
     Raises
     ------
     InputError
-        If a run ended in a stage that is not in the order.
+        If a run reached a stage that is not in the order.
     """
     ends = list(failed_in)
     remaining = len(ends)
@@ -118,7 +132,7 @@ def stages_in_series(
     unknown = sorted(failures.keys() - set(order))
     if unknown:
         raise InputError(
-            "stage in which a run ended",
+            "last stage of a run",
             got=", ".join(map(repr, unknown)),
             expected="one of " + ", ".join(order),
         )
@@ -156,14 +170,18 @@ class Tables:
     """Share of each outcome in all runs, success first."""
     of_grasps: tuple[tuple[str, Share], ...]
     """Share of each outcome in the runs that got to a grasp."""
+    by_first_fault: tuple[tuple[str, int], ...]
+    """The same runs, those that failed by the class of `RunRecord.first_fault`."""
     classes: tuple[Stage, ...]
     """The classes as stages in series, in `CLASS_ORDER`."""
     stages: tuple[Stage, ...]
-    """The stages of a removal in series."""
+    """The stages of a removal in series, and `LATER_TRY`."""
+    ended_in: tuple[tuple[str, int], ...]
+    """In which stage the fault was noticed that ended a run, and how many runs."""
     mended: tuple[tuple[str, Fraction | None], ...]
     """Success of the whole if one class never occurred, in the same order."""
     removed: Share
-    """Objects removed of those that were there."""
+    """Objects that are out of the way in the end, of those that were in it."""
     checks: tuple[tuple[str, int], ...]
     """How often each of `CHECKS` was violated, all runs together."""
 
@@ -191,6 +209,8 @@ def tabulate(records: Sequence[RunRecord]) -> Tables:
             "runs of the campaign", got="none", expected="one or more finished runs"
         )
     grasped = [record for record in records if record.got_to_a_grasp]
+    ends = Counter(record.failed_stage for record in records)
+    firsts = Counter(map(_by_first_fault, records))
     classes = stages_in_series(
         CLASS_ORDER, (None if r.is_success else r.outcome for r in records)
     )
@@ -200,8 +220,10 @@ def tabulate(records: Sequence[RunRecord]) -> Tables:
     return Tables(
         of_all=_shares(records),
         of_grasps=_shares(grasped),
+        by_first_fault=tuple((name, firsts[name]) for name in (SUCCESS, *CLASS_ORDER)),
         classes=classes,
-        stages=stages_in_series(STAGE_ORDER, (r.failed_stage for r in records)),
+        stages=stages_in_series((*STAGE_ORDER, LATER_TRY), map(_got_to, records)),
+        ended_in=tuple((name, ends[name]) for name in STAGE_ORDER),
         mended=mended,
         removed=Share(
             sum(record.n_removed for record in records),
@@ -212,6 +234,27 @@ def tabulate(records: Sequence[RunRecord]) -> Tables:
             for name in CHECKS
         ),
     )
+
+
+def _by_first_fault(record: RunRecord) -> str:
+    """Class that a run would count in if its first fault made it fail."""
+    fault = FAULTS.get(record.first_fault or "")
+    if record.is_success or fault is None:
+        return record.outcome
+    return fault.fault_class.value
+
+
+def _got_to(record: RunRecord) -> str | None:
+    """Last stage that any try of a run began; None after a success."""
+    if record.is_success:
+        return None
+    begun = {*record.reached, record.failed_stage}
+    if _RELEASED not in begun:
+        begun.discard(_RETREAT)  # from a push, which also ends by it
+    last = [STAGE_ORDER[0], *(name for name in STAGE_ORDER if name in begun)][-1]
+    if last == _RETREAT and record.failed_stage != last:
+        return LATER_TRY
+    return last
 
 
 def _shares(records: Sequence[RunRecord]) -> tuple[tuple[str, Share], ...]:

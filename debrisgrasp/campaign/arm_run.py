@@ -14,13 +14,8 @@ from debrisgrasp.robot import FakeConfig
 from debrisgrasp.sim import tier_scene
 from debrisgrasp.sim_robot import sim_robot
 
-from .fake_run import (
-    Watch,
-    is_in_the_way,
-    pipeline_of,
-    record_of,
-    settings_of,
-)
+from .fake_run import Watch, pipeline_of, record_of, settings_of, unclassified
+from .in_the_way import account
 from .record import RunRecord
 from .specs import RunSpec
 
@@ -53,21 +48,22 @@ def run_arm(spec: RunSpec) -> RunRecord:
     executive = Executive(
         robot.robot, settings, pipeline=pipeline, observers=(watch,), rng=task_rng
     )
-    result = executive.run()
+    try:
+        result = executive.run()
+    except Exception:  # noqa: BLE001 - nothing was removed, but there was something
+        return unclassified(spec, world, settings)
     is_latched = all(arm.is_stopped for arm in robot.arms.values())
     truth = robot.truth()
     done = Simulated(result, truth, (), is_latched)
     record = record_of(spec, done, watch, settings, time.thread_time() - start)
-    can_go = {
-        body.name: body.mass
-        for body in world.bodies
-        if is_in_the_way(body, settings) and body.mass <= settings.max_mass
-    }
-    gone = [can_go.get(name, 0.0) for name in truth.removed]
+    objects = account(truth, settings)
+    gone, kept = (
+        sum(body.mass for body in bodies) for bodies in (objects.gone, objects.kept)
+    )
     more = {
         "deepest_mm": {arm: round(1e3 * d, 3) for arm, d in truth.deepest.items()},
         "peak_at_s": {arm: round(when, 3) for arm, when in truth.peak_time.items()},
-        "removable_kg": round(sum(can_go.values()), 3),
-        "removed_kg": round(sum(gone), 3),
+        "removable_kg": round(gone + kept, 3),
+        "removed_kg": round(gone, 3),
     }
     return replace(record, details={**record.details, **more})

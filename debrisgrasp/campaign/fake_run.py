@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+import traceback
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -24,19 +25,20 @@ from debrisgrasp.geometry import Bounds
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import FakeTruth
 from debrisgrasp.settings import Settings
-from debrisgrasp.worlds import Body
+from debrisgrasp.worlds import Body, World
 
+from .in_the_way import account, box_around, is_in_the_way, to_remove
 from .record import SUCCESS, RunRecord
 from .specs import OBJECT_SPECIFIC, RunSpec, fake_world
 
 __all__ = [
     "Watch",
     "handle_of",
-    "is_in_the_way",
     "pipeline_of",
     "record_of",
     "run_fake",
     "settings_of",
+    "unclassified",
 ]
 
 _LEFT_AT = re.compile(r"at \((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\)")
@@ -91,14 +93,17 @@ def run_fake(spec: RunSpec) -> RunRecord:
     watch, settings = Watch(recovery=spec.recovery), settings_of(spec, pipeline)
     if spec.tier in OBJECT_SPECIFIC:
         settings = replace(settings, region=handle_of(world.bodies[0]))
-    done = simulate(
-        world,
-        settings,
-        spec.faults,
-        pipeline=pipeline,
-        observers=(watch,),
-        rng=rng,
-    )
+    try:
+        done = simulate(
+            world,
+            settings,
+            spec.faults,
+            pipeline=pipeline,
+            observers=(watch,),
+            rng=rng,
+        )
+    except Exception:  # noqa: BLE001 - nothing was removed, but there was something
+        return unclassified(spec, world, settings)
     return record_of(spec, done, watch, settings, time.thread_time() - start)
 
 
@@ -110,9 +115,19 @@ def settings_of(spec: RunSpec, pipeline: Pipeline) -> TaskSettings:
     return replace(task.settings(pipeline), max_attempts=spec.max_attempts)
 
 
+def unclassified(spec: RunSpec, world: World, settings: TaskSettings) -> RunRecord:
+    """Keep the exception that is being handled, and what was to be removed."""
+    return RunRecord.unclassified(
+        spec.name,
+        spec.to_json(),
+        traceback.format_exc(),
+        n_objects=len(to_remove(world, settings)),
+    )
+
+
 def handle_of(crate: Body) -> Bounds:
     """Box around what stands above the rim of a crate, base frame."""
-    low, high = _box(crate)
+    low, high = box_around(crate)
     low[2] = high[2] - crate.sizes["rise"]
     return Bounds.around([low, high], _MARGIN)
 
@@ -128,14 +143,19 @@ def record_of(
     result, truth = done.result, done.truth
     failure = result.fault_class
     last = result.faults[-1] if result.faults else None
+    first = result.first_fault
     reached = tuple(stage.value for stage in STAGES if stage.value in watch.reached)
     failed_stage = None
     if failure is not None:
         at_last = [name for name in watch.reached if name in reached]
         is_stage = last is not None and last.state in STAGES
         failed_stage = last.state.value if last and is_stage else at_last[-1]
-    in_the_way = [body for body in truth.world.bodies if is_in_the_way(body, settings)]
-    overlooked = [body.name for body in in_the_way if not _is_named(body, result)]
+    overlooked = [
+        body.name
+        for body in truth.world.bodies
+        if is_in_the_way(body, settings) and not _is_named(body, result)
+    ]
+    objects = account(truth, settings)
     is_cleared = result.end is RunEnd.CLEARED
     must_stand = result.end in (RunEnd.STOPPED, RunEnd.INTERRUPTED)
     return RunRecord(
@@ -145,11 +165,12 @@ def record_of(
         reached=reached,
         failed_stage=failed_stage,
         fault=None if failure is None or last is None else last.fault,
+        first_fault=None if first is None else first.fault,
         end=result.end.value,
         faults=tuple(event.fault for event in result.faults),
         injected=done.happened,
-        n_objects=len(in_the_way) + len(truth.removed),
-        n_removed=len(truth.removed),
+        n_objects=len(objects.gone) + len(objects.kept),
+        n_removed=len(objects.gone),
         checks={
             "uncaught": sum(e.fault == "software_error" for e in result.faults),
             "commands_outside_limits": len(truth.violations),
@@ -188,24 +209,9 @@ def _details(
     }
 
 
-def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
-    corners = [solid.bounds for solid in body.solids]
-    return (
-        np.min([box.lower for box in corners], axis=0),
-        np.max([box.upper for box in corners], axis=0),
-    )
-
-
-def is_in_the_way(body: Body, settings: TaskSettings) -> bool:
-    """Whether a body stands in the workspace, higher than what may be driven over."""
-    _, high = _box(body)
-    middle = body.T_base_body.apply(body.center_of_mass)
-    return bool(settings.bounds.contains(middle) and high[2] > settings.drive_over)
-
-
 def _is_named(body: Body, result: RunResult) -> bool:
     """Whether the task says of a body that it stays."""
-    low, high = _box(body)
+    low, high = box_around(body)
     for words in result.left:
         found = _LEFT_AT.search(words)
         if found:

@@ -40,6 +40,7 @@ def run_physics(spec: RunSpec) -> RunRecord:
         reached=_GRIPPED if is_planned else _PLANNED,
         failed_stage=None if trial.is_success else stage,
         fault=None if trial.is_success else fault,
+        first_fault=None if trial.is_success else fault,
         end=trial.outcome,
         faults=() if trial.is_success else (fault,),
         n_objects=1,

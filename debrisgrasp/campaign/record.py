@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from debrisgrasp import __version__
 from debrisgrasp._files import read_json
 from debrisgrasp.control import FaultClass
 from debrisgrasp.errors import ConfigError
@@ -44,6 +45,8 @@ CHECKS = (
 """What must never happen, however a run ends; counted in each run."""
 
 _SCHEMA = "debrisgrasp/campaign-run/1"
+_ADDED: Mapping[str, Any] = {"first_fault": None, "version": ""}
+"""Fields that older records lack, and what they mean by it."""
 
 STAGE_ORDER = tuple(stage.value for stage in STAGES)
 """Stages of a removal, first to last."""
@@ -70,7 +73,10 @@ class RunRecord:
     failed_stage: str | None = None
     """Where the fault that ended the run was noticed; None after a success."""
     fault: str | None = None
-    """Name of that fault."""
+    """Name of that fault; the outcome is its class."""
+    first_fault: str | None = None
+    """Name of the first of all faults in the order of the stages, also of those that
+    were answered; None if there was none, or the record is of an older version."""
     end: str = ""
     """How the run ended, in the words of `RunEnd`."""
     faults: tuple[str, ...] = ()
@@ -78,7 +84,9 @@ class RunRecord:
     injected: tuple[str, ...] = ()
     """Faults that really came to pass of those that the spec asks for."""
     n_objects: int = 0
+    """Objects that were in the way at the start, and that a robot could remove."""
     n_removed: int = 0
+    """Of these, the ones that are not in the way in the end."""
     checks: Mapping[str, int] = field(default_factory=dict)
     """How often each of `CHECKS` was violated."""
     seconds: float = 0.0
@@ -87,6 +95,8 @@ class RunRecord:
     """Trace of the exception of an unclassified run."""
     details: Mapping[str, Any] = field(default_factory=dict)
     """Anything else that the run function wants to keep."""
+    version: str = __version__
+    """Of the package that did the run; empty in a record of an older one."""
 
     def __post_init__(self) -> None:
         known = (SUCCESS, UNCLASSIFIED, *CLASSES)
@@ -116,6 +126,20 @@ class RunRecord:
                     f"{name} of run {self.name}", got=repr(count), expected="a count"
                 )
 
+    @staticmethod
+    def unclassified(
+        name: str, spec: Mapping[str, Any], error: str, *, n_objects: int = 0
+    ) -> RunRecord:
+        """Make the record of a run that ended by an exception, or with its worker."""
+        return RunRecord(
+            name=name,
+            spec=spec,
+            outcome=UNCLASSIFIED,
+            failed_stage=STAGE_ORDER[0],
+            n_objects=n_objects,
+            error=error,
+        )
+
     @property
     def is_success(self) -> bool:
         """Whether the run did all that it was for."""
@@ -139,7 +163,8 @@ class RunRecord:
             raise ConfigError(where, got="something else", expected=f"a {_SCHEMA}")
         names = RunRecord.__slots__
         try:
-            values = {name: content[name] for name in names}
+            values = {name: content[name] for name in names if name not in _ADDED}
+            values |= {name: content.get(name, none) for name, none in _ADDED.items()}
             for name in ("reached", "faults", "injected"):
                 values[name] = tuple(values[name])
             _require_kinds(values, where)

@@ -33,6 +33,7 @@ _PLAIN = (
     "end",
     "failed_stage",
     "fault",
+    "first_fault",
     "n_objects",
     "n_removed",
     "seconds",
@@ -98,9 +99,11 @@ def tables_to_json(tables: Tables) -> dict[str, Any]:
     return {
         "all_runs": {name: _share(share) for name, share in tables.of_all},
         "runs_with_a_grasp": {name: _share(share) for name, share in tables.of_grasps},
+        "by_first_fault": dict(tables.by_first_fault),
         "objects_removed": _share(tables.removed),
         "classes_in_series": [_stage(stage) for stage in tables.classes],
         "stages_in_series": [_stage(stage) for stage in tables.stages],
+        "ended_in": dict(tables.ended_in),
         "system": None if system is None else float(system),
         "if_never": {
             name: None if value is None else float(value)

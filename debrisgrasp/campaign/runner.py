@@ -19,14 +19,16 @@ from typing import Any, NamedTuple, Protocol
 from debrisgrasp._files import read_json, write_atomic
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 
-from .record import STAGE_ORDER, UNCLASSIFIED, RunRecord
+from .contents import edited
+from .record import RunRecord
 from .workers import Crew, LocalWorkers, Workers
 
-__all__ = ["Campaign", "Progress", "RunFunction", "Spec", "load_records"]
+__all__ = ["Campaign", "Progress", "RunFunction", "Spec", "guarded", "load_records"]
 
 _LIVES = 2
 """A run that ends its worker so many times, alone on it, is recorded as such."""
 _SCHEMA = "debrisgrasp/campaign/1"
+_CONTENTS, _RUNS = "contents", "runs"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 
 
@@ -69,6 +71,9 @@ class Campaign:
     header: Mapping[str, Any] = field(default_factory=dict)
     """What all runs have in common. A folder with another header is refused, since it
     holds the records of another campaign."""
+    contents: Mapping[str, str] = field(default_factory=dict)
+    """Digests of the files that decide what the runs are, by path. A folder that was
+    begun with other contents is refused, too."""
 
     def __post_init__(self) -> None:
         names = [spec.name for spec in self.specs]
@@ -150,14 +155,14 @@ class Campaign:
         return self.folder / "runs" / f"{name}.json"
 
     def _full_header(self) -> Any:
-        return _as_read({"schema": _SCHEMA, **self.header})
+        return _as_read({"schema": _SCHEMA, **self.header, _CONTENTS: self.contents})
 
     def _refuse_other_campaign(self) -> None:
         path, header = self.folder / "campaign.json", self._full_header()
-        if path.exists() and (there := read_json(path)) != header:
+        if path.exists() and (found := _difference(read_json(path), header)):
             raise InputError(
                 f"campaign in {self.folder}",
-                got=_difference(there, header),
+                got=found,
                 expected="an empty folder, or the same campaign to go on with",
                 mend="Give another folder.",
             )
@@ -168,8 +173,9 @@ class Campaign:
             (self.folder / "runs").mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(self.folder, error.strerror or str(error)) from error
-        if not path.exists():
-            write_atomic(path, json.dumps(self._full_header(), indent=1) + "\n")
+        content = {**self._full_header(), _RUNS: [spec.name for spec in self.specs]}
+        if not path.exists() or read_json(path) != content:
+            write_atomic(path, json.dumps(content, indent=1) + "\n")
 
     def _drain(
         self, crew: Crew, waiting: deque[Spec], keep: Callable[[RunRecord], None]
@@ -183,7 +189,7 @@ class Campaign:
                 spec = waiting.popleft()
                 try:
                     future = crew.executor.submit(
-                        _guarded, self.run_one, spec, crew.time_limit
+                        guarded, self.run_one, spec, crew.time_limit
                     )
                 except BrokenExecutor as error:
                     lost.append((spec, error))
@@ -194,7 +200,7 @@ class Campaign:
                 spec = pending.pop(future)
                 try:
                     record = future.result()
-                except Exception as error:  # noqa: BLE001 - `_guarded` raises none
+                except Exception as error:  # noqa: BLE001 - `guarded` raises none
                     lost.append((spec, error))
                 else:
                     keep(record)
@@ -219,6 +225,8 @@ class Campaign:
 def load_records(folder: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
     """Read the whole records of a campaign's folder, in the order of their names.
 
+    Those of a longer campaign that was there before are left out.
+
     Raises
     ------
     ConfigError
@@ -229,7 +237,11 @@ def load_records(folder: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
     if not isinstance(header, dict) or header.get("schema") != _SCHEMA:
         raise ConfigError(str(place), got="another folder", expected="a campaign's")
     records = []
-    for path in sorted((place / "runs").glob("*.json")):
+    paths = sorted((place / "runs").glob("*.json"))
+    names = set(header.get(_RUNS, [path.stem for path in paths]))  # none in older ones
+    for path in paths:
+        if path.stem not in names:
+            continue
         try:
             records.append(RunRecord.load(path))
         except ConfigError:
@@ -237,7 +249,9 @@ def load_records(folder: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
     return tuple(records)
 
 
-def _guarded(run_one: RunFunction, spec: Spec, time_limit: float | None) -> RunRecord:
+def guarded(
+    run_one: RunFunction, spec: Spec, time_limit: float | None = None
+) -> RunRecord:
     """Run it; whatever it raises becomes a record, so that none is lost."""
     with _ending_worker_after(time_limit):
         try:
@@ -262,13 +276,7 @@ def _ending_worker_after(seconds: float | None) -> Iterator[None]:
 
 
 def _failed(spec: Spec, error: str) -> RunRecord:
-    return RunRecord(
-        name=spec.name,
-        spec=_as_read(spec.to_json()),
-        outcome=UNCLASSIFIED,
-        failed_stage=STAGE_ORDER[0],
-        error=error,
-    )
+    return RunRecord.unclassified(spec.name, _as_read(spec.to_json()), error)
 
 
 def _as_read(content: Mapping[str, Any]) -> Any:
@@ -279,9 +287,11 @@ def _as_read(content: Mapping[str, Any]) -> Any:
 def _difference(there: Any, wanted: Mapping[str, Any]) -> str:
     if not isinstance(there, dict):
         return "another file"
-    names = sorted(there.keys() | wanted.keys())
-    return "; ".join(
+    before, now = (content.get(_CONTENTS, {}) for content in (there, wanted))
+    names = sorted((there.keys() | wanted.keys()) - {_CONTENTS, _RUNS})
+    words = [
         f"{name} {there.get(name)!r} instead of {wanted.get(name)!r}"
         for name in names
         if there.get(name) != wanted.get(name)
-    )
+    ]
+    return "; ".join(words + edited(before, now))

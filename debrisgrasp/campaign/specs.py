@@ -10,6 +10,7 @@ import numpy as np
 
 from debrisgrasp._arrays import Rng, require_range
 from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.executive import state_named
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.robot import Injection
 from debrisgrasp.worlds import (
@@ -88,6 +89,8 @@ class RunSpec:
     ------
     ConfigError
         If a number is out of range.
+    UnknownNameError
+        If there is no such world or level, or no state at which a fault is to strike.
     """
 
     name: str
@@ -119,6 +122,9 @@ class RunSpec:
         require_range("max_attempts", self.max_attempts, 1, 10_000)
         if self.max_removals is not None:
             require_range("max_removals", self.max_removals, 1, 10_000)
+        for injection in self.faults:
+            if injection.state is not None:
+                state_named(injection.state)
         if self.world != "fake" and self.faults:
             raise ConfigError(
                 "faults",

@@ -123,8 +123,13 @@ class ClusterWorkers:
                 raise self._refusal("no worker", "a worker or more") from error
             cores = sum(client.ncores().values())
             # A run that is sent twice counts once; the scheduler sees to the rest.
-            with client.get_executor(pure=False) as executor:
+            executor = client.get_executor(pure=False)
+            try:
                 yield Crew(executor, 4 * max(cores, 1), self.time_limit)
+            except BaseException:
+                executor.shutdown(wait=False)  # none begins any more; nobody waits
+                raise
+            executor.shutdown()
         finally:
             client.close()
 

@@ -22,6 +22,8 @@ from debrisgrasp.campaign import (
     RunRecord,
     compare,
     comparison_to_json,
+    contents_of_site,
+    digest,
     draw_flight,
     draw_specs,
     flight_of,
@@ -29,9 +31,7 @@ from debrisgrasp.campaign import (
     load_results,
     pipeline_of,
     random_faults,
-    run_arm,
-    run_fake,
-    run_physics,
+    run_function,
     save_results,
     tables_to_json,
     tabulate,
@@ -49,11 +49,6 @@ __all__ = ["run_campaigns"]
 
 _INTERRUPTED = 130
 _RANDOM = "random"
-_RUNS = {
-    ("fake", "hand"): run_fake,
-    ("mujoco", "hand"): run_physics,
-    ("mujoco", "arm"): run_arm,
-}
 
 
 def run_campaigns(arguments: argparse.Namespace) -> int:
@@ -124,12 +119,16 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
         "max_removals": arguments.max_removals,
     }
     source = _faults(arguments.faults)
+    contents = {} if common["site"] is None else contents_of_site(common["site"])
+    if (rates := _rates_file(arguments.faults)) is not None:
+        contents[arguments.faults] = digest(rates)
     header = {**common, "version": debrisgrasp.__version__, "faults": arguments.faults}
     return Campaign(
         specs=draw_specs(arguments.n, faults=source, **common),
-        run_one=_RUNS[arguments.world, arguments.level],
+        run_one=run_function(arguments.world, arguments.level),
         folder=arguments.out,
         header=header,
+        contents=contents,
     )
 
 
@@ -174,15 +173,20 @@ def _site(arguments: argparse.Namespace) -> str | None:
 
 
 def _faults(name: str | None) -> Callable[[Rng], tuple[Injection, ...]] | None:
-    if name is None:
-        return None
     if name == _RANDOM:
         return random_faults
+    path = _rates_file(name)
+    return None if path is None else FaultRates.load(path).drawn
+
+
+def _rates_file(name: str | None) -> Path | None:
+    if name is None or name == _RANDOM:
+        return None
     shipped = {path.stem: path for path in data_path("campaigns").glob("*.yaml")}
     if name not in shipped and not Path(name).suffix:
         known = (_RANDOM, *sorted(shipped), "the path of a .yaml file")
         raise UnknownNameError("rates of faults", name, known)
-    return FaultRates.load(shipped.get(name, name)).drawn
+    return shipped.get(name, Path(name))
 
 
 def _compare(old: Path, new: Path, *, as_json: bool) -> int:

@@ -26,7 +26,7 @@ def tables_text(tables: Tables) -> str:
         [
             _outcomes(tables),
             _series(tables),
-            _stages(tables.stages),
+            _stages(tables),
             _checks(tables),
         ]
     )
@@ -40,17 +40,18 @@ def _outcomes(tables: Tables) -> str:
             *_percent(share),
             str(grasped.count),
             *_percent(grasped),
+            str(first),
         ]
-        for (name, share), (_, grasped) in zip(
-            tables.of_all, tables.of_grasps, strict=True
+        for (name, share), (_, grasped), (_, first) in zip(
+            tables.of_all, tables.of_grasps, tables.by_first_fault, strict=True
         )
     ]
     all_runs, grasps = tables.success.total, tables.grasp_success.total
     header = ["outcome", "runs", f"% of {all_runs}", "95 %"]
-    header += ["with a grasp", f"% of {grasps}", "95 % "]
+    header += ["with a grasp", f"% of {grasps}", "95 % ", "by first fault"]
     removed = tables.removed
     share, interval = _percent(removed)
-    words = f"objects removed: {removed.count} of {removed.total}"
+    words = f"objects out of the way: {removed.count} of {removed.total}"
     if removed.total:
         words += f", {share} % ({interval})"
     return f"{columns(header, rows)}\n\n{words}"
@@ -72,11 +73,17 @@ def _series(tables: Tables) -> str:
     )
 
 
-def _stages(stages: Sequence[Stage]) -> str:
-    rows = [_row(stage) for stage in stages if stage.failed]
+def _stages(tables: Tables) -> str:
+    ends = dict(tables.ended_in)
+    rows = [
+        [*_row(stage), str(ends.get(stage.name, "-"))]
+        for stage in tables.stages
+        if stage.failed or ends.get(stage.name)
+    ]
     if not rows:
         return "no run ended in any stage"
-    return columns(["stage of the task", "reached", "failed", "r %", "95 %"], rows)
+    header = ["stage of the task", "reached", "no further", "r %", "95 %", "ended in"]
+    return columns(header, rows)
 
 
 def _row(stage: Stage) -> list[str]:

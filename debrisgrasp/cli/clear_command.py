@@ -1,4 +1,4 @@
-"""``clear``: the whole task on the robot in memory; ``replay``: the same again."""
+"""``clear``: the whole task on the robot in memory."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 from typing import TYPE_CHECKING
 
 from debrisgrasp._words import counted
-from debrisgrasp.errors import ConfigError, OutputError
+from debrisgrasp.errors import OutputError
 from debrisgrasp.settings import Settings
 
 from .commands import Subparsers, version
@@ -23,12 +23,7 @@ __all__ = ["add"]
 
 
 def add(subparsers: Subparsers) -> None:
-    """Add ``clear`` and ``replay``."""
-    _add_clear(subparsers)
-    _add_replay(subparsers)
-
-
-def _add_clear(subparsers: Subparsers) -> None:
+    """Add ``clear``."""
     parser = subparsers.add_parser(
         "clear",
         help="clear a pile with the robot in memory, and record every decision",
@@ -99,26 +94,6 @@ def _add_clear(subparsers: Subparsers) -> None:
         "--json", action="store_true", help="print JSON for machines instead of text"
     )
     parser.set_defaults(run=_clear)
-
-
-def _add_replay(subparsers: Subparsers) -> None:
-    parser = subparsers.add_parser(
-        "replay",
-        help="do a recorded run again, and compare decision by decision",
-        description="Do a recorded run again with this version, or compare it with "
-        "another record, and say where the decisions differ.",
-    )
-    parser.add_argument("folder", type=some_path, metavar="RUN", help="record of a run")
-    parser.add_argument(
-        "--against",
-        type=some_path,
-        metavar="RUN",
-        help="compare with this record instead",
-    )
-    parser.add_argument(
-        "--json", action="store_true", help="print JSON for machines instead of text"
-    )
-    parser.set_defaults(run=_replay)
 
 
 def _clear(arguments: argparse.Namespace) -> int:
@@ -239,45 +214,3 @@ def _summary(done: Simulated) -> str:
             "lower --drive-over, in metres, it is taken"
         )
     return "\n".join(lines)
-
-
-def _replay(arguments: argparse.Namespace) -> int:
-    from debrisgrasp.executive.record import MemoryRecord, load_run
-    from debrisgrasp.executive.replay import decisions, differences
-    from debrisgrasp.executive.simulated import SimulatedTask
-
-    from .live import ToldRun
-
-    before = load_run(arguments.folder)
-    taken = decisions(before.events)
-    if not taken:
-        raise ConfigError(
-            f"{arguments.folder}", got="no decision", expected="a run that began"
-        )
-    if arguments.against:
-        events = load_run(arguments.against).events
-    else:
-        again = MemoryRecord()
-        SimulatedTask.from_json(before.inputs).run(ToldRun(again))
-        events = again.events
-    is_interrupted = before.end is not None and before.end.get("end") == "interrupted"
-    if is_interrupted:
-        # What followed came of the interruption, which is no decision.
-        stops = [i for i, event in enumerate(taken) if event["event"] == "stop"]
-        taken = taken[: stops[-1]] if stops else taken
-    if is_interrupted or not before.is_whole:
-        # What there is of such a run is compared.
-        events = decisions(events)[: len(taken)]
-    found = differences(taken, events)
-    if arguments.json:
-        facts = {
-            "same": not found,
-            "is_whole": before.is_whole,
-            "missing": before.missing,
-        }
-        print(json.dumps({**facts, "differences": [str(d) for d in found]}))
-    else:
-        if before.missing:
-            print(f"{arguments.folder} lacks {', '.join(before.missing)}")
-        print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
-    return 1 if found or before.missing else 0

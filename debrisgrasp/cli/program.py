@@ -31,7 +31,7 @@ _COMMANDS = {
     "prototype": ("prototype_commands", "add"),
     "calibrate": ("calibrate_command", "add"),
     "clear": ("clear_command", "add"),
-    "replay": ("clear_command", "add"),
+    "replay": ("replay_command", "add"),
     "campaign": ("campaign_command", "add"),
     "doctor": ("doctor_command", "add"),
     "view": ("view_command", "add"),

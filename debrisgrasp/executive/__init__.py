@@ -8,7 +8,7 @@ from .replay import Difference, differences
 from .run import Executive, Observer
 from .settings import TaskSettings
 from .simulated import Simulated, SimulatedTask, simulate
-from .states import STAGES, State
+from .states import STAGES, State, state_named
 
 __all__ = [
     "FAULTS",
@@ -34,4 +34,5 @@ __all__ = [
     "load_run",
     "require_drop_off",
     "simulate",
+    "state_named",
 ]

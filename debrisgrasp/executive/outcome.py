@@ -131,12 +131,19 @@ class RunResult:
 
     @property
     def first_fault(self) -> FaultEvent | None:
-        """First fault of the first attempt in which there is any, in stage order."""
+        """First fault of all attempts in the order of the stages; there the earliest.
+
+        With recovery it is often one that was answered and cost nothing.
+        """
         return min(self.faults, key=_stage_of, default=None)
 
     @property
     def fault_class(self) -> FaultClass | None:
-        """The one class that the run counts in; None: success."""
+        """The one class that the run counts in; None: success.
+
+        It is that of the last fault, whose answer was to end the run. Those before were
+        answered, and the run went on: they did not make it fail.
+        """
         if self.end in (RunEnd.CLEARED, RunEnd.FINISHED):
             return None
         ending = self.faults[-1] if self.faults else None

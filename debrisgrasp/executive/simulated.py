@@ -35,13 +35,13 @@ from debrisgrasp.worlds import (
 from debrisgrasp.worlds import named_scene as scene_named
 
 from .context import Recorder
-from .faults import LISTED_BY, fault_named
+from .faults import fault_named
 from .limbs import require_drop_off
 from .marking import StaysMarked
 from .outcome import RunResult
 from .run import Executive, Observer
 from .settings import TaskSettings
-from .states import State
+from .states import State, state_named
 
 __all__ = ["Simulated", "SimulatedTask", "injections_of", "simulate"]
 
@@ -308,6 +308,8 @@ def simulate(
     ------
     ConfigError
         If the pipeline plans for a floating hand.
+    UnknownNameError
+        If a fault is to strike at a state, or an arm, that there is not.
     """
     robot_rng, fault_rng, task_rng = rng.spawn(3)
     model = pipeline.robot
@@ -317,7 +319,8 @@ def simulate(
     config = FakeConfig(is_initialised=True)
     grippers = {**load_grippers(), **pipeline.grippers}
     fake = fake_robot(model, world, rng=robot_rng, config=config, grippers=grippers)
-    injected = inject(fake.robot, faults, rng=fault_rng, world=fake)
+    states = tuple(state.value for state in State)
+    injected = inject(fake.robot, faults, states=states, rng=fault_rng, world=fake)
     executive = Executive(
         injected.robot,
         settings,
@@ -354,9 +357,8 @@ def injections_of(faults: Sequence[str]) -> tuple[Injection, ...]:
     found = []
     for text in faults:
         name, at, state = text.strip().partition("@")
-        known = [s.value for s in State]
         fault_named(name)
-        if at and state not in known:
-            raise UnknownNameError("state", state, known, listed_by=LISTED_BY)
+        if at:
+            state_named(state)
         found.append(Injection(fault=name, state=state or None))
     return tuple(found)

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from enum import Enum
 
-__all__ = ["STAGES", "State"]
+from debrisgrasp.errors import UnknownNameError
+
+from .faults import LISTED_BY
+
+__all__ = ["STAGES", "State", "state_named"]
 
 
 class State(Enum):
@@ -38,3 +42,11 @@ class State(Enum):
 STAGES = tuple(list(State)[: list(State).index(State.PUSH)])
 """States that a removal passes, first to last. What no hand can hold is pushed instead;
 the rest are ways out of a try."""
+
+
+def state_named(name: str) -> State:
+    """Look a state up, or raise `UnknownNameError`."""
+    known = {state.value: state for state in State}
+    if name not in known:
+        raise UnknownNameError("state", name, known, listed_by=LISTED_BY)
+    return known[name]

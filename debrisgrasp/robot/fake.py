@@ -68,6 +68,8 @@ class FakeTruth:
 
     world: World
     """Bodies where they are, in the frame of the odometry."""
+    begun: World
+    """Bodies where they were at the start, or where an injected fault put them."""
     held: Mapping[str, str]
     """Name of the body that each hand holds, by arm; empty hands are left out."""
     removed: tuple[str, ...]
@@ -126,6 +128,7 @@ class FakeRobot:
             base=self.base if model.drives else None,
         )
         """Devices, as any robot has them."""
+        self._begun = world
         self._stage = self._make_stage(world)
 
     @cached_property
@@ -145,6 +148,7 @@ class FakeRobot:
         stage = self._stage
         return FakeTruth(
             world=stage.world,
+            begun=self._begun,
             held=stage.held,
             removed=stage.removed,
             violations=tuple(self.violations),
@@ -190,7 +194,7 @@ class FakeRobot:
             return False
         after = self._make_stage(change(before.world))
         after.remember(before)
-        self._stage = after
+        self._stage, self._begun = after, change(self._begun)
         return True
 
     def change_friction(self, friction: float) -> None:

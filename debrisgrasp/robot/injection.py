@@ -7,7 +7,7 @@ world that can be changed, as that of `FakeRobot`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import Any
@@ -238,6 +238,7 @@ def inject(
     robot: Robot,
     injections: Sequence[Injection],
     *,
+    states: Collection[str],
     rng: Rng,
     world: Changeable | None = None,
 ) -> InjectedRobot:
@@ -245,6 +246,9 @@ def inject(
 
     Parameters
     ----------
+    states
+        Names of all states that will be told of by `InjectedRobot.on_state`. A fault
+        at another one would never strike.
     rng
         Decides what an injection leaves open, such as which joint sticks.
     world
@@ -252,13 +256,15 @@ def inject(
 
     Raises
     ------
+    UnknownNameError
+        If a fault is for a state, or an arm, that there is not.
     InputError
         If a fault needs a device, or a world, that is not there.
     """
     lives = []
     for injection, stream in zip(injections, rng.spawn(len(injections)), strict=True):
         kind = injection.kind
-        _require(robot, injection, world)
+        _require(robot, injection, states, world)
         severity = kind.severity if injection.severity is None else injection.severity
         arm = injection.arm
         if arm is None and injection.fault == "gripper_uninitialised":
@@ -281,7 +287,16 @@ def inject(
     return injected
 
 
-def _require(robot: Robot, injection: Injection, world: Changeable | None) -> None:
+def _require(
+    robot: Robot,
+    injection: Injection,
+    states: Collection[str],
+    world: Changeable | None,
+) -> None:
+    state = injection.state or injection.kind.state
+    if state not in states:
+        what = f"state in which {injection.fault} strikes"
+        raise UnknownNameError(what, state, states)
     if injection.arm is not None and injection.arm not in robot.limbs:
         raise UnknownNameError("arm", injection.arm, robot.limbs)
     device = injection.kind.device

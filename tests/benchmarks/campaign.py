@@ -2,7 +2,8 @@
 
 ``python -m tests.benchmarks.campaign [--json FILE] [--n RUNS] [--seed S] [--out DIR]``
 
-The attack injects one or two random faults at any state into each run. The paper's
+The attack injects one or two random faults at any state into each run; one run in ten
+clears two objects of a small pile, the others one that lies alone. The paper's
 campaigns are re-enacted with the rates of ``data/campaigns/paper_*.yaml``: what is
 known of them are the runs, those that got to a grasp, and those that succeeded (19 of
 26 of 43, and 95 of 99 of 147); how the rest falls on the classes is not, and is spread
@@ -43,6 +44,8 @@ from debrisgrasp.robot import Injection
 from tests.benchmarks.report import publish
 
 SEED = 20220
+PILES = 10
+"""One run in so many of the attack is one of piles."""
 TARGETS = {
     "uncaught": "0",
     "commands_outside_limits": "0",
@@ -81,6 +84,7 @@ class Bench:
         *,
         tier: str = "single",
         recovery: bool = True,
+        removals: int = 1,
         workers: int | None = None,
     ) -> tuple[RunRecord, ...]:
         specs = draw_specs(
@@ -89,8 +93,8 @@ class Bench:
             tier=tier,
             faults=faults,
             recovery=recovery,
-            max_removals=1,
-            max_attempts=4,
+            max_removals=removals,
+            max_attempts=4 * removals,
         )
         campaign = Campaign(specs=specs, run_one=run_fake, folder=self.out / name)
 
@@ -104,18 +108,22 @@ class Bench:
 
 
 def attack(bench: Bench, n: int) -> dict[str, float]:
-    """Random single and paired faults at any state."""
+    """Random single and paired faults at any state, on single objects and on piles."""
     print(f"attack: {n} runs with one or two random faults at any state")
-    records = bench.run("attack", n, random_faults)
+    n_piles = n // PILES
+    parts = {"attack": bench.run("attack", n - n_piles, random_faults)}
+    if n_piles:
+        # Other draws, which a larger n leaves as they were.
+        other = Bench(bench.out, bench.workers, bench.seed + 1)
+        parts["attack_piles"] = other.run(
+            "attack_piles", n_piles, random_faults, tier="few", removals=2
+        )
+    for name, part in parts.items():
+        print(f"{name}: {len(part)} runs\n{tables_text(tabulate(part))}", end="\n\n")
+        print_broken(name, part)
+    records = [record for part in parts.values() for record in part]
     tables = tabulate(records)
-    print(tables_text(tables), end="\n\n")
     print(by_fault(records), end="\n\n")
-    for record in records:
-        broken = {k: v for k, v in record.checks.items() if v}
-        if broken or record.error:
-            faults = [f"{i['fault']}@{i['state']}" for i in record.spec["faults"]]
-            last = record.error.strip().splitlines()[-1:] if record.error else []
-            print(f"run {record.name} ({', '.join(faults)}): {broken} {' '.join(last)}")
     figures = {name: float(count) for name, count in tables.checks}
     figures["unclassified"] = float(sum(r.outcome == UNCLASSIFIED for r in records))
     print(runs_violating(records), end="\n\n")
@@ -125,9 +133,20 @@ def attack(bench: Bench, n: int) -> dict[str, float]:
     figures["stops_latched_share"] = latched / max(len(stopped), 1)
     figures["stops"] = float(len(stopped))
     figures["attack_runs"] = float(n)
+    figures["attack_piles"] = float(n_piles)
     figures["attack_struck"] = float(sum(bool(r.injected) for r in records))
     figures["cpu_seconds_per_run"] = sum(r.seconds for r in records) / n
     return figures
+
+
+def print_broken(name: str, records: Sequence[RunRecord]) -> None:
+    """Name the runs in which something happened that never must."""
+    for record in records:
+        broken = {k: v for k, v in record.checks.items() if v}
+        if broken or record.error:
+            faults = [f"{i['fault']}@{i['state']}" for i in record.spec["faults"]]
+            told = f"run {name}/{record.name} ({', '.join(faults)}): {broken}"
+            print(told, *record.error.strip().splitlines()[-1:])
 
 
 def runs_violating(records: Sequence[RunRecord]) -> str:

@@ -16,13 +16,12 @@ from unittest import mock
 
 import numpy as np
 
+from debrisgrasp.campaign import account
 from debrisgrasp.cli.tables import columns
-from debrisgrasp.executive import RunEnd, SimulatedTask, TaskSettings
-from debrisgrasp.executive.simulated import Simulated
+from debrisgrasp.executive import RunEnd, SimulatedTask
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot.fake import FakeRobot
 from debrisgrasp.robot.fake_body import FakeDepthCamera
-from debrisgrasp.worlds import Body
 from tests.benchmarks.report import publish
 
 _TARGETS = {
@@ -74,31 +73,6 @@ class _Cycles:
         return mock.patch.object(kind, name, timed)
 
 
-def _is_in_way(body: Body, settings: TaskSettings) -> bool:
-    """Whether the middle of a body lies in the workspace, as it was at the start."""
-    (x0, y0, _), (x1, y1, _) = settings.workspace
-    x, y, _ = body.T_base_body.p
-    return bool(x0 < x < x1 and y0 < y < y1)
-
-
-def _account(done: Simulated, task: SimulatedTask) -> tuple[list[str], list[str]]:
-    """Bodies that were in the way and could be carried: those gone, those that remain.
-
-    What is put down within the workspace is not removed, however far it was carried.
-    """
-    settings = TaskSettings()
-    gone, kept = [], []
-    for begun, ended in zip(task.world().bodies, done.truth.world.bodies, strict=True):
-        if begun.mass > settings.max_mass or not _is_in_way(begun, settings):
-            continue
-        top = max(float(solid.bounds.upper[2]) for solid in ended.solids)
-        if not _is_in_way(ended, settings):
-            gone.append(ended.name)
-        elif top > task.drive_over:
-            kept.append(ended.name)
-    return gone, kept
-
-
 def _cause(reason: str) -> str:
     """A reason without its numbers, short enough for a table."""
     words = re.sub(r"object \d+: |of \d+ [a-z ]*poses: ", "", reason)
@@ -128,7 +102,8 @@ def main() -> None:
         ):
             done = task.run(cycles, pipeline=pipeline)
         result, truth = done.result, done.truth
-        gone, kept = _account(done, task)
+        objects = account(truth, task.settings(pipeline))
+        gone, kept = objects.gone, [body.name for body in objects.kept]
         ends[result.end.value] += 1
         faults.update(f"{e.state.value}: {e.fault}" for e in result.faults)
         left.update(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from debrisgrasp import __version__
+from debrisgrasp._files import data_path
 from debrisgrasp.campaign import RunRecord, RunSpec, fake_world, run_fake
 from debrisgrasp.campaign.fake_run import handle_of
 from debrisgrasp.robot import INJECTABLE, Injection
@@ -76,6 +80,14 @@ def test_without_recovery_the_first_fault_ends_a_run_with_the_arms_stopped():
     assert record.checks["stops_not_latched"] == 0
 
 
+def test_the_first_fault_is_kept_beside_the_one_that_ended_the_run():
+    stop = Injection(fault="wrench_nan", state="pregrasp")
+    record = run_fake(struck(Injection(fault="empty_cloud"), stop, recovery=True))
+    assert record.faults == ("empty_cloud", "wrench_nan")
+    assert (record.outcome, record.fault) == ("driver", "wrench_nan")
+    assert record.first_fault == "empty_cloud"
+
+
 def test_equal_specs_give_equal_records():
     spec = struck(Injection(fault="limit_mismatch"), Injection(fault="empty_cloud"))
     first, second = (run_fake(spec) for _ in range(2))
@@ -115,6 +127,72 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
     other = run(*words[:-1], out, "--seed", 5)
     assert other.status == 2
     assert "another folder" in other.err
+
+
+def test_a_run_of_a_campaign_is_done_again_from_its_record(run, tmp_path):
+    path, other = tmp_path / "runs/000000.json", tmp_path / "other.json"
+    path.parent.mkdir()
+    record = run_fake(struck(Injection(fault="limit_mismatch")))
+    path.write_text(record.to_json())
+    done = run("replay", path)
+    assert done.status == 0, done.err
+    assert f"{__version__} before, {__version__} now" in done.out
+    assert "the same: operator_parameters, aborted" in done.out
+    faults = ("empty_cloud", *record.faults)
+    older = replace(record, outcome="driver", faults=faults, version="")
+    other.write_text(older.to_json())
+    done = run("replay", other)
+    assert done.status == 1
+    assert f"an older version before, {__version__} now" in done.out
+    assert "outcome: driver before, operator_parameters now" in done.out
+    assert "faults: empty_cloud, limit_mismatch before, limit_mismatch now" in done.out
+    told = json.loads(run("replay", path, "--against", other, "--json").out)
+    assert told["same"] is False
+    assert len(told["differences"]) == 2
+
+
+def test_a_run_whose_site_was_edited_since_says_so(run, tmp_path):
+    site, out = tmp_path / "site.yaml", tmp_path / "out"
+    rates = tmp_path / "rates.yaml"
+    rates.write_text(RATES)
+    site.write_text("schema: debrisgrasp/site/1\n")
+    words = ("--n", 1, "--faults", rates, "--no-recovery", "--site", site)
+    words += ("--tier", "single", "--workers", 1, "--out", out)
+    assert run("campaign", *words).status == 0
+    assert "not as before" not in run("replay", out / "runs/000000.json").out
+    site.write_text("schema: debrisgrasp/site/1\nseed: 3\n")
+    done = run("replay", out / "runs/000000.json")
+    assert "not as before: " in done.out
+    assert "site.yaml with another content" in done.out
+
+
+@pytest.mark.parametrize("content", ["[]", "{}", "", '{"schema": "debrisgrasp/run/1"}'])
+def test_a_file_that_is_no_record_of_a_run_is_not_replayed(run, tmp_path, content):
+    path = tmp_path / "000000.json"
+    path.write_text(content)
+    done = run("replay", path)
+    assert done.status == 2
+    assert "000000.json" in done.err
+
+
+def test_a_file_that_was_edited_since_is_named(run, tmp_path):
+    rates, site, out = tmp_path / "rates.yaml", tmp_path / "site.yaml", tmp_path / "out"
+    prototypes = tmp_path / "mine"
+    shutil.copytree(data_path("prototypes"), prototypes)
+    rates.write_text(RATES)
+    site.write_text("schema: debrisgrasp/site/1\nprototypes: mine\n")
+    words = ("campaign", "--n", 1, "--faults", rates, "--no-recovery", "--site", site)
+    words += ("--tier", "single", "--workers", 1, "--out", out)
+    assert run(*words).status == 0
+    some = next(path for path in prototypes.rglob("*") if path.is_file())
+    for path in (rates, site, some):
+        before = path.read_bytes()
+        path.write_bytes(before + b"\n# edited\n")
+        done = run(*words)
+        assert done.status == 2
+        assert f"{path.name} with another content" in done.err
+        path.write_bytes(before)
+    assert run(*words).status == 0
 
 
 @pytest.mark.parametrize(

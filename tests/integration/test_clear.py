@@ -20,12 +20,13 @@ from debrisgrasp.executive import (
     State,
     TaskSettings,
     load_run,
+    simulate,
 )
 from debrisgrasp.executive.record import MemoryRecord
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.robot import INJECTABLE, FakeConfig, fake_robot
+from debrisgrasp.robot import INJECTABLE, FakeConfig, Injection, fake_robot
 from debrisgrasp.worlds import World, let_down, make_body
 
 
@@ -61,6 +62,12 @@ def cleared(pipeline, beam):
 def test_an_unknown_fault_or_state_says_what_lists_them(fault):
     with pytest.raises(UnknownNameError, match="clear --faults list"):
         SimulatedTask(faults=(fault,))
+
+
+def test_no_run_begins_with_a_fault_at_a_state_that_there_is_not(pipeline, beam, rng):
+    fault = Injection(fault="slip", state="lfit")
+    with pytest.raises(UnknownNameError, match="slip strikes"):
+        simulate(beam, TaskSettings(), [fault], pipeline=pipeline, rng=rng)
 
 
 def test_a_beam_is_carried_to_the_drop_off_and_the_way_is_clear(cleared):

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from debrisgrasp.campaign import (
     CLASS_ORDER,
     CLASSES,
+    LATER_TRY,
     SUCCESS,
     UNCLASSIFIED,
     compare,
@@ -90,6 +91,20 @@ def test_every_run_is_in_exactly_one_row(ends):
         assert float(system_reliability(stages)) == tables.success.value
 
 
+def test_failed_runs_are_counted_by_their_first_fault_too():
+    runs = [
+        record("a", "driver", fault="wrench_nan", first_fault="empty_cloud"),
+        record("b", "driver", fault="wrench_nan", first_fault="wrench_nan"),
+        record("c", "driver"),  # of an older version
+        record("d", first_fault="slip"),  # answered: it cost nothing
+        record("e", UNCLASSIFIED),
+    ]
+    tables = tabulate(runs)
+    counted = {name: count for name, count in tables.by_first_fault if count}
+    assert counted == {"success": 1, "perception": 1, "driver": 2, "unclassified": 1}
+    assert dict(tables.of_all)["driver"].count == 3
+
+
 def test_checks_and_objects_are_added_up():
     runs = [
         record("a", n_objects=3, n_removed=2, checks={"false_cleared": 1}),
@@ -106,11 +121,55 @@ def test_nothing_to_count_is_refused():
         tabulate([])
 
 
+def begun_to(stage: str) -> tuple[str, ...]:
+    return STAGE_ORDER[: STAGE_ORDER.index(stage) + 1]
+
+
 def test_stages_of_a_removal_are_a_series_too():
-    runs = [*campaign(success=3), record("x", "planning", failed_stage="plan_motion")]
-    (motion,) = (s for s in tabulate(runs).stages if s.name == "plan_motion")
+    early = {"reached": begun_to("plan_motion"), "failed_stage": "plan_motion"}
+    tables = tabulate([*campaign(success=3), record("x", "planning", **early)])
+    (motion,) = (s for s in tables.stages if s.name == "plan_motion")
     assert (motion.reached, motion.failed) == (4, 1)
-    assert [s.name for s in tabulate(runs).stages] == list(STAGE_ORDER)
+    assert [s.name for s in tables.stages] == [*STAGE_ORDER, LATER_TRY]
+    assert dict(tables.ended_in)["plan_motion"] == 1
+
+
+def test_a_run_that_removed_something_and_found_no_more_passed_every_stage():
+    late = {"reached": STAGE_ORDER, "failed_stage": "select"}
+    tables = tabulate([*campaign(success=1), record("x", "planning", **late)])
+    stages = {stage.name: stage for stage in tables.stages}
+    assert {stage.reached for stage in tables.stages} == {2}
+    assert (stages["select"].failed, stages[LATER_TRY].failed) == (0, 1)
+    assert dict(tables.ended_in)["select"] == 1
+
+
+def test_a_run_that_fails_in_retreat_passed_no_retreat():
+    ended = {"reached": STAGE_ORDER, "failed_stage": "retreat"}
+    stages = {s.name: s for s in tabulate([record("x", "driver", **ended)]).stages}
+    assert (stages["retreat"].failed, stages[LATER_TRY].reached) == (1, 0)
+
+
+def test_a_retreat_from_a_push_is_none_from_a_release():
+    pushed = {"reached": (*begun_to("select"), "retreat"), "failed_stage": "select"}
+    stages = {s.name: s for s in tabulate([record("x", "planning", **pushed)]).stages}
+    assert stages["select"].failed == 1
+    assert stages["close"].reached == 0
+
+
+reached = st.sampled_from(STAGE_ORDER).map(begun_to)
+failures = st.tuples(st.sampled_from(CLASSES), reached, st.sampled_from(STAGE_ORDER))
+
+
+@given(st.lists(failures, min_size=1, max_size=30), st.integers(0, 5))
+def test_who_reached_the_closing_of_the_fingers_got_to_a_grasp(ends, n_successes):
+    runs = campaign(success=n_successes)
+    for i, (outcome, begun, failed) in enumerate(ends):
+        failed = min(failed, begun[-1], key=STAGE_ORDER.index)
+        runs.append(record(str(i), outcome, reached=begun, failed_stage=failed))
+    tables = tabulate(runs)
+    (close,) = (stage for stage in tables.stages if stage.name == "close")
+    assert close.reached == tables.grasp_success.total
+    assert system_reliability(tables.stages) == Fraction(n_successes, len(runs))
 
 
 def test_comparison_says_what_is_clear():

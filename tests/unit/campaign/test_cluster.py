@@ -9,13 +9,22 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
-from debrisgrasp.campaign import Campaign, ClusterWorkers
+from debrisgrasp.campaign import (
+    Campaign,
+    ClusterWorkers,
+    Progress,
+    RunRecord,
+    RunSpec,
+    run_fake,
+)
 from debrisgrasp.errors import InputError
+from debrisgrasp.robot import Injection
 
 from .runs import begun, do, told
 
@@ -80,6 +89,45 @@ def test_no_run_is_lost_when_a_worker_of_the_cluster_is_killed(tmp_path, cluster
     assert killed, "both workers were given runs"
     assert [record.outcome for record in records] == ["success"] * 30
     assert len(set(begun(marks))) == 30
+
+
+def test_an_interruption_does_not_wait_for_the_runs_under_way(tmp_path, cluster):
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    first, *others = told(8, marks, seconds=60.0)
+    specs = [replace(first, seconds=0.0), *others]
+    campaign = Campaign(specs=specs, run_one=do, folder=tmp_path / "out")
+
+    def interrupt(progress: Progress) -> None:
+        if progress.latest is not None:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        campaign.run(ClusterWorkers(cluster.address), on_progress=interrupt)
+    ended = time.time_ns()
+    assert list(campaign.finished()) == [first.name]
+    begins = [int(path.name.split("+")[1]) for path in marks.glob("*+*")]
+    assert ended - min(begins) < 30e9
+    assert len(begins) < len(specs)
+
+
+def test_runs_of_the_whole_task_are_the_same_on_a_cluster(tmp_path, cluster):
+    ends = (
+        Injection(fault="limit_mismatch"),
+        Injection(fault="wrench_nan", state="pregrasp"),
+    )
+    specs = [
+        RunSpec(name=fault.fault, seed=4, tier="single", faults=(fault,))
+        for fault in ends
+    ]
+    campaign = Campaign(specs=specs, run_one=run_fake, folder=tmp_path / "out")
+    records = campaign.run(ClusterWorkers(cluster.address))
+    assert [r.outcome for r in records] == ["operator_parameters", "driver"]
+    stored = [RunRecord.load(tmp_path / "out/runs" / f"{s.name}.json") for s in specs]
+    for spec, record in zip(specs, stored, strict=True):
+        here = json.loads(run_fake(spec).to_json())
+        there = json.loads(record.to_json())
+        assert there == {**here, "seconds": record.seconds}
 
 
 def test_a_cluster_that_does_not_answer_is_named(tmp_path):

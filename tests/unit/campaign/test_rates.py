@@ -24,7 +24,7 @@ from debrisgrasp.campaign import (
     wilson,
 )
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
-from debrisgrasp.executive import FAULTS, STAGES
+from debrisgrasp.executive import FAULTS, STAGES, State
 from debrisgrasp.robot import INJECTABLE, Injection
 
 from .records import record
@@ -74,7 +74,7 @@ def test_there_are_shipped_rates():
         ("schema: debrisgrasp/fault-rates/1", "rates"),
         ("schema: debrisgrasp/fault-rates/1\nrates: []\nmore: 1", "more"),
         ("schema: debrisgrasp/fault-rates/1\nrates: []\n1: a\nb: c", "'1', 'b'"),
-        (f"{{}}- {{{{rate: 1{'0' * 400}, one_of: slip}}}}", "rate 1: got inf"),
+        (f"{{}}- {{{{rate: 1{'0' * 400}, one_of: slip}}}}", "rate 1: got 10{50}"),
         ("{}- {{rate: 2, one_of: slip}}", "rate 1: got 2"),
         ("{}- {{rate: yes, one_of: slip}}", "rate 1, rate"),
         ("{}- {{rate: .nan, one_of: slip}}", "rate 1: got nan"),
@@ -99,7 +99,15 @@ def test_random_faults_are_one_or_two_of_any_kind_at_any_state(rng):
     drawn = [random_faults(rng) for _ in range(600)]
     assert {len(run) for run in drawn} == {1, 2}
     assert {i.fault for run in drawn for i in run} == set(INJECTABLE)
-    assert len({i.state for run in drawn for i in run}) == 19
+    assert all(len({i.fault for i in run}) == len(run) for run in drawn)
+    states = {state.value for state in State if state is not State.CLEARED}
+    assert {i.state for run in drawn for i in run} == {None, *states}
+
+
+def test_any_state_is_any_in_which_something_can_go_wrong(rng):
+    rate = Rate(rate=1.0, one_of=("connection_lost",), state="any")
+    states = {state.value for state in State if state is not State.CLEARED}
+    assert {rate.drawn(rng).state for _ in range(600)} == states
 
 
 @given(st.integers(1, 30), st.integers(0, 2**32))
@@ -122,6 +130,7 @@ def test_a_spec_survives_its_record():
         {"max_attempts": 0},
         {"max_removals": 0},
         {"world": "mujoco", "faults": (Injection(fault="slip"),)},
+        {"faults": (Injection(fault="slip", state="lfit"),)},
     ],
 )
 def test_runs_that_make_no_sense_are_refused(changes):

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from debrisgrasp import __version__
 from debrisgrasp.campaign import CLASSES, SUCCESS, RunRecord
 from debrisgrasp.errors import ConfigError
 
@@ -54,6 +55,15 @@ def test_a_field_of_another_kind_is_refused(field, value):
     content = json.loads(record("x").to_json()) | {field: value}
     with pytest.raises(ConfigError, match=field):
         RunRecord.from_json(content, "here")
+
+
+def test_a_record_of_an_older_version_can_be_read():
+    written = record("x", first_fault="slip")
+    content = json.loads(written.to_json())
+    assert (content.pop("first_fault"), content.pop("version")) == ("slip", __version__)
+    read = RunRecord.from_json(content, "here")
+    assert (read.first_fault, read.version) == (None, "")
+    assert read.outcome == written.outcome
 
 
 def test_a_missing_field_is_named(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -80,6 +81,48 @@ def test_the_folder_of_another_campaign_is_refused(tmp_path, marks):
     campaign.run(THREADS)
     with pytest.raises(InputError, match="seed 1 instead of 2"):
         replace(campaign, header={"seed": 2}).run(THREADS)
+
+
+def test_a_folder_that_was_begun_with_other_files_is_refused_by_their_names(
+    tmp_path, marks
+):
+    files = {"rates.yaml": "ab12", "site.yaml": "cd34"}
+    campaign = Campaign(
+        specs=told(1, marks), run_one=do, folder=tmp_path, contents=files
+    )
+    campaign.run(THREADS)
+    assert len(campaign.run(THREADS)) == 1
+    changes = [
+        ({**files, "rates.yaml": "ef56"}, "got rates.yaml with another content"),
+        ({**files, "hand.yaml": "ab12"}, "got no record of what hand.yaml held"),
+        ({"site.yaml": "cd34"}, "got rates.yaml, which is not used any more"),
+    ]
+    for contents, message in changes:
+        with pytest.raises(InputError, match=message) as caught:
+            replace(campaign, contents=contents).run(THREADS)
+        assert "site.yaml" not in str(caught.value)
+
+
+def test_records_of_a_longer_campaign_that_was_there_before_are_not_read(
+    tmp_path, marks
+):
+    longer = Campaign(specs=told(5, marks), run_one=do, folder=tmp_path)
+    longer.run(THREADS)
+    shorter = replace(longer, specs=told(3, marks))
+    assert load_records(tmp_path) == longer.run(THREADS)
+    assert shorter.run(THREADS) == load_records(tmp_path)
+    longer.run(THREADS)
+    assert len(load_records(tmp_path)) == 5
+    assert len(begun(marks)) == 5
+
+
+def test_the_folder_of_an_older_version_is_read_whole(tmp_path, marks):
+    Campaign(specs=told(3, marks), run_one=do, folder=tmp_path).run(THREADS)
+    path = tmp_path / "campaign.json"
+    header = json.loads(path.read_text())
+    del header["runs"], header["contents"]
+    path.write_text(json.dumps(header))
+    assert len(load_records(tmp_path)) == 3
 
 
 def test_runs_that_end_their_workers_cost_no_other_run(tmp_path, marks):
@@ -214,6 +257,71 @@ def test_a_folder_is_taken_only_once_there_are_workers(tmp_path, marks):
     assert not out.exists()
     replace(campaign, header={"seed": 1}).run(THREADS)
     assert len(load_records(out)) == 1
+
+
+def test_a_full_disk_ends_a_campaign_whose_records_stay_whole(
+    tmp_path, marks, monkeypatch
+):
+    flush, n_left = os.fsync, 4  # the header, and three records
+
+    def full(descriptor: int) -> None:
+        nonlocal n_left
+        if n_left == 0:
+            os.ftruncate(descriptor, 10)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        n_left -= 1
+        flush(descriptor)
+
+    out = tmp_path / "out"
+    campaign = Campaign(specs=told(9, marks), run_one=do, folder=out)
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OutputError, match=r"runs/00\d\.json: No space left on device"):
+        campaign.run(THREADS)
+    monkeypatch.undo()
+    kept = {path: path.read_bytes() for path in (out / "runs").iterdir()}
+    assert len(kept) == len(load_records(out)) == len(campaign.finished()) == 3
+    assert len(campaign.run(THREADS)) == 9
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
+LIMITED = """
+import resource
+import sys
+from pathlib import Path
+from debrisgrasp.campaign import Campaign, LocalWorkers
+from debrisgrasp.errors import OutputError
+from tests.unit.campaign.runs import Told, do, told
+
+if __name__ == "__main__":
+    out, marks = map(Path, sys.argv[1:])
+    specs = [*told(3, marks), Told("long", folder=str(marks), act="x" * 4000)]
+    # No file may become longer, as if the disk were full; the last record would.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
+    try:
+        Campaign(specs=specs, run_one=do, folder=out).run(LocalWorkers(1))
+    except OutputError as error:
+        sys.exit(str(error))
+"""
+
+
+def test_what_can_not_be_written_whole_is_not_written_at_all(tmp_path, marks):
+    pytest.importorskip("resource")
+    script, out = tmp_path / "script.py", tmp_path / "out"
+    script.write_text(LIMITED)
+    done = subprocess.run(
+        [sys.executable, script, out, marks],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "can't write" in done.stderr
+    assert "long.json: File too large" in done.stderr
+    names = [path.name for path in sorted((out / "runs").iterdir())]
+    assert names == ["000.json", "001.json", "002.json"]
+    assert len(load_records(out)) == 3
 
 
 @pytest.mark.parametrize("count", [-1, 5000])

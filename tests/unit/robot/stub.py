@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from debrisgrasp.control import GripCommand, LoadModel
-from debrisgrasp.executive import STAGES
+from debrisgrasp.executive import STAGES, State
 from debrisgrasp.geometry import SE3, Intrinsics
 from debrisgrasp.kinematics import LimitSet, RobotModel
 from debrisgrasp.robot import (
@@ -24,6 +24,7 @@ from debrisgrasp.robot import (
 from debrisgrasp.worlds import World
 
 CAMERA = Intrinsics(fx=80.0, fy=80.0, cx=79.5, cy=44.5, width=160, height=90)
+STATES = tuple(state.value for state in State)
 
 
 @dataclass
@@ -176,7 +177,7 @@ def struck(robot, *faults, rng, world=None, **changes):
         else Injection(fault=fault, **{"at": 0.0, **changes})
         for fault in faults
     ]
-    injected = inject(robot, injections, rng=rng, world=world)
+    injected = inject(robot, injections, states=STATES, rng=rng, world=world)
     for state in STAGES:
         injected.on_state(state.value)
     return injected

@@ -395,6 +395,18 @@ def test_a_body_that_appears_in_a_hand_lies_against_it_and_does_not_strike():
     assert rig.fake.truth().peak_force["right"] < 1.0
 
 
+def test_what_is_moved_behind_the_robots_back_began_there():
+    rig = Rig([FAR])
+    shift = SE3.from_parts(p=[0.4, 0.0, 0.0])
+    rig.fake.change_world(
+        lambda world: world.placed([shift @ b.T_base_body for b in world.bodies])
+    )
+    truth = rig.fake.truth()
+    (begun,), (now,) = truth.begun.bodies, truth.world.bodies
+    np.testing.assert_allclose(begun.T_base_body.p, shift.apply(FAR.T_base_body.p))
+    np.testing.assert_allclose(now.T_base_body.p[:2], begun.T_base_body.p[:2])
+
+
 def test_a_joint_jumps_out_of_its_limits_only_away_from_bodies():
     near, away = Rig([beam("bar", 3.0, (0.8, -0.3, 0.0445))]), Rig([FAR])
     before = tuple(near.arm.read().q)

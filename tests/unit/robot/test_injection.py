@@ -14,7 +14,7 @@ from debrisgrasp.errors import ConfigError, DriverError, InputError, UnknownName
 from debrisgrasp.executive import FAULTS, STAGES
 from debrisgrasp.robot import INJECTABLE, Injection, Robot, inject
 
-from .stub import struck
+from .stub import STATES, struck
 
 PERIOD = 0.004
 
@@ -31,7 +31,7 @@ def test_every_fault_of_the_table_can_be_injected():
 )
 def test_a_fault_begins_in_its_state_and_not_before(robot, rng, fault):
     state = INJECTABLE[fault].state
-    injected = inject(robot, [Injection(fault=fault, at=0.5)], rng=rng)
+    injected = inject(robot, [Injection(fault=fault, at=0.5)], states=STATES, rng=rng)
     for earlier in STAGES[: [s.value for s in STAGES].index(state)]:
         injected.on_state(earlier.value)
         everything(injected.robot)
@@ -65,7 +65,7 @@ def everything(robot: Robot) -> None:
 
 def test_devices_that_no_fault_strikes_are_the_robots_own(robot, rng):
     injection = Injection(fault="wrench_nan", arm="left")
-    spoiled = inject(robot, [injection], rng=rng).robot
+    spoiled = inject(robot, [injection], states=STATES, rng=rng).robot
     assert spoiled.limbs["right"] == robot.limbs["right"] or (
         spoiled.limbs["right"].sensor is robot.limbs["right"].sensor
     )
@@ -266,9 +266,14 @@ def test_what_can_not_be_injected_is_refused(robot, rng):
     with pytest.raises(ConfigError, match="injection"):
         Injection.from_json({"fault": "slip", "when": 3})
     with pytest.raises(UnknownNameError, match="arm"):
-        inject(robot, [Injection(fault="slip", arm="third")], rng=rng)
+        inject(robot, [Injection(fault="slip", arm="third")], states=STATES, rng=rng)
+    misspelt = Injection(fault="wrench_nan", state="lfit")
+    with pytest.raises(UnknownNameError, match=r"wrench_nan strikes.*'lfit'.*lift"):
+        inject(robot, [misspelt], states=STATES, rng=rng)
+    with pytest.raises(UnknownNameError, match="'approach'"):
+        inject(robot, [Injection(fault="wrench_nan")], states=("drive",), rng=rng)
     with pytest.raises(InputError, match="robot in memory"):
-        inject(robot, [Injection(fault="slip")], rng=rng)
+        inject(robot, [Injection(fault="slip")], states=STATES, rng=rng)
     headless = replace(robot, head=None)
     with pytest.raises(InputError, match="head"):
-        inject(headless, [Injection(fault="calibration_off")], rng=rng)
+        inject(headless, [Injection(fault="calibration_off")], states=STATES, rng=rng)

@@ -9,13 +9,13 @@ from debrisgrasp.control import GripCommand
 from debrisgrasp.robot import Injection, inject
 from debrisgrasp.worlds import named_scene
 
-from .stub import StubWorld, struck
+from .stub import STATES, StubWorld, struck
 
 
 def test_nothing_appears_where_an_arm_may_be(robot, rng):
     scene = StubWorld(named_scene("wood_on_truss"))
     injection = Injection(fault="plan_collision", state="approach")
-    injected = inject(robot, [injection], rng=rng, world=scene)
+    injected = inject(robot, [injection], states=STATES, rng=rng, world=scene)
     injected.on_state("approach")
     assert injected.happened == ()
     injected.on_state("capture")
@@ -26,7 +26,7 @@ def test_nothing_appears_where_an_arm_may_be(robot, rng):
 def test_the_same_thing_may_appear_twice(robot, rng):
     scene = StubWorld(named_scene("wood_on_truss"))
     twice = [Injection(fault="plan_collision", state="capture")] * 2
-    injected = inject(robot, twice, rng=rng, world=scene)
+    injected = inject(robot, twice, states=STATES, rng=rng, world=scene)
     injected.on_state("capture")
     assert injected.happened == ("plan_collision",) * 2
     assert len({body.name for body in scene.world.bodies}) == 5
@@ -131,7 +131,7 @@ def test_what_happens_in_the_world(robot, rng):
 def test_the_world_changes_in_time_and_once_hands_are_empty(robot, rng):
     scene = StubWorld(named_scene("wood_on_truss"), is_held=True)
     injection = Injection(fault="empty_grip", at=0.5)
-    injected = inject(robot, [injection], rng=rng, world=scene)
+    injected = inject(robot, [injection], states=STATES, rng=rng, world=scene)
     injected.on_state("close")
     injected.robot.clock.wait_until(0.4)
     injected.robot.clock.wait_until(1.0)

@@ -201,7 +201,8 @@ def test_the_base_takes_its_arms_along():
 def test_devices_can_be_struck_by_faults():
     robot = made([FAR])
     frozen = Injection(fault="wrench_frozen")
-    injected = inject(robot.robot, (frozen,), rng=np.random.default_rng(0), world=robot)
+    rng = np.random.default_rng(0)
+    injected = inject(robot.robot, (frozen,), states=("lift",), rng=rng, world=robot)
     injected.on_state("lift")
     sensor, clock = injected.robot.limbs["right"].sensor, robot.robot.clock
     first = np.array(sensor.read().wrench_ft)

@@ -1,0 +1,120 @@
+"""``replay``: a run again, decision by decision, or as the run of a campaign."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from debrisgrasp.errors import ConfigError
+
+from .commands import Subparsers
+from .values import some_path
+
+__all__ = ["add"]
+
+
+def add(subparsers: Subparsers) -> None:
+    """Add ``replay``."""
+    parser = subparsers.add_parser(
+        "replay",
+        help="do a recorded run again, and compare decision by decision",
+        description="Do a recorded run, or the run of a campaign, again with this "
+        "version, or compare it with another record, and say where they differ.",
+    )
+    parser.add_argument(
+        "run_record",
+        type=some_path,
+        metavar="RUN",
+        help="record of a run: the folder that `clear --record` wrote, or the file of "
+        "the run of a campaign (runs/000017.json)",
+    )
+    parser.add_argument(
+        "--against",
+        type=some_path,
+        metavar="RUN",
+        help="compare with this record instead",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON for machines instead of text"
+    )
+    parser.set_defaults(run=_replay)
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    if arguments.run_record.is_file():
+        return _replay_of_campaign(arguments)
+    return _replay_of_decisions(arguments)
+
+
+def _replay_of_campaign(arguments: argparse.Namespace) -> int:
+    from debrisgrasp.campaign import (  # slow to load
+        RunRecord,
+        changes,
+        done_again,
+        edited_since,
+    )
+
+    path: Path = arguments.run_record
+    before = RunRecord.load(path)
+    folder, files = path.resolve().parent.parent, list[str]()
+    if arguments.against:
+        now = RunRecord.load(arguments.against)
+    else:
+        files = edited_since(folder, before.spec)
+        now = done_again(before)
+    found = changes(before, now)
+    versions = {"before": before.version or "an older version", "now": now.version}
+    if arguments.json:
+        facts = {"same": not found, "versions": versions, "edited": files}
+        print(json.dumps({**facts, "differences": [str(change) for change in found]}))
+        return 1 if found else 0
+    print(f"run {before.name}: {versions['before']} before, {versions['now']} now")
+    for words in files:
+        print(f"not as before: {words}")
+    print("\n".join(map(str, found)) or f"the same: {now.outcome}, {now.end}")
+    if now.error:
+        print(now.error.strip())
+    return 1 if found else 0
+
+
+def _replay_of_decisions(arguments: argparse.Namespace) -> int:
+    from debrisgrasp.executive.record import MemoryRecord, load_run
+    from debrisgrasp.executive.replay import decisions, differences
+    from debrisgrasp.executive.simulated import SimulatedTask
+
+    from .live import ToldRun
+
+    before = load_run(arguments.run_record)
+    taken = decisions(before.events)
+    if not taken:
+        raise ConfigError(
+            f"{arguments.run_record}", got="no decision", expected="a run that began"
+        )
+    if arguments.against:
+        events = load_run(arguments.against).events
+    else:
+        again = MemoryRecord()
+        SimulatedTask.from_json(before.inputs).run(ToldRun(again))
+        events = again.events
+    is_interrupted = before.end is not None and before.end.get("end") == "interrupted"
+    if is_interrupted:
+        # What followed came of the interruption, which is no decision.
+        stops = [i for i, event in enumerate(taken) if event["event"] == "stop"]
+        taken = taken[: stops[-1]] if stops else taken
+    if is_interrupted or not before.is_whole:
+        # What there is of such a run is compared.
+        events = decisions(events)[: len(taken)]
+    found = differences(taken, events)
+    if arguments.json:
+        facts = {
+            "same": not found,
+            "is_whole": before.is_whole,
+            "missing": before.missing,
+        }
+        print(json.dumps({**facts, "differences": [str(d) for d in found]}))
+    else:
+        if before.missing:
+            print(f"{arguments.run_record} lacks {', '.join(before.missing)}")
+        print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
+    return 1 if found or before.missing else 0
