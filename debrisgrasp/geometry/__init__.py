@@ -6,7 +6,7 @@ from .cloud_normals import neighborhood_normals
 from .content import SolidContent
 from .field import MAX_CELLS, DistanceField, Space
 from .image_normals import depth_normals
-from .neighbors import voxel_cells, voxel_downsample
+from .neighbors import voxel_cells, voxel_count, voxel_downsample
 from .sampling import fibonacci_sphere, perturbed, random_rotations
 from .se3 import SE3
 from .sight import DepthSight, LineOfSight, PanoramicSight
@@ -35,5 +35,6 @@ __all__ = [
     "perturbed",
     "random_rotations",
     "voxel_cells",
+    "voxel_count",
     "voxel_downsample",
 ]

@@ -12,8 +12,8 @@ from .neighbors import cell_means, voxel_cells
 
 __all__ = ["neighborhood_normals"]
 
-_NEIGHBORS_AT_ONCE = 1_200_000
-"""Neighbours gathered at once, about 60 MB of them and of their differences."""
+_NEIGHBORS_AT_ONCE = 300_000
+"""Neighbours gathered at once, about 15 MB of them and of their differences."""
 
 
 def neighborhood_normals(
@@ -81,7 +81,7 @@ def _fitted_normals(
     points: FloatArray, viewpoint: FloatArray, n_neighbors: int, flatness: float
 ) -> FloatArray:
     normals = np.full(points.shape, np.nan)
-    tree = cKDTree(points)
+    tree, columns = cKDTree(points), np.array(points.T, order="C")
     # Where points lie closer than their noise, only a wider look shows the surface.
     for wanted in (n_neighbors, 4 * n_neighbors):
         count = min(wanted, len(points))
@@ -92,16 +92,21 @@ def _fitted_normals(
         for start in range(0, len(pending), chunk):
             part = pending[start : start + chunk]
             _, neighbors = tree.query(points[part], k=count, workers=-1)
-            normals[part] = _plane_normals(points[neighbors], flatness)
+            normals[part] = _plane_normals(
+                columns.take(np.transpose(neighbors), axis=1), flatness
+            )
     away = np.einsum("ni,ni->n", normals, viewpoint - points) < 0.0
     normals[away] *= -1.0
     return normals
 
 
 def _plane_normals(neighborhoods: FloatArray, flatness: float) -> FloatArray:
-    """Direction of least variance of points (m, k, 3), shape (m, 3)."""
+    """Direction of least variance of k points around each of m, shape (m, 3).
+
+    The neighbourhoods have the shape (3, k, m): sums run along the longest axis.
+    """
     centered = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
-    scatter = np.swapaxes(centered, 1, 2) @ centered
+    scatter = np.einsum("ikm,jkm->mij", centered, centered)
     variances, axes = np.linalg.eigh(scatter)
     small, middle, large = variances.T
     is_surface = (small <= flatness * middle) & (middle > 1e-6 * large)

@@ -7,7 +7,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray, IntArray, require_finite, require_trailing
 from debrisgrasp.errors import InputError
 
-__all__ = ["cell_means", "voxel_cells", "voxel_downsample"]
+__all__ = ["cell_means", "voxel_cells", "voxel_count", "voxel_downsample"]
 
 _KEY_BITS = 21
 """Three coordinates of this many bits fit into one int64 key."""
@@ -100,6 +100,11 @@ def voxel_downsample(points: FloatArray, size: float) -> IntArray:
     is_kept = np.zeros(len(points), dtype=bool)
     is_kept[kept] = True
     return np.flatnonzero(is_kept)
+
+
+def voxel_count(points: FloatArray, size: float) -> int:
+    """How many voxels with edges ``size`` [m] the points (n, 3) occupy."""
+    return _any_cells(points, points.T, size)[1]
 
 
 def _any_cells(

@@ -357,11 +357,12 @@ class Pipeline:
 
     def _unfit(self, seen: Perception, target: Target) -> str | None:
         """Why an object isn't worth a search, or None if it is."""
-        points, config = seen.cloud.points[target.is_object], self.config
-        ground, grid = config.segmentation.ground, config.planner.scene
-        report, least = seen.segmentation.ground, config.min_object_points
         if not target.label:
             return None
+        own, config = np.flatnonzero(target.is_object), self.config
+        points = seen.cloud.points.take(own, axis=0)
+        ground, grid = config.segmentation.ground, config.planner.scene
+        report, least = seen.segmentation.ground, config.min_object_points
         chains = [arm.chain for arm in self.arms]
         return unfit(points, target.region, report, ground, grid, least, chains)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.geometry import MAX_CELLS, Bounds, voxel_downsample
+from debrisgrasp.geometry import MAX_CELLS, Bounds, voxel_count
 from debrisgrasp.kinematics import KinematicChain
 from debrisgrasp.planning import PassedOver, SceneConfig
 from debrisgrasp.prototypes import GripperModel
@@ -40,7 +40,7 @@ def too_small(points: FloatArray, spacing: float, least: int) -> str | None:
     least
         Number of cells from which on it is worth a search.
     """
-    n_cells = len(voxel_downsample(points, spacing))
+    n_cells = voxel_count(points, spacing)
     if n_cells >= least:
         return None
     return f"too small: {n_cells} cells of surface seen, {least} are needed"

@@ -90,7 +90,7 @@ def choose_targets(
             Target(
                 candidate.label,
                 region_of_interest(
-                    cloud.points[segmentation.points_of(candidate.label)],
+                    cloud.points.take(segmentation.points_of(candidate.label), axis=0),
                     margin=margin,
                 ),
                 labels == candidate.label,

@@ -111,6 +111,8 @@ class Seen:
     """Of each object being one, shape (s,)."""
     kinship: FloatArray
     """Probability of two labels being one object, shape (s + 1, s + 1)."""
+    overlaps: FloatArray
+    """Share of each end of a contact over the other's outline, shape (c, 2)."""
 
     @classmethod
     def of(
@@ -126,29 +128,16 @@ class Seen:
         if segmentation.kinship is not None:
             kinship[1:, 1:] = segmentation.kinship
             np.fill_diagonal(kinship, 0.0)
+        contacts, shapes = find_contacts(surface, reach), Shapes.of(surface, n)
         return cls(
-            contacts=find_contacts(surface, reach),
+            contacts=contacts,
             surface=surface,
-            shapes=Shapes.of(surface, n),
+            shapes=shapes,
             occluded=occluded_shares(cloud, segmentation.labels, n),
             certainty=np.array([s.certainty for s in segmentation.segments]),
             kinship=kinship,
+            overlaps=_overlaps(contacts, surface, shapes),
         )
-
-    def overlaps(self) -> FloatArray:
-        """Share of each end of a contact over the other's outline, shape (c, 2)."""
-        cells = self.surface.cells_of
-        return np.array(
-            [
-                [
-                    self.shapes.share_over(
-                        self.surface.points[cells(int(own))], int(to)
-                    )
-                    for own, to in ((a, b), (b, a))
-                ]
-                for a, b in self.contacts.labels
-            ]
-        ).reshape(-1, 2)
 
     def of_objects(self) -> FloatArray:
         """Log extents and cells, certainty, occlusion, contacts, shape (s + 1, 7)."""
@@ -170,6 +159,20 @@ class Seen:
         start = np.searchsorted(surface.labels, np.arange(len(self.shapes.n_cells)))
         middle: FloatArray = level[start + self.shapes.n_cells // 2]
         return middle
+
+
+def _overlaps(
+    contacts: Contacts, surface: LabelledSurface, shapes: Shapes
+) -> FloatArray:
+    return np.array(
+        [
+            [
+                shapes.share_over(surface.points[surface.cells_of(own)], to)
+                for own, to in ((a, b), (b, a))
+            ]
+            for a, b in contacts.labels.tolist()
+        ]
+    ).reshape(-1, 2)
 
 
 def likeliest_kin(kinship: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -214,7 +217,7 @@ def contact_features(seen: Seen) -> tuple[IntArray, FloatArray]:
     relations = np.concatenate([labels, labels[:, ::-1]])
     if not len(relations):
         return relations, np.zeros((0, len(CONTACT)))
-    over, alone, level = seen.overlaps(), seen.of_objects(), seen.ground_level()
+    over, alone, level = seen.overlaps, seen.of_objects(), seen.ground_level()
     one_way = [
         np.column_stack(
             [

@@ -61,7 +61,7 @@ def burden_features(
     over = np.zeros((n + 1, n + 1))
     front = np.full(n + 1, -1.0)
     higher = np.zeros(n + 1)
-    for k, share in enumerate(seen.overlaps()):
+    for k, share in enumerate(seen.overlaps):
         a, b = contacts.labels[k]
         over[a, b], over[b, a] = share
         front[b] = max(front[b], contacts.front[k])

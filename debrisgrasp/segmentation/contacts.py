@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -10,7 +11,7 @@ from scipy.spatial.distance import cdist
 
 from debrisgrasp._arrays import FloatArray, IntArray, frozen
 
-from .surface import LabelledSurface
+from .surface import LabelledSurface, inside_box, quantiles
 
 __all__ = ["Contacts", "find_contacts"]
 
@@ -89,29 +90,49 @@ def find_contacts(surface: LabelledSurface, reach: float) -> Contacts:
         Largest gap between touching surfaces [m]; the noise of both comes on top.
     """
     pairs = _touching(surface, reach)
-    ends = surface.labels[pairs].astype(np.int64)
-    labels, index = np.unique(ends, axis=0, return_inverse=True)
-    order = np.argsort(index.reshape(-1), kind="stable")
-    cuts = np.cumsum(np.bincount(index.reshape(-1), minlength=len(labels)))[:-1]
-    groups = np.split(order, cuts) if len(labels) else []
-    measured = [_measured(surface, pairs[own]) for own in groups]
+    # The pairs of cells of each contact stand together from here on.
+    pairs = pairs[np.lexsort(surface.labels[pairs].T[::-1])]
+    ends = surface.labels[pairs]
+    is_first = (np.diff(ends, axis=0, prepend=0) != 0).any(axis=1)
+    contact, labels = np.cumsum(is_first) - 1, ends[is_first]
+    points, normals = surface.points[pairs], surface.normals[pairs]
+    middles, between = points.mean(axis=1), points[:, 0] - points[:, 1]
+    gap = np.maximum(np.linalg.norm(between, axis=1), 1e-9)
+    turn = np.einsum("ki,ki->k", normals[:, 0] - normals[:, 1], between)
+    away = np.linalg.norm(points - surface.viewpoint, axis=2)
+    apart = _first_in_steps(middles, contact)
+    around = [
+        _Around.of(surface, pairs[own], middles[own], middles[places])
+        for own, places in zip(
+            _parted(contact, len(labels)),
+            (
+                _spread(apart[own], _MOST_PLACES)
+                for own in _parted(contact[apart], len(labels))
+            ),
+            strict=True,
+        )
+    ]
+
+    def mean(values: FloatArray) -> FloatArray:
+        means = np.bincount(contact, values, len(labels)) / np.bincount(contact)
+        return frozen(means, "mean over the pairs of cells", ())
 
     def column(field: str, trailing: tuple[int | None, ...]) -> FloatArray:
-        values = np.array([m[field] for m in measured], dtype=np.float64)
+        values = np.array([getattr(item, field) for item in around], dtype=np.float64)
         return frozen(values.reshape(len(labels), *trailing), field, trailing)
 
     slope = column("slope", (2,))
     difference = slope[:, 0] - slope[:, 1]
     upper = np.where(difference > 0, labels[:, 0], labels[:, 1])
     return Contacts(
-        labels=frozen(labels.reshape(-1, 2), "contact labels", (2,), np.int64),
+        labels=frozen(labels, "contact labels", (2,), np.int64),
         place=column("place", (3,)),
-        length=column("length", ()),
+        length=frozen(_lengths([item.touching for item in around]), "length", ()),
         normal=column("normal", (3,)),
-        convexity=column("convexity", ()),
-        front=column("front", ()),
-        gap=column("gap", ()),
-        rise=column("rise", ()),
+        convexity=mean(0.5 * turn / gap),
+        front=mean((away[:, 1] - away[:, 0]) / gap),
+        gap=mean(gap),
+        rise=mean(between[:, 2] / gap),
         slope=slope,
         span=column("span", (2, 2)),
         facing=column("facing", (2,)),
@@ -152,125 +173,167 @@ def _beside_others(surface: LabelledSurface, reach: float) -> IntArray:
     np.maximum.at(high, index, surface.labels)
     least, most = low.copy(), high.copy()
     steps = np.arange(-1, 2)
-    for offset in (
-        (steps[:, None, None] * shape[1] + steps[:, None]) * shape[2] + steps
-    ).ravel():
+    offsets = (steps[:, None, None] * shape[1] + steps[:, None]) * shape[2] + steps
+    # Who is beside whom is mutual: each pair of cells is met once.
+    for offset in offsets[offsets > 0]:
         at = np.minimum(np.searchsorted(cells, cells + offset), len(cells) - 1)
-        there = cells[at] == cells + offset
-        least[there] = np.minimum(least[there], low[at[there]])
-        most[there] = np.maximum(most[there], high[at[there]])
+        own = np.flatnonzero(cells[at] == cells + offset)
+        other = at[own]
+        for a, b in ((own, other), (other, own)):
+            least[a] = np.minimum(least[a], low[b])
+            most[a] = np.maximum(most[a], high[b])
     return np.flatnonzero((least != most)[index])
 
 
-def _measured(surface: LabelledSurface, pairs: IntArray) -> dict[str, object]:
-    """Measure one contact from its pairs of cells (k, 2)."""
-    points, normals = surface.points, surface.normals
-    ends, facing = points[pairs], normals[pairs]
-    middles = ends.mean(axis=1)
-    _, first = np.unique(_step_keys(middles), return_index=True)
-    thinned = np.linspace(0, len(first) - 1, min(len(first), _MOST_PLACES)).astype(int)
-    places = middles[np.sort(first)[thinned]]
-    between = ends[:, 0] - ends[:, 1]
-    gap = np.maximum(np.linalg.norm(between, axis=1), 1e-9)
-    turn = np.einsum("ki,ki->k", facing[:, 0] - facing[:, 1], between)
-    away = np.linalg.norm(ends - surface.viewpoint, axis=2)
-    labels = surface.labels[pairs[0]]
-    zones = [_zone(surface, int(label), places) for label in labels]
-    noise = float(np.median(surface.noise[pairs]))
-    spacing = float(np.median(surface.spacing[pairs]))
-    middle = places.mean(axis=0)
-    return {
-        "place": middle,
-        "length": _touching_length(surface, labels, middles, noise + 2.0 * spacing),
-        "normal": _face(surface, zones, surface.size + 1.5 * noise),
-        "convexity": 0.5 * np.mean(turn / gap),
-        "front": np.mean((away[:, 1] - away[:, 0]) / gap),
-        "gap": gap.mean(),
-        "rise": np.mean(between[:, 2] / gap),
-        "slope": [slope for _, _, slope in zones],
-        "span": [_span(points[index, 2] - middle[2]) for index, _, _ in zones],
-        "facing": [
-            normals[index, 2].sum() / max(len(index), 1) for index, _, _ in zones
-        ],
-    }
+def _parted(group: IntArray, n: int) -> list[slice]:
+    """Where each of n groups is among rows whose groups ascend."""
+    cuts = np.searchsorted(group, np.arange(n + 1)).tolist()
+    return [slice(start, stop) for start, stop in pairwise(cuts)]
+
+
+def _spread(index: IntArray, most: int) -> IntArray:
+    """Keep at most so many, from the first to the last."""
+    if len(index) <= most:
+        return index
+    kept: IntArray = index[np.linspace(0, len(index) - 1, most).astype(int)]
+    return kept
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Around:
+    """The surfaces around one contact; see `Contacts`."""
+
+    place: FloatArray
+    normal: FloatArray
+    slope: list[float]
+    span: list[FloatArray]
+    facing: list[float]
+    touching: tuple[FloatArray, FloatArray]
+    """Measured points of each object that touch the other, shapes (k, 3)."""
+
+    @classmethod
+    def of(
+        cls,
+        surface: LabelledSurface,
+        pairs: IntArray,
+        middles: FloatArray,
+        places: FloatArray,
+    ) -> _Around:
+        """Measure pairs of cells (k, 2), the middles of all and of a few of them."""
+        low, high = middles.min(axis=0), middles.max(axis=0)
+        margin = max(_ZONE, _STEP + surface.size)
+        near = [
+            _cells_in(surface, int(label), low - margin, high + margin)
+            for label in surface.labels[pairs[0]]
+        ]
+        measured = [surface.points_in(cells) for cells in near]
+        beside = [p[inside_box(p, low - _STEP, high + _STEP)] for p in measured]
+        noise, spacing = (
+            float(quantiles(of[pairs].ravel(), (0.5,))[0])
+            for of in (surface.noise, surface.spacing)
+        )
+        first = _within(beside[0], beside[1], noise + 2.0 * spacing)
+        # What touches something of the first touches one of those.
+        second = _within(beside[1], first, noise + 2.0 * spacing)
+        zones = [_Zone.of(surface, cells, places) for cells in near]
+        middle = places.mean(axis=0)
+        return cls(
+            place=middle,
+            normal=_face(surface, zones, surface.size + 1.5 * noise),
+            slope=[zone.slope for zone in zones],
+            span=[_span(surface.points[zone.cells, 2] - middle[2]) for zone in zones],
+            facing=[
+                surface.normals[zone.cells, 2].sum() / max(len(zone.cells), 1)
+                for zone in zones
+            ],
+            touching=(first, second),
+        )
+
+
+def _cells_in(
+    surface: LabelledSurface, label: int, low: FloatArray, high: FloatArray
+) -> IntArray:
+    """Cells of a label inside a box."""
+    own = surface.cells_of(label)
+    found: IntArray = inside_box(surface.points[own], low, high) + own.start
+    return found
 
 
 def _span(height: FloatArray) -> FloatArray:
     """Heights at which a surface starts and ends, (2,); zero if none of it is near."""
-    if not len(height):
-        return np.zeros(2)
-    span: FloatArray = np.quantile(height, _SPAN)
-    return span
+    return quantiles(height, _SPAN) if len(height) else np.zeros(2)
 
 
-def _touching_length(
-    surface: LabelledSurface, labels: IntArray, middles: FloatArray, tolerance: float
-) -> float:
-    """Length over which measured points of two objects come within a tolerance [m]."""
-    low, high = middles.min(axis=0) - _STEP, middles.max(axis=0) + _STEP
-    near = []
-    for label in labels:
-        points = surface.points_of(int(label))
-        inside = np.ones(len(points), dtype=bool)
-        for axis, least, most in zip(points.T, low, high, strict=True):
-            inside &= (axis > least) & (axis < most)
-        near.append(points[inside])
-    n_steps = 0
-    for own, other in (near, near[::-1]):
-        tree = cKDTree(other, balanced_tree=False, compact_nodes=False)
-        gap, _ = tree.query(own, distance_upper_bound=tolerance)
-        n_steps += len(np.unique(_step_keys(own[np.isfinite(gap)])))
-    return _STEP_LENGTH * n_steps / 2
+def _within(points: FloatArray, others: FloatArray, reach: float) -> FloatArray:
+    """Keep the points (n, 3) nearer than some reach to any of the others (m, 3)."""
+    tree = cKDTree(others, balanced_tree=False, compact_nodes=False)
+    gap, _ = tree.query(points, distance_upper_bound=reach)
+    near: FloatArray = points[np.isfinite(gap)]
+    return near
 
 
-def _step_keys(points: FloatArray) -> IntArray:
-    """Numbers of the cells of a grid that points (n, 3) lie in, ordered as these."""
-    key = np.zeros(len(points), dtype=np.int64)
+def _lengths(touching: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Length of each contact, by the points of both sides that touch [m], (c,)."""
+    sides = [side for sides in touching for side in sides]
+    group = np.repeat(np.arange(len(sides)), [len(side) for side in sides])
+    steps = group[_first_in_steps(np.concatenate([np.zeros((0, 3)), *sides]), group)]
+    n_steps = np.bincount(steps, minlength=len(sides)).reshape(-1, 2)
+    lengths: FloatArray = _STEP_LENGTH * n_steps.sum(axis=1) / 2
+    return lengths
+
+
+def _first_in_steps(points: FloatArray, group: IntArray) -> IntArray:
+    """First point of each group in each cell of a grid, ascending."""
+    key = group
     for axis in points.T:
         step = np.floor(axis / _STEP).astype(np.int64)
         step -= step.min(initial=np.iinfo(np.int64).max)
         key = key * (step.max(initial=0) + 1) + step
-    return key
+    first: IntArray = np.sort(np.unique(key, return_index=True)[1])
+    return first
 
 
-Zone = tuple[IntArray, FloatArray, float]
-"""Cells around a contact, their distance from it, and how they rise from it."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Zone:
+    """Cells of an object around a contact."""
+
+    cells: IntArray
+    away: FloatArray
+    """Their distance from the contact [m]."""
+    slope: float
+    """How they rise from it, over that distance."""
+
+    @classmethod
+    def of(cls, surface: LabelledSurface, cells: IntArray, places: FloatArray) -> _Zone:
+        """Find which of some cells are around a contact."""
+        distances = cdist(surface.points[cells], places)
+        nearest = distances.argmin(axis=1)
+        away = distances[np.arange(len(cells)), nearest]
+        inside = np.flatnonzero(away < _ZONE)
+        cells, away = cells[inside], away[inside]
+        rise = surface.points[cells, 2] - places[nearest[inside], 2]
+        slopes = rise / np.maximum(away, surface.size)
+        return cls(cells, away, float(slopes.mean()) if len(cells) else 0.0)
 
 
-def _zone(surface: LabelledSurface, label: int, places: FloatArray) -> Zone:
-    """Find the cells of a label around a contact."""
-    own = surface.cells_of(label)
-    points = surface.points[own]
-    box = (places.min(axis=0) - _ZONE, places.max(axis=0) + _ZONE)
-    index = np.flatnonzero(((points > box[0]) & (points < box[1])).all(axis=1))
-    distances = cdist(points[index], places)
-    nearest = distances.argmin(axis=1)
-    away = distances[np.arange(len(index)), nearest]
-    inside = away < _ZONE
-    index, away, nearest = index[inside], away[inside], nearest[inside]
-    rise = points[index, 2] - places[nearest, 2]
-    slope = float(np.mean(rise / np.maximum(away, surface.size))) if len(index) else 0.0
-    return index + own.start, away, slope
-
-
-def _face(surface: LabelledSurface, zones: list[Zone], tolerance: float) -> FloatArray:
+def _face(surface: LabelledSurface, zones: list[_Zone], tolerance: float) -> FloatArray:
     """Estimate the normal of the face on which two objects meet.
 
     Bodies that touch lie on two sides of a face of one of them. Faces near the contact
     are tried: the more cells lie on the wrong side, the less likely is the face.
     """
     origins, normals = [], []
-    for sign, (index, away, _) in zip((-1.0, 1.0), zones, strict=True):
-        known = np.abs(surface.normals[index]).sum(axis=1) > 0
-        near = index[known][np.argsort(away[known], kind="stable")[: 4 * _MOST_FACES]]
-        pick = np.linspace(0, len(near) - 1, min(len(near), _MOST_FACES)).astype(int)
-        origins.append(surface.points[near[pick]])
-        normals.append(sign * surface.normals[near[pick]])
+    for sign, zone in zip((-1.0, 1.0), zones, strict=True):
+        known = np.flatnonzero(surface.normals[zone.cells].any(axis=1))
+        nearest = np.argsort(zone.away[known], kind="stable")[: 4 * _MOST_FACES]
+        tried = zone.cells[_spread(known[nearest], _MOST_FACES)]
+        origins.append(surface.points[tried])
+        normals.append(sign * surface.normals[tried])
     origin, normal = np.concatenate(origins), np.concatenate(normals)
     if not len(normal):
         return np.zeros(3)
     level = np.einsum("fi,fi->f", origin, normal)
-    first, second = (surface.points[index] @ normal.T - level for index, _, _ in zones)
+    first, second = (surface.points[z.cells] @ normal.T - level for z in zones)
     wrong = (first < -tolerance).mean(axis=0) + (second > tolerance).mean(axis=0)
     # Where the body hides what is behind it, its front divides them too; of faces that
     # divide alike, the level one is that on which things rest.

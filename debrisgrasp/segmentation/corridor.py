@@ -8,7 +8,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray
 
-from .surface import LabelledSurface
+from .surface import LabelledSurface, inside_box
 
 __all__ = ["Corridor", "freest_corridor"]
 
@@ -51,24 +51,30 @@ def _blocked(
     surface: LabelledSurface, label: int, pull: FloatArray
 ) -> tuple[float, IntArray]:
     """Share of the outline across a pull (3,) that is filled, and by which labels."""
-    own = surface.cells_of(label)
+    own = surface.points[surface.cells_of(label)]
     across = np.linalg.svd(pull[None])[2][1:]
     # Cells a little larger than those of the surface leave no holes in the outline.
-    plan = np.floor(across @ surface.points.T / (1.5 * surface.size)).astype(np.int64)
-    plan -= plan[:, own].min(axis=1)[:, None]
-    height, width = plan[:, own].max(axis=1) + 1
-    along = pull @ surface.points.T
+    size = 1.5 * surface.size
+    plan = np.floor(across @ own.T / size).astype(np.int64)
+    corner = plan.min(axis=1)[:, None]
+    plan -= corner
+    height, width = plan.max(axis=1) + 1
     cell = plan[0] * width + plan[1]
-    front = np.full(height * width, np.inf)
-    is_own = np.zeros(height * width, dtype=np.bool_)
-    is_own[cell[own]] = True
-    front[is_own] = -np.inf
-    np.maximum.at(front, cell[own], along[own])
+    front = np.full(height * width, -np.inf)
+    np.maximum.at(front, cell, pull @ own.T)
+    is_own = np.isfinite(front)
+    # Nothing outside of the box that the outline sweeps can be in the way.
+    ends = own.min(axis=0) - 2 * size, own.max(axis=0) + 2 * size
+    way = _LENGTH * pull
+    swept = ends[0] + np.minimum(way, 0.0), ends[1] + np.maximum(way, 0.0)
+    index = inside_box(surface.points, *swept)
+    index = index[surface.labels[index] != label]
+    others = surface.points[index]
+    plan = np.floor(across @ others.T / size).astype(np.int64) - corner
     met = (plan[0] >= 0) & (plan[0] < height) & (plan[1] >= 0) & (plan[1] < width)
-    index = np.flatnonzero(met & (surface.labels != label))
-    ahead = along[index] - front[cell[index]]
-    index = index[(ahead > _CLEARANCE) & (ahead < _LENGTH)]
-    is_filled = np.zeros(height * width, dtype=np.bool_)
-    is_filled[cell[index]] = True
-    share = float(is_filled.sum()) / max(float(is_own.sum()), 1.0)
-    return share, np.unique(surface.labels[index])
+    index, cell = index[met], plan[0, met] * width + plan[1, met]
+    ahead = pull @ others[met].T - front[cell]
+    is_ahead = is_own[cell] & (ahead > _CLEARANCE) & (ahead < _LENGTH)
+    n_filled = len(np.unique(cell[is_ahead]))
+    share = n_filled / max(int(np.count_nonzero(is_own)), 1)
+    return share, np.unique(surface.labels[index[is_ahead]])

@@ -34,30 +34,33 @@ def occluded_shares(cloud: PointCloud, labels: IntArray, n: int) -> FloatArray:
     """
     if cloud.pixels is None or cloud.image_shape is None:
         return np.zeros(n)
-    row, column = np.divmod(cloud.pixels, cloud.image_shape[1])
-    own = labels > 0
-    if not own.any():
+    own = np.flatnonzero(labels > 0)
+    if not len(own):
         return np.zeros(n)
+    row, column = np.divmod(cloud.pixels[own], cloud.image_shape[1])
     # Nothing is in front of an object far from all of them.
-    low = [max(int(axis[own].min()) - _BRIDGE, 0) for axis in (row, column)]
-    high = [int(axis[own].max()) + _BRIDGE + 1 for axis in (row, column)]
-    shape = high[0] - low[0], high[1] - low[1]
-    image = np.zeros(shape, dtype=np.int32)
-    away = np.full(shape, np.inf, dtype=np.float32)
-    place = row[own] - low[0], column[own] - low[1]
-    image[place] = labels[own]
-    offset = np.take(cloud.points, np.flatnonzero(own), axis=0) - cloud.viewpoint
-    away[place] = np.sqrt(np.einsum("ij,ij->i", offset, offset))
+    low = row.min() - _BRIDGE, column.min() - _BRIDGE
+    height, width = (
+        row.max() + _BRIDGE + 1 - low[0],
+        column.max() + _BRIDGE + 1 - low[1],
+    )
+    image = np.zeros((height, width), dtype=np.int64)
+    # What is left of the image or above it is not known.
+    image[: max(-low[0], 0)] = image[:, : max(-low[1], 0)] = -1
+    place = (row - low[0]) * width + column - low[1]
+    inside = labels[own].astype(np.int64)
+    offset = cloud.points.take(own, axis=0) - cloud.viewpoint
+    range_ = np.sqrt(np.einsum("ij,ij->i", offset, offset)).astype(np.float32)
+    away = np.empty(height * width, dtype=np.float32)
+    image.ravel()[place], away[place] = inside, range_
     outline, hidden = np.zeros(n + 1), np.zeros(n + 1)
-    for axis in (0, 1):
-        first = np.moveaxis(image, axis, 0)
-        range_ = np.moveaxis(away, axis, 0)
-        here, there = slice(_BRIDGE, None), slice(None, -_BRIDGE)
-        for a, b in ((here, there), (there, here)):
-            at = np.nonzero((first[a] > 0) & (first[a] != first[b]))
-            inside, beyond = first[a][at], first[b][at]
-            outline += np.bincount(inside, minlength=n + 1)
-            before = (beyond > 0) & (range_[b][at] < range_[a][at] - _STEP)
-            hidden += np.bincount(inside, before, n + 1)
+    for step in (width, -width, 1, -1):
+        there = place + step * _BRIDGE
+        beyond = image.take(there)
+        at = np.flatnonzero((beyond != inside) & (beyond >= 0))
+        outline += np.bincount(inside[at], minlength=n + 1)
+        at = at[beyond[at] > 0]
+        at = at[away.take(there[at]) < range_[at] - _STEP]
+        hidden += np.bincount(inside[at], minlength=n + 1)
     shares: FloatArray = hidden[1:] / np.maximum(outline[1:], 1.0)
     return shares

@@ -12,13 +12,13 @@ from debrisgrasp.geometry import PointCloud
 
 from .ground import spread_sample
 
-__all__ = ["LabelledSurface", "Shapes"]
+__all__ = ["LabelledSurface", "Shapes", "inside_box", "quantiles"]
 
 _LARGEST_NOISE = 0.02
 """Error that a point is given at most [m]: farther away all would touch all."""
 
-_OUTLIERS = 0.02
-"""Share of the cells left out at each end of a measure: flying pixels."""
+_RANGE = (0.02, 0.98)
+"""Quantiles at which a measure starts and ends: the rest may be flying pixels."""
 _OVERLAP_MARGIN = 0.01
 """How far outside the outline of an object still counts as over it [m]."""
 _GROUND_CELL = 0.05
@@ -34,7 +34,8 @@ class LabelledSurface:
     """One point for each label in each cell of a grid; the ground is left out."""
 
     points: FloatArray
-    """Mean of the points in each cell [m], shape (c, 3)."""
+    """Mean of the points in each cell [m], shape (c, 3), in memory axis by axis: boxes
+    are sought in it."""
     normals: FloatArray
     """Unit normals towards the viewpoint, zero where unknown, shape (c, 3)."""
     labels: IntArray
@@ -46,9 +47,9 @@ class LabelledSurface:
     spacing: FloatArray
     """Distance between neighbouring points of the cloud [m], shape (c,)."""
     measured: FloatArray
-    """The labelled points themselves [m], ordered by label, shape (n, 3)."""
+    """The labelled points themselves [m], cell by cell, shape (n, 3)."""
     starts: IntArray
-    """Where the points of each label start in ``measured``, and the end, (s + 2,)."""
+    """Where the points of each cell start in ``measured``, and the end, (c + 1,)."""
     viewpoint: FloatArray
     """Position of the sensor [m], shape (3,)."""
     size: float
@@ -82,13 +83,14 @@ class LabelledSurface:
         # Small integers are sorted by their digits, in a fraction of the time.
         own = labels[keep].astype(np.int64)
         digits = own.astype(np.int16) if own.max(initial=0) < 2**15 else own
-        order = np.argsort(digits, kind="stable")
-        keep, own = keep[order], own[order]
+        by_label = np.argsort(digits, kind="stable")
+        keep, own = keep[by_label], own[by_label]
         measured = np.take(cloud.points, keep, axis=0)
-        first, cell, count = _cells(measured, size, own)
-        points = _means(measured, cell, count)
-        facing = np.nan_to_num(np.take(cloud.normals, keep, axis=0))
-        normals = _means(facing, cell, count)
+        order, starts = _cells(measured, size, own)
+        measured = measured.take(order, axis=0)
+        points = _means(measured, starts)
+        facing = np.nan_to_num(np.take(cloud.normals, keep[order], axis=0))
+        normals = _means(facing, starts)
         norm = np.linalg.norm(normals, axis=1, keepdims=True)
         # Normals that cancel belong to no single face.
         normals = np.where(norm > 0.5, normals / np.maximum(norm, 1e-9), 0.0)
@@ -96,12 +98,12 @@ class LabelledSurface:
         return cls(
             points=points,
             normals=normals,
-            labels=own[first],
+            labels=own[order[starts[:-1]]],
             height=_height(points, _spread_unlabelled(cloud, labels), ground_plane),
             noise=np.minimum(noise * distance**2, _LARGEST_NOISE),
-            spacing=size / np.sqrt(count),
+            spacing=size / np.sqrt(np.diff(starts)),
             measured=measured,
-            starts=np.searchsorted(own, np.arange(own.max(initial=0) + 2)),
+            starts=starts,
             viewpoint=cloud.viewpoint,
             size=size,
         )
@@ -111,22 +113,57 @@ class LabelledSurface:
         start, stop = np.searchsorted(self.labels, [label, label + 1])
         return slice(int(start), int(stop))
 
-    def points_of(self, label: int) -> FloatArray:
-        """Measured points of a label [m], shape (k, 3)."""
-        return self.measured[self.starts[label] : self.starts[label + 1]]
+    def points_in(self, cells: IntArray) -> FloatArray:
+        """Measured points in cells (k,) [m], shape (n, 3)."""
+        start, count = self.starts[cells], self.starts[cells + 1] - self.starts[cells]
+        place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        points: FloatArray = self.measured.take(np.repeat(start, count) + place, axis=0)
+        return points
+
+
+def inside_box(points: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
+    """Which of the points (n, 3) lie in a box, ascending."""
+    index = np.flatnonzero((points[:, 0] > low[0]) & (points[:, 0] < high[0]))
+    # What the first axis rules out is most of it, and isn't looked at again.
+    for axis in (1, 2):
+        along = points[index, axis]
+        index = index[(along > low[axis]) & (along < high[axis])]
+    return index
+
+
+def quantiles(values: FloatArray, shares: tuple[float, ...]) -> FloatArray:
+    """Quantiles of each row (..., n), shape (..., k): those of numpy, at less expense.
+
+    That of numpy checks and copies for longer than it takes to sort a few hundred.
+    """
+    ordered = np.sort(values, axis=-1)
+    place = np.array(shares) * (values.shape[-1] - 1)
+    lower = place.astype(np.int64)
+    part, first = place - lower, ordered[..., lower]
+    found: FloatArray = first + part * (
+        ordered[..., np.ceil(place).astype(np.int64)] - first
+    )
+    return found
 
 
 def _cells(
     points: FloatArray, size: float, group: IntArray
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """First point of each cell, cell of each point, and points in each cell."""
+) -> tuple[IntArray, IntArray]:
+    """Order points (n, d) by the cells that each group of them occupies.
+
+    Returns
+    -------
+    order, starts
+        Of the points, shape (n,), and where each cell starts in it, and the end.
+    """
     key = group
     for axis in points.T:
         grid = np.floor(axis / size).astype(np.int64)
         grid -= grid.min(initial=np.iinfo(np.int64).max)
         key = key * (grid.max(initial=0) + 1) + grid
-    _, first, cell = np.unique(key, return_index=True, return_inverse=True)
-    return first, cell, np.bincount(cell).astype(np.float64)
+    order = np.argsort(key, kind="stable")
+    is_next = np.diff(key[order], prepend=-1, append=-2) != 0
+    return order, np.flatnonzero(is_next)
 
 
 def _spread_unlabelled(cloud: PointCloud, labels: IntArray) -> FloatArray:
@@ -136,9 +173,12 @@ def _spread_unlabelled(cloud: PointCloud, labels: IntArray) -> FloatArray:
     return points
 
 
-def _means(values: FloatArray, cell: IntArray, count: FloatArray) -> FloatArray:
+def _means(values: FloatArray, starts: IntArray) -> FloatArray:
+    """Mean of the values (n, d) of each cell, shape (c, d)."""
+    count = np.diff(starts)
+    cell = np.repeat(np.arange(len(count)), count)
     sums = [np.bincount(cell, axis, len(count)) for axis in values.T]
-    means: FloatArray = np.stack(sums, axis=1) / count[:, None]
+    means: FloatArray = (np.stack(sums) / count).T
     return means
 
 
@@ -154,8 +194,8 @@ def _height(
         return height
     seen, rise = unlabelled[is_low], rise[is_low]
     group = np.zeros(len(seen), dtype=np.int64)
-    _, cell, count = _cells(seen[:, :2], _GROUND_CELL, group)
-    middle = _means(np.column_stack([seen[:, :2], rise]), cell, count)
+    order, starts = _cells(seen[:, :2], _GROUND_CELL, group)
+    middle = _means(np.column_stack([seen[:, :2], rise])[order], starts)
     away, found = cKDTree(middle[:, :2]).query(
         points[:, :2], distance_upper_bound=4 * _GROUND_CELL
     )
@@ -201,14 +241,12 @@ class Shapes:
             mean = points.mean(axis=0)
             axes = np.linalg.eigh(np.cov(points.T, bias=True) + 1e-12 * np.eye(3))[1]
             along = (points - mean) @ axes[:, ::-1]
-            low, high = np.quantile(along, [_OUTLIERS, 1 - _OUTLIERS], axis=0)
+            low, high = quantiles(along.T, _RANGE).T
             middle[label] = mean + axes[:, ::-1] @ (low + high) / 2
             extents[label] = high - low
             inside = ((along >= low) & (along <= high)).all(axis=1)
             hull[label] = _hull_volume(points[inside])
-            lowest[label], highest[label] = np.quantile(
-                height, [_OUTLIERS, 1 - _OUTLIERS]
-            )
+            lowest[label], highest[label] = quantiles(height, _RANGE)
             foot[label] = points[height <= lowest[label] + surface.size].mean(axis=0)
             outlines[label] = _outline(points)
         return cls(

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from debrisgrasp.errors import InputError
-from debrisgrasp.geometry import voxel_downsample
+from debrisgrasp.geometry import voxel_count, voxel_downsample
 
 
 def test_one_point_stays_in_each_occupied_cell_and_it_is_the_most_central(rng):
@@ -21,6 +21,14 @@ def test_one_point_stays_in_each_occupied_cell_and_it_is_the_most_central(rng):
         offset = points[members] - points[members].mean(axis=0)
         expected.append(members[np.argmin(np.linalg.norm(offset, axis=1))])
     assert_array_equal(kept, sorted(expected))
+
+
+@pytest.mark.parametrize("extent", [1.0, 1000.0])  # in a table, and by sorting
+def test_occupied_cells_are_counted(rng, extent):
+    points = rng.uniform(-extent, extent, (3000, 3))
+    n_cells = len(np.unique(np.floor(points / 0.3), axis=0))
+    assert voxel_count(points, 0.3) == n_cells == len(voxel_downsample(points, 0.3))
+    assert voxel_count(np.empty((0, 3)), 0.3) == 0
 
 
 def test_the_order_of_points_does_not_matter(rng):
