@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from debrisgrasp._words import counted
@@ -17,6 +18,7 @@ from .tables import columns
 from .values import add_region, number, region_of, seed, some_path
 
 if TYPE_CHECKING:
+    from debrisgrasp.executive.record import MemoryRecord, RunRecord
     from debrisgrasp.executive.simulated import Simulated, SimulatedTask
 
 __all__ = ["add"]
@@ -122,7 +124,7 @@ def _add_replay(subparsers: Subparsers) -> None:
 
 
 def _clear(arguments: argparse.Namespace) -> int:
-    from debrisgrasp.executive.record import MemoryRecord, RunRecord, load_run
+    from debrisgrasp.executive.record import MemoryRecord, RunRecord
 
     from .live import ToldRun  # slow to load
 
@@ -133,28 +135,42 @@ def _clear(arguments: argparse.Namespace) -> int:
     # Whatever can be wrong is found before any work is done.
     pipeline = task.pipeline()
     settings = task.settings(pipeline)
+    require_places([arguments.report], PAGE_FORMS)
     inputs = {**task.to_json(), "version": version()}
     record: RunRecord | MemoryRecord = MemoryRecord(inputs)
     if arguments.record:
         record = RunRecord(arguments.record, inputs)
+    told = ToldRun(record) if arguments.json else ToldRun(record, _print_now)
+    done = task.run(told, pipeline=pipeline, settings=settings)
+    # What became of the run is told first, whatever of it can't be written.
+    print(json.dumps(_facts(done)) if arguments.json else _summary(done))
+    _keep(record, arguments)
+    end = done.result.end.value
+    return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
+
+
+def _keep(record: RunRecord | MemoryRecord, arguments: argparse.Namespace) -> None:
+    """Write the page, and say what was written; raise if the record is cut short."""
+    from debrisgrasp.executive.record import MemoryRecord, load_run
+
+    is_in_memory = isinstance(record, MemoryRecord)
+    stored = record if is_in_memory else load_run(record.folder)
+    fault = "" if is_in_memory else record.fault
+    if not (arguments.json or fault):
+        print_written(arguments.record)
     if arguments.report:
         from debrisgrasp.viz.run import run_html  # slow to load
 
-        require_places([arguments.report], PAGE_FORMS)
-    told = ToldRun(record) if arguments.json else ToldRun(record, _print_now)
-    done = task.run(told, pipeline=pipeline, settings=settings)
-    if isinstance(record, RunRecord) and record.fault:
-        raise OutputError(record.folder, record.fault)
-    if arguments.report:
-        stored = load_run(record.folder) if isinstance(record, RunRecord) else record
         run_html(arguments.report, stored)
-    if arguments.json:
-        print(json.dumps(_facts(done)))
-    else:
-        print(_summary(done))
-        print_written(arguments.record, arguments.report)
-    end = done.result.end.value
-    return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
+        if not arguments.json:
+            print_written(arguments.report)
+    if fault:
+        raise OutputError(
+            arguments.record,
+            fault,
+            f"It has {stored.reached}, and the run went on. Make room, and clear again "
+            "with another record: equal tasks give equal runs.",
+        )
 
 
 def _print_now(words: str) -> None:
@@ -255,11 +271,13 @@ def _replay(arguments: argparse.Namespace) -> int:
             f"{arguments.folder}", got="no decision", expected="a run that began"
         )
     if arguments.against:
-        events = load_run(arguments.against).events
+        other = load_run(arguments.against)
+        events, by = other.events, _made_by(other.inputs)
     else:
         again = MemoryRecord()
         SimulatedTask.from_json(before.inputs).run(ToldRun(again))
-        events = again.events
+        events, by = again.events, version()
+    versions = {"before": _made_by(before.inputs), "now": by}
     is_interrupted = before.end is not None and before.end.get("end") == "interrupted"
     if is_interrupted:
         # What followed came of the interruption, which is no decision.
@@ -274,10 +292,17 @@ def _replay(arguments: argparse.Namespace) -> int:
             "same": not found,
             "is_whole": before.is_whole,
             "missing": before.missing,
+            "versions": versions,
         }
         print(json.dumps({**facts, "differences": [str(d) for d in found]}))
     else:
+        print(", ".join(f"{when}: {what}" for when, what in versions.items()))
         if before.missing:
             print(f"{arguments.folder} lacks {', '.join(before.missing)}")
         print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
     return 1 if found or before.missing else 0
+
+
+def _made_by(inputs: Mapping[str, object]) -> str:
+    """Version that made a record; those made from Python once had none."""
+    return str(inputs.get("version") or "an unknown version")
