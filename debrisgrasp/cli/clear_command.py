@@ -151,25 +151,23 @@ def _clear(arguments: argparse.Namespace) -> int:
 
 def _keep(record: RunRecord | MemoryRecord, arguments: argparse.Namespace) -> None:
     """Write the page, and say what was written; raise if the record is cut short."""
-    from debrisgrasp.executive.record import MemoryRecord, load_run
+    from debrisgrasp.executive.record import RunRecord, load_run
 
-    is_in_memory = isinstance(record, MemoryRecord)
-    stored = record if is_in_memory else load_run(record.folder)
-    fault = "" if is_in_memory else record.fault
-    if not (arguments.json or fault):
-        print_written(arguments.record)
+    if isinstance(record, RunRecord) and not (arguments.json or record.fault):
+        print_written(record.folder)
     if arguments.report:
         from debrisgrasp.viz.run import run_html  # slow to load
 
+        stored = load_run(record.folder) if isinstance(record, RunRecord) else record
         run_html(arguments.report, stored)
         if not arguments.json:
             print_written(arguments.report)
-    if fault:
+    if isinstance(record, RunRecord) and record.fault:
         raise OutputError(
-            arguments.record,
-            fault,
-            f"It has {stored.reached}, and the run went on. Make room, and clear again "
-            "with another record: equal tasks give equal runs.",
+            record.folder,
+            record.fault,
+            f"It has {load_run(record.folder).reached}, and the run went on. Make "
+            "room, and clear again with another record: equal tasks give equal runs.",
         )
 
 
@@ -249,6 +247,8 @@ def _summary(done: Simulated) -> str:
     )
     if failure is not None and result.faults:
         lines.append(f"ended by: {result.faults[-1].message}")
+    if result.is_nothing_there:
+        lines.append("nothing was taken: nothing lies in the way")
     if result.is_all_driven_over:
         lines.append(
             "nothing was taken: all that lies in the way may be driven over; with a "
