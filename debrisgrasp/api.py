@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from debrisgrasp import __version__
 from debrisgrasp._calibrating import CalibrationRig, observations_of, rig_of
 from debrisgrasp._checked import checked
 from debrisgrasp.calibration import (
@@ -235,10 +236,12 @@ def clear(
     Raises
     ------
     OutputError
-        If the record can't be written.
+        If the record can't be begun. One that ends early, as on a full disk, is warned
+        of, for the run goes on.
     """
     task = task or SimulatedTask()
-    taken = None if record is None else RunRecord(record, task.to_json())
+    inputs = {**task.to_json(), "version": f"debrisgrasp {__version__}"}
+    taken = None if record is None else RunRecord(record, inputs)
     return task.run(taken, pipeline=pipeline)
 
 

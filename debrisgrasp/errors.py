@@ -102,14 +102,27 @@ class DriverError(DebrisGraspError, RuntimeError):
 
 
 class OutputError(DebrisGraspError, OSError):
-    """A result can't be written; what was there before is left as it was."""
+    """A result can't be written; what was there before is left as it was.
 
-    def __init__(self, path: object, reason: str) -> None:
-        self.path, self.reason = path, reason
-        super().__init__(
-            f"can't write {path}: {reason}. Nothing was changed; "
-            "give another place or make this one writable."
-        )
+    Parameters
+    ----------
+    path
+        Where it should have gone.
+    reason
+        Why it could not.
+    mend
+        What there is now, and the next thing to do, as sentences.
+    """
+
+    def __init__(
+        self,
+        path: object,
+        reason: str,
+        mend: str = "Nothing was changed; give another place or make this one "
+        "writable.",
+    ) -> None:
+        self.path, self.reason, self.mend = path, reason, mend
+        super().__init__(f"can't write {path}: {reason}. {mend}")
 
 
 class UnknownNameError(InputError):

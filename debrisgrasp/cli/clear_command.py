@@ -17,6 +17,7 @@ from .tables import columns
 from .values import add_region, number, region_of, seed, some_path
 
 if TYPE_CHECKING:
+    from debrisgrasp.executive.record import MemoryRecord, RunRecord
     from debrisgrasp.executive.simulated import Simulated, SimulatedTask
 
 __all__ = ["add"]
@@ -97,7 +98,7 @@ def add(subparsers: Subparsers) -> None:
 
 
 def _clear(arguments: argparse.Namespace) -> int:
-    from debrisgrasp.executive.record import MemoryRecord, RunRecord, load_run
+    from debrisgrasp.executive.record import MemoryRecord, RunRecord
 
     from .live import ToldRun  # slow to load
 
@@ -108,28 +109,40 @@ def _clear(arguments: argparse.Namespace) -> int:
     # Whatever can be wrong is found before any work is done.
     pipeline = task.pipeline()
     settings = task.settings(pipeline)
+    require_places([arguments.report], PAGE_FORMS)
     inputs = {**task.to_json(), "version": version()}
     record: RunRecord | MemoryRecord = MemoryRecord(inputs)
     if arguments.record:
         record = RunRecord(arguments.record, inputs)
+    told = ToldRun(record) if arguments.json else ToldRun(record, _print_now)
+    done = task.run(told, pipeline=pipeline, settings=settings)
+    # What became of the run is told first, whatever of it can't be written.
+    print(json.dumps(_facts(done)) if arguments.json else _summary(done))
+    _keep(record, arguments)
+    end = done.result.end.value
+    return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
+
+
+def _keep(record: RunRecord | MemoryRecord, arguments: argparse.Namespace) -> None:
+    """Write the page, and say what was written; raise if the record is cut short."""
+    from debrisgrasp.executive.record import RunRecord, load_run
+
+    if isinstance(record, RunRecord) and not (arguments.json or record.fault):
+        print_written(record.folder)
     if arguments.report:
         from debrisgrasp.viz.run import run_html  # slow to load
 
-        require_places([arguments.report], PAGE_FORMS)
-    told = ToldRun(record) if arguments.json else ToldRun(record, _print_now)
-    done = task.run(told, pipeline=pipeline, settings=settings)
-    if isinstance(record, RunRecord) and record.fault:
-        raise OutputError(record.folder, record.fault)
-    if arguments.report:
         stored = load_run(record.folder) if isinstance(record, RunRecord) else record
         run_html(arguments.report, stored)
-    if arguments.json:
-        print(json.dumps(_facts(done)))
-    else:
-        print(_summary(done))
-        print_written(arguments.record, arguments.report)
-    end = done.result.end.value
-    return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
+        if not arguments.json:
+            print_written(arguments.report)
+    if isinstance(record, RunRecord) and record.fault:
+        raise OutputError(
+            record.folder,
+            record.fault,
+            f"It has {load_run(record.folder).reached}, and the run went on. Make "
+            "room, and clear again with another record: equal tasks give equal runs.",
+        )
 
 
 def _print_now(words: str) -> None:
@@ -208,6 +221,8 @@ def _summary(done: Simulated) -> str:
     )
     if failure is not None and result.faults:
         lines.append(f"ended by: {result.faults[-1].message}")
+    if result.is_nothing_there:
+        lines.append("nothing was taken: nothing lies in the way")
     if result.is_all_driven_over:
         lines.append(
             "nothing was taken: all that lies in the way may be driven over; with a "

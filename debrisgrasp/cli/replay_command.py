@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from debrisgrasp.errors import ConfigError
 
-from .commands import Subparsers
+from .commands import Subparsers, version
 from .values import some_path
 
 __all__ = ["add"]
@@ -92,11 +93,13 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
             f"{arguments.run_record}", got="no decision", expected="a run that began"
         )
     if arguments.against:
-        events = load_run(arguments.against).events
+        other = load_run(arguments.against)
+        events, by = other.events, _made_by(other.inputs)
     else:
         again = MemoryRecord()
         SimulatedTask.from_json(before.inputs).run(ToldRun(again))
-        events = again.events
+        events, by = again.events, version()
+    versions = {"before": _made_by(before.inputs), "now": by}
     is_interrupted = before.end is not None and before.end.get("end") == "interrupted"
     if is_interrupted:
         # What followed came of the interruption, which is no decision.
@@ -111,10 +114,17 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
             "same": not found,
             "is_whole": before.is_whole,
             "missing": before.missing,
+            "versions": versions,
         }
         print(json.dumps({**facts, "differences": [str(d) for d in found]}))
     else:
+        print(", ".join(f"{when}: {what}" for when, what in versions.items()))
         if before.missing:
             print(f"{arguments.run_record} lacks {', '.join(before.missing)}")
         print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
     return 1 if found or before.missing else 0
+
+
+def _made_by(inputs: Mapping[str, object]) -> str:
+    """Version that made a record; those made from Python once had none."""
+    return str(inputs.get("version") or "an unknown version")

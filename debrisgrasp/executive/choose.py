@@ -26,6 +26,7 @@ from debrisgrasp.segmentation import Segment
 from .aside import to_push
 from .context import Context
 from .dropoff import drop_postures, no_place, object_in_hand
+from .noticed import misplaced
 from .obstacles import room_for
 from .reposition import repositioned, stepped_back
 from .result import Done, FaultFound, StepResult
@@ -299,7 +300,8 @@ def _is_like(grasp: Grasp, failed: Grasp) -> bool:
 
 def _mostly_far(rejections: Mapping[str, int]) -> bool:
     """Whether most poses were ruled out because no arm gets there."""
-    return 2 * rejections.get("out of reach", 0) > sum(rejections.values())
+    far = sum(n for why, n in rejections.items() if why.startswith("no arm gets"))
+    return 2 * far > sum(rejections.values())
 
 
 def _ordered(
@@ -341,9 +343,9 @@ def plan_motion(context: Context) -> StepResult:
     assert cycle.plan is not None
     assert cycle.seen is not None
     for limb in context.limbs.values():
-        broken = limb.limits.controller.violation(context.posture(limb), tolerance=1e-3)
-        if broken:
-            return FaultFound("start_outside_limits", broken, limb.name)
+        fault = misplaced(context.posture(limb), limb.limits.controller, limb.name)
+        if fault is not None:
+            return fault
     settings = context.settings
     config = MotionsConfig(
         lift=(0.0, 0.0, settings.lift), tries=6, clamp=settings.clamp

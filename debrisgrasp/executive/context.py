@@ -28,7 +28,7 @@ from debrisgrasp.robot import Arm, Base, Head, Limb, Robot
 from .known import KnownSpace
 from .marks import Marks
 from .plausible import Felt, Measured
-from .result import FaultFound
+from .result import FaultFound, FaultRaised
 from .settings import TaskSettings
 from .states import State
 
@@ -343,5 +343,15 @@ class Context:
         return values
 
     def posture(self, limb: LimbState) -> FloatArray:
-        """Measured joints of one arm, shape (d,)."""
-        return np.asarray(limb.limb.arm.read().q, dtype=np.float64)
+        """Measured joints of one arm, shape (d,).
+
+        Raises
+        ------
+        FaultRaised
+            If they are no numbers: nothing is known then of where the arm is.
+        """
+        q = np.asarray(limb.limb.arm.read().q, dtype=np.float64)
+        if not np.isfinite(q).all():
+            words = f"joints read {q.tolist()}"
+            raise FaultRaised(FaultFound("encoder_jump", words, limb.name))
+        return q

@@ -30,12 +30,12 @@ from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .along import taken_along
-from .noticed import refused
+from .noticed import OUTSIDE, misplaced, refused
 from .pacing import careful, paced, widest_corners
 from .result import FaultFound
 from .senses import SAFETY, Senses
 
-__all__ = ["OUTSIDE", "Drive", "LegEnd"]
+__all__ = ["Drive", "LegEnd"]
 
 _TRUNK_STILL = ServoConfig(shared_cost=1e6)
 """Turned on, an arm that touches something would be pressed harder."""
@@ -43,8 +43,6 @@ _BRAKES_WITHIN = 0.03
 """Slower is a leg on which the joints need longer to stop [s]."""
 _AT_START = 0.03
 """A trajectory begins where the arm stands, within this [rad or m]."""
-OUTSIDE = 1e-3
-"""So far outside its limits a joint may read [rad or m]."""
 _BRAKING = 0.1
 """[s]."""
 _LOOKS = 300
@@ -96,8 +94,7 @@ class Drive(Senses):
         q = np.asarray(self.read().q, dtype=np.float64)
         if self.limb.doubt is not None:
             return self._doubted(self.limb.doubt)
-        broken = self.limb.limits.controller.violation(q, tolerance=OUTSIDE)
-        return FaultFound("start_outside_limits", broken, name) if broken else None
+        return misplaced(q, self.limb.limits.controller, name)
 
     def stand(
         self, seconds: float, until: Callable[[Wrench], bool] | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot
+from math import hypot, isfinite
 
 import numpy as np
 
@@ -26,6 +26,30 @@ _FELT = 2.0
 """A finger that feels more still holds [N]."""
 _CREEP, _STALLED = 5e-4, 0.4
 """Fingers that move by less [m] for so long [s] have met something."""
+_SILENT = 0.04
+"""For longer no finger goes on where the sensor gives no number [s]."""
+
+
+class _Pressed:
+    """Measures how hard a hand is pressed whose fingers open."""
+
+    def __init__(self, drive: Drive) -> None:
+        self._drive, self._told = drive, drive.clock.now()
+        self.fault: FaultFound | None = None
+        """Why nobody knows any more; then arm and fingers are stopped."""
+
+    def force(self) -> float:
+        """Measure it [N]; NaN where the sensor gives none."""
+        drive = self._drive
+        force, now = hypot(*drive.weighed()[:3]), drive.clock.now()
+        if isfinite(force):
+            self._told = now
+        elif now - self._told > _SILENT + 1e-6:
+            words = f"no number for {now - self._told:.2f} s while the fingers open"
+            drive.devices.arm.stop()
+            drive.halt_fingers()
+            self.fault = FaultFound("wrench_nan", words, drive.limb.name)
+        return force
 
 
 def run_grip(
@@ -73,14 +97,18 @@ def open_hand(drive: Drive, preshape: str, opening: float) -> FaultFound | None:
     gripper.preshape(preshape, opening)
     n = len(gripper.read().openings)
     gripper.command(GripCommand((opening,) * n, _OPENING_FORCE))
-    end, pressed = drive.clock.now() + 6.0, hypot(*drive.weighed()[:3])
-    widest, most_force = tuple(gripper.read().openings), pressed + _MORE
+    hand = _Pressed(drive)
+    end, pressed = drive.clock.now() + 6.0, hand.force()
+    widest = tuple(gripper.read().openings)
+    most_force = (pressed if isfinite(pressed) else 0.0) + _MORE
     while drive.clock.now() < end and not pressed > most_force:
         if len(widest) and min(widest) >= opening - 0.006:
             drive.context.is_closed = False
             return None
         drive.context.wait(drive.period)
-        widest, pressed = gripper.read().openings, hypot(*drive.weighed()[:3])
+        widest, pressed = gripper.read().openings, hand.force()
+        if hand.fault is not None:
+            return hand.fault
     gripper.command(GripCommand(tuple(widest), _OPENING_FORCE))
     words = f"fingers at {', '.join(f'{1e3 * x:.0f}' for x in widest)} mm of "
     words += f"{1e3 * opening:.0f} mm, {pressed:.0f} N on the hand"
@@ -97,14 +125,17 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
     goals = tuple(max(x, most) for x in before)
     end, last, since = drive.clock.now() + 8.0, before, drive.clock.now()
     step = _LOOSENING * FINGER_TICKS * drive.period
-    begun = hypot(*drive.weighed()[:3])
-    most_force = max(_PRESSED * drive.limits.force, begun + _MORE)
+    pressed = _Pressed(drive)
+    most_force = max(_PRESSED * drive.limits.force, pressed.force() + _MORE)
     while drive.clock.now() < end:
         ahead = tuple(min(x + step, g) for x, g in zip(last, goals, strict=True))
         gripper.command(GripCommand(ahead, _OPENING_FORCE))
         drive.context.wait(FINGER_TICKS * drive.period)
         now = gripper.read().openings
-        if hypot(*drive.weighed()[:3]) > most_force:
+        force = pressed.force()
+        if pressed.fault is not None:
+            return pressed.fault
+        if force > most_force:
             # Wedged: from here on the arm must give way.
             gripper.command(GripCommand(tuple(now), _OPENING_FORCE))
             return None

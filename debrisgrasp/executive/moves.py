@@ -20,9 +20,10 @@ from debrisgrasp.motion import (
 )
 
 from .context import Context, LimbState
-from .drive import OUTSIDE, Drive
+from .drive import Drive
 from .fingers import loosen
 from .folding import free_share, straight
+from .noticed import OUTSIDE, misplaced
 from .relief import standing_load, with_room
 from .result import FaultFound
 from .stopping import reset_stops
@@ -93,8 +94,8 @@ def planned(
     """
     planner = planner or limb.planner
     q = _inside(limb, context.posture(limb))
-    if isinstance(q, str):
-        return FaultFound("start_outside_limits", q, limb.name)
+    if isinstance(q, FaultFound):
+        return q
     plan = planner.plan(
         q, goal, space, rng=context.rng, known=known, max_rounds=max_rounds
     )
@@ -103,16 +104,16 @@ def planned(
     return FaultFound("plan_collision", plan.reason, limb.name)
 
 
-def _inside(limb: LimbState, q: FloatArray) -> FloatArray | str:
+def _inside(limb: LimbState, q: FloatArray) -> FloatArray | FaultFound:
     """Posture within the planner's limits, unless it is far outside.
 
     A leg may have led a joint to the end of the controller's, and it reads beyond.
     """
     limits = limb.limits.planner
     nearest = np.clip(q, limits.lower, limits.upper)
-    if np.abs(nearest - q).max() > LEAST_MARGIN + OUTSIDE:
-        return limits.violation(q)
-    return nearest
+    if np.abs(nearest - q).max() <= LEAST_MARGIN + OUTSIDE:
+        return nearest
+    return misplaced(q, limits, limb.name) or nearest
 
 
 def back_out(context: Context, arm: str) -> FaultFound | None:

@@ -6,11 +6,12 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import Fault, Reading, SafetyConfig, Stop
+from debrisgrasp.kinematics import LimitSet
 
 from .result import FaultFound
 from .states import State
 
-__all__ = ["fault_of_stop", "refused"]
+__all__ = ["OUTSIDE", "fault_of_stop", "misplaced", "refused"]
 
 _NAMES = {
     Fault.WRENCH_FROZEN: "wrench_frozen",
@@ -24,6 +25,8 @@ _NAMES = {
     Fault.OSCILLATION: "oscillation",
 }
 _SENSOR = SafetyConfig()
+OUTSIDE = 1e-3
+"""So far outside its limits a joint may read [rad or m]."""
 _EMPTY_HANDED = (
     State.PREGRASP,
     State.SWITCH,
@@ -41,11 +44,13 @@ def fault_of_stop(stop: Stop, reading: Reading, state: State, arm: str) -> Fault
     elif stop.fault is Fault.OVERLOAD:
         name = _overload(stop, state)
     elif stop.fault is Fault.MOTION_OVERLOAD:
-        name = "plan_collision"  # hand, or what is carried, touched something
+        # Hand, or what is carried, touched something, or else that hangs and swings.
+        is_swing = state is State.TRANSPORT and "without a push" in stop.message
+        name = "object_swings" if is_swing else "plan_collision"
     else:
         name = _NAMES[stop.fault]
     words = stop.message
-    if stop.fault is Fault.MOTION_OVERLOAD:
+    if name == "plan_collision":
         words = f"touched something that no plan knew: {words}"
     return FaultFound(name, words, arm, {"time": stop.time})
 
@@ -62,6 +67,14 @@ def _overload(stop: Stop, state: State) -> str:
 def _is_saturated(wrench: FloatArray) -> bool:
     most = np.repeat([_SENSOR.sensor_force, _SENSOR.sensor_torque], 3)
     return bool((np.abs(wrench) >= 0.98 * most).any())
+
+
+def misplaced(q: FloatArray, limits: LimitSet, arm: str) -> FaultFound | None:
+    """Name why no motion may begin where the joints (d,) are said to be."""
+    if q.shape != (limits.n_joints,) or not np.isfinite(q).all():
+        return FaultFound("encoder_jump", f"joints read {q.tolist()}", arm)
+    broken = limits.violation(q, tolerance=OUTSIDE)
+    return FaultFound("start_outside_limits", broken, arm) if broken else None
 
 
 def refused(words: str, reading: Reading, arm: str) -> FaultFound:

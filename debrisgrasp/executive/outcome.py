@@ -123,6 +123,12 @@ class RunResult:
         return sum(attempt.pushed > 0.0 for attempt in self.attempts)
 
     @property
+    def is_nothing_there(self) -> bool:
+        """Whether the way was clear from the start, with nothing in it at all."""
+        is_clear = self.end is RunEnd.CLEARED and not (self.n_removed or self.n_pushed)
+        return is_clear and not self.left
+
+    @property
     def is_all_driven_over(self) -> bool:
         """Whether the way is clear with nothing removed, for all in it is low."""
         is_low = [reason.startswith("drive over") for reason in self.left.values()]

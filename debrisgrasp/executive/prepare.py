@@ -21,6 +21,7 @@ from .context import Context, LimbState
 from .drive import Drive
 from .fingers import open_hand
 from .moves import planned
+from .noticed import misplaced
 from .obstacles import space_of
 from .resting import to_rest
 from .result import Done, FaultFound, StepResult
@@ -71,12 +72,7 @@ def _limits(limb: LimbState) -> FaultFound | None:
     except ConfigError as error:
         return FaultFound("limit_mismatch", str(error), limb.name)
     q = np.asarray(arm.read().q, dtype=np.float64)
-    if q.shape != (family.planner.n_joints,) or not np.isfinite(q).all():
-        return FaultFound("encoder_jump", f"joints read {q.tolist()}", limb.name)
-    broken = family.controller.violation(q, tolerance=1e-3)
-    if broken:
-        return FaultFound("start_outside_limits", broken, limb.name)
-    return None
+    return misplaced(q, family.controller, limb.name)
 
 
 def _gripper(context: Context, limb: LimbState) -> FaultFound | None:

@@ -8,8 +8,10 @@ can be read whenever a run ends: by an end, by a person, or by a full disk.
 from __future__ import annotations
 
 import json
+import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -80,13 +82,19 @@ class RunRecord:
         self.folder = Path(folder)
         if _holds_a_run(self.folder / _EVENTS):
             raise OutputError(self.folder, "it holds the record of another run")
-        try:
-            (self.folder / _CAPTURES).mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(folder, error.strerror or str(error)) from error
         content = {"schema": SCHEMA, **plain(inputs)}
-        write_atomic(self.folder / _INPUTS, json.dumps(content, indent=1) + "\n")
-        write_atomic(self.folder / _EVENTS, "")
+        captures = self.folder / _CAPTURES
+        places = (captures, self.folder, *self.folder.parents)
+        made = [place for place in places if not place.exists()]
+        try:
+            captures.mkdir(parents=True, exist_ok=True)
+            write_atomic(self.folder / _INPUTS, json.dumps(content, indent=1) + "\n")
+            write_atomic(self.folder / _EVENTS, "")
+        except OSError as error:
+            self._taken_back(made)
+            if isinstance(error, OutputError):
+                raise
+            raise OutputError(folder, error.strerror or str(error)) from error
         self._size = 0
         self.fault = ""
         """Why the record ends early, if it does; the run goes on without it."""
@@ -103,11 +111,11 @@ class RunRecord:
                 written = stream.write(data)
                 if written != len(data):
                     stream.truncate(self._size)
-                    self.fault = "the disk is full"
+                    self._end("the disk is full")
                     return
         except OSError as error:
-            self.fault = error.strerror or str(error)
             self._cut(path)
+            self._end(error.strerror or str(error))
             return
         self._size += len(data)
 
@@ -118,7 +126,24 @@ class RunRecord:
         try:
             capture.save(self.folder / _CAPTURES / f"{name}.npz")
         except OSError as error:
-            self.fault = f"capture {name}: {error}"
+            reason = error.reason if isinstance(error, OutputError) else str(error)
+            self._end(f"{reason} ({_CAPTURES}/{name}.npz)")
+
+    def _end(self, fault: str) -> None:
+        """Go on without it, and tell at once: the run may take long yet."""
+        self.fault = fault
+        words = "the record in %s ends here, and the run goes on: %s"
+        logging.getLogger(__name__).warning(words, self.folder, fault)
+
+    def _taken_back(self, made: Sequence[Path]) -> None:
+        """Leave nothing of a record that could not be begun, in new folders (n,)."""
+        with suppress(OSError):
+            if self.folder in made:
+                for name in (_INPUTS, _EVENTS):
+                    (self.folder / name).unlink(missing_ok=True)
+            for place in made:
+                if place.exists():
+                    place.rmdir()
 
     def _cut(self, path: Path) -> None:
         """Take back what a failed write may have left of a line."""
@@ -149,6 +174,15 @@ class StoredRun:
     def end(self) -> Mapping[str, Any] | None:
         """The last line of a run that came to an end."""
         return self.events[-1] if self.is_whole else None
+
+    @property
+    def reached(self) -> str:
+        """How far it goes, in words."""
+        begun = [e["state"] for e in self.events if e.get("event") == "state"]
+        if not begun:
+            return "nothing of the run"
+        number = 1 + sum(event.get("event") == "attempt" for event in self.events)
+        return f"the run up to {begun[-1]} in attempt {number}"
 
     @property
     def missing(self) -> tuple[str, ...]:

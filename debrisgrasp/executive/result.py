@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from .states import State
 
-__all__ = ["Done", "FaultFound", "StepResult"]
+__all__ = ["Done", "FaultFound", "FaultRaised", "StepResult"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,6 +31,14 @@ class FaultFound:
     arm: str | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     """Evidence in SI units, by name."""
+
+
+class FaultRaised(Exception):
+    """Ends a step from where no result can be returned; never leaves the executive."""
+
+    def __init__(self, found: FaultFound) -> None:
+        self.found = found
+        super().__init__(found.message)
 
 
 StepResult = Done | FaultFound

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -14,7 +13,6 @@ import numpy as np
 from debrisgrasp._arrays import Rng
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.control import FaultClass
-from debrisgrasp.errors import DriverError
 from debrisgrasp.pipeline import Pipeline, with_hands
 from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.robot import Robot
@@ -23,6 +21,7 @@ from . import aside, carrying, choose, closing, grasping, perceive, prepare, rel
 from .calibrated import calib_check
 from .context import Context, Cycle, Recorder
 from .faults import Action, fault_named
+from .guarded import guarded
 from .limbs import limbs_of
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
 from .record import NoRecord
@@ -188,7 +187,7 @@ class Executive:
 
     def _stepped(self, state: State) -> StepResult:
         """Run one step; whatever it raises becomes a fault."""
-        return _guarded(lambda: STEPS[state](self.context))
+        return guarded(lambda: STEPS[state](self.context))
 
     def _answered(self, state: State, found: FaultFound) -> State:
         """Do what the table says about a fault; returns where to go on."""
@@ -241,17 +240,21 @@ class Executive:
         """Carry an answer out; a state if that failed, and the run must end there."""
         context = self.context
         for n_left in reversed(range(_RECOVERIES)):
-            result = _guarded(lambda: recover(context, event, answer))
+            result = guarded(partial(recover, context, event, answer))
             self._flush_trace(State.RECOVER)
             if not isinstance(result, FaultFound):
                 return None
             again = answer_to(State.RECOVER, result.fault)
             is_stop = again.action is Action.STOP
-            if is_stop or n_left == 0 or result.fault == "connection_lost":
+            is_lost = result.fault == "connection_lost"
+            # Who was asked again and did not answer is not asked once more.
+            is_silent = is_lost and event.fault == "connection_lost"
+            if is_stop or n_left == 0 or is_silent:
                 action = Action.STOP if is_stop else Action.ABORT
                 self._note(State.RECOVER, result, action)
                 return State.SAFE_STOP if is_stop else State.ABORT
-            self._note(State.RECOVER, result, Action.RETRY)
+            noted = self._note(State.RECOVER, result, Action.RETRY)
+            event = noted if is_lost else event
         return None
 
     def _stopped(self) -> RunEnd:
@@ -268,7 +271,7 @@ class Executive:
             return self._stopped()
         if context.held is None and context.is_in_pile is None:
             return RunEnd.LEFT if _is_nothing_more(last) else RunEnd.ABORTED
-        result = _guarded(lambda: _cleared_up(context))
+        result = guarded(lambda: _cleared_up(context))
         self._flush_trace(State.ABORT)
         if isinstance(result, FaultFound):
             # The class of the run is that of what it was aborted for.
@@ -370,19 +373,6 @@ class Executive:
             },
         )
         return result
-
-
-def _guarded(step: Callable[[], StepResult]) -> StepResult:
-    """Run something; whatever it raises becomes a fault with evidence."""
-    try:
-        return step()
-    except DriverError as error:
-        return FaultFound("connection_lost", str(error))
-    except Exception as error:  # noqa: BLE001 - a robot must survive its software
-        at = traceback.extract_tb(error.__traceback__)[-1]
-        where = f"{Path(at.filename).name}, line {at.lineno}, in {at.name}"
-        words = f"{type(error).__name__} in {where}: {error}"
-        return FaultFound("software_error", words)
 
 
 def _is_nothing_more(last: FaultEvent | None) -> bool:

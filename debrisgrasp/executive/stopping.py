@@ -15,11 +15,14 @@ _STANDS_WITHIN, _STILL = 2.0, 0.05
 
 
 def stop_all(context: Context) -> list[str]:
-    """Latch a stop on every arm and the base; returns what did not answer."""
+    """Latch a stop on every arm and the base; returns what did not answer.
+
+    Also on arms that the task does not use: they stand on the same robot.
+    """
     silent = []
-    for name, limb in context.limbs.items():
+    for name, limb in context.robot.limbs.items():
         try:
-            limb.limb.arm.stop()
+            limb.arm.stop()
         except Exception as error:  # noqa: BLE001 - the others must still be stopped
             silent.append(f"{arm_called(name)}: {error}")
     if context.robot.base is not None:
@@ -32,13 +35,15 @@ def stop_all(context: Context) -> list[str]:
 
 def reset_stops(context: Context) -> None:
     """End latched stops, once the arms stand: the answer says to go on."""
-    for limb in context.limbs.values():
-        arm = limb.limb.arm
+    for limb in context.robot.limbs.values():
+        arm = limb.arm
         if not arm.is_stopped:
             continue
+        q = np.asarray(arm.read().q)
         for _ in range(int(_STANDS_WITHIN / _STILL)):
-            before = context.posture(limb)
+            before = q
             context.wait(_STILL)
-            if np.abs(context.posture(limb) - before).max() < 1e-4:
+            q = np.asarray(arm.read().q)
+            if np.abs(q - before).max() < 1e-4:
                 break
         arm.reset()

@@ -101,7 +101,7 @@ INJECTABLE: Mapping[str, FaultKind] = {
         "head", "calib_check", 1, "", inf, "the head does not turn: looks are alike"
     ),
     "fiducial_lost": FaultKind(
-        "camera", "calib_check", 1, "times", inf, "nothing nearer than 1 m is seen"
+        "camera", "calib_check", 12, "times", inf, "nothing nearer than 1 m is seen"
     ),
     "empty_cloud": FaultKind("camera", "capture", 1, "times", inf, "no depth at all"),
     "depth_dropout": FaultKind(
@@ -141,7 +141,7 @@ INJECTABLE: Mapping[str, FaultKind] = {
         "world", "release", 1, "", 15.0, "what a hand holds sticks to it"
     ),
     "oscillation": FaultKind(
-        _S, "approach", 0.3, "of the arm's force limit", 4.0, "force at 6 Hz"
+        _S, "lift", 0.3, "of the arm's force limit", 4.0, "force at 6 Hz"
     ),
 }  # fmt: skip
 """Every fault that can be injected, by its name in the table of faults."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp import api
+from debrisgrasp.cli.commands import version
 from debrisgrasp.cli.live import ToldRun
 from debrisgrasp.cli.program import run as debrisgrasp
 from debrisgrasp.errors import UnknownNameError
@@ -28,6 +29,7 @@ from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import INJECTABLE, FakeConfig, Injection, fake_robot
 from debrisgrasp.worlds import World, let_down, make_body
+from tests.disks import files_up_to
 
 
 @pytest.fixture(scope="module")
@@ -242,12 +244,57 @@ def test_a_force_too_low_to_feel_a_touch_by_is_refused(tmp_path, capsys):
     assert RunRecord(record, {}).fault == ""
 
 
+def test_on_a_full_disk_the_run_is_told_before_the_error(tmp_path, capsys):
+    folder, page = tmp_path / "run", tmp_path / "run.html"
+    words = ["clear", "--objects", "1", "--seed", "3", "--faults", "wrench_sign"]
+    words += ["--record", str(folder), "--report", str(page)]
+    with files_up_to(700):
+        assert debrisgrasp(words) == 2
+    told, error = capsys.readouterr()
+    assert "0 removed; counts as driver" in told
+    assert "wrote" not in told
+    assert "the record in" in error
+    assert f"can't write {page}" in error
+    assert not page.exists()
+    run = load_run(folder)
+    assert run.reached == "the run up to self_test in attempt 1"
+    assert not run.is_whole
+    words = [*words[:-2], "--json"]
+    words[words.index(str(folder))] = str(tmp_path / "again")
+    with files_up_to(700):
+        assert debrisgrasp(words) == 2
+    told, error = capsys.readouterr()
+    assert json.loads(told)["class"] == "driver"
+    message = json.loads(error.splitlines()[-1])["message"]
+    assert "It has the run up to self_test in attempt 1" in message
+    assert "Nothing was changed" not in message
+
+
+def test_a_disk_that_is_full_before_the_run_begins_is_told_at_once(tmp_path, capsys):
+    folder = tmp_path / "run"
+    with files_up_to(20):
+        assert debrisgrasp(["clear", "--objects", "1", "--record", str(folder)]) == 2
+    told, error = capsys.readouterr()
+    assert told == ""
+    assert f"can't write {folder / 'inputs.json'}" in error
+    assert not folder.exists()
+
+
+def test_a_page_that_can_not_be_written_leaves_no_record_behind(tmp_path, capsys):
+    words = ["clear", "--record", str(tmp_path / "run")]
+    assert debrisgrasp([*words, "--report", str(tmp_path / "no" / "run.html")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_record_that_lacks_something_is_replayed_and_says_what(tmp_path, capsys):
     folder = tmp_path / "run"
     words = ["clear", "--objects", "1", "--seed", "3", "--record", str(folder)]
     assert debrisgrasp([*words, "--faults", "wrench_sign"]) == 1
     capsys.readouterr()
     assert debrisgrasp(["replay", str(folder)]) == 0
+    now = version()
+    assert f"before: {now}, now: {now}\n" in capsys.readouterr().out
     lines = (folder / "events.jsonl").read_text().splitlines()
     (folder / "events.jsonl").write_text("\n".join(lines[:-3]) + '\n{"event": "att')
     assert debrisgrasp(["replay", str(folder)]) == 1
@@ -258,3 +305,25 @@ def test_a_record_that_lacks_something_is_replayed_and_says_what(tmp_path, capsy
     ]
     (folder / "events.jsonl").write_text("\n".join([*lines[:-3], *ends]) + "\n")
     assert debrisgrasp(["replay", str(folder)]) == 0
+
+
+def test_a_comparison_tells_which_versions_made_the_records(tmp_path, capsys):
+    for name, made_by in (("old", {"version": "debrisgrasp 0.0.1"}), ("new", {})):
+        record = RunRecord(tmp_path / name, made_by)
+        record.write("done", {"state": "capture"})
+        record.write("end", {"end": "cleared"})
+    words = ["replay", str(tmp_path / "old"), "--against", str(tmp_path / "new")]
+    assert debrisgrasp([*words, "--json"]) == 1  # it has no capture
+    told = json.loads(capsys.readouterr().out)
+    made_by = {"before": "debrisgrasp 0.0.1", "now": "an unknown version"}
+    assert told["versions"] == made_by
+    assert told["same"]
+    assert debrisgrasp(words) == 1
+    told = capsys.readouterr().out
+    assert told.startswith("before: debrisgrasp 0.0.1, now: an unknown version\n")
+
+
+def test_a_record_from_python_has_the_version(tmp_path, pipeline):
+    task = SimulatedTask(objects=1, seed=3, faults=("limit_mismatch",))
+    api.clear(task, record=tmp_path / "run", pipeline=pipeline)
+    assert load_run(tmp_path / "run").inputs["version"] == version()

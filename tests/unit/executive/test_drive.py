@@ -213,4 +213,4 @@ def test_a_motion_may_begin_where_a_leg_led_a_joint_to_its_end(pipeline):
     inside = _inside(limb, q)
     assert inside[0] == limb.limits.planner.lower[0]
     q[0] -= 0.01
-    assert "exceeded" in _inside(limb, q)
+    assert "exceeded" in _inside(limb, q).message

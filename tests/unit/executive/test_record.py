@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
-import signal
 
 import numpy as np
 import pytest
@@ -14,6 +12,7 @@ from debrisgrasp.executive import RunRecord, differences, load_run
 from debrisgrasp.executive.simulated import SimulatedTask, injections_of
 from debrisgrasp.geometry import SE3, Intrinsics
 from debrisgrasp.io import Capture
+from tests.disks import files_up_to
 
 
 def test_what_was_written_is_read_again(tmp_path):
@@ -94,25 +93,34 @@ def test_a_damaged_line_in_the_middle_is_named(tmp_path):
         load_run(tmp_path)
 
 
-def test_a_full_disk_leaves_the_last_line_whole_and_the_run_going(tmp_path):
+def test_a_full_disk_leaves_the_last_line_whole_and_the_run_going(tmp_path, caplog):
     record = RunRecord(tmp_path, {})
     record.write("state", {"state": "capture"})
-    size = (tmp_path / "events.jsonl").stat().st_size
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 20, before[1]))
+    with files_up_to((tmp_path / "events.jsonl").stat().st_size + 20):
         record.write("done", {"state": "capture", "words": "x" * 200})
         record.write("done", {"state": "segment"})
         record.fault = ""
         record.keep(picture(), "capture_001")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        signal.signal(signal.SIGXFSZ, handler)
-    assert record.fault
+    assert "captures/capture_001.npz" in record.fault
+    assert "can't write" not in record.fault
+    # Whoever watches the run hears of it when it happens.
+    assert "the run goes on" in caplog.text
     assert not list((tmp_path / "captures").iterdir())
     lines = (tmp_path / "events.jsonl").read_text().splitlines()
     assert [json.loads(line)["state"] for line in lines] == ["capture"]
+    assert load_run(tmp_path).reached == "the run up to capture in attempt 1"
+
+
+def test_a_disk_that_is_full_before_the_run_leaves_nothing_half_written(tmp_path):
+    folder = tmp_path / "runs" / "one"
+    with files_up_to(20), pytest.raises(OutputError, match=r"inputs\.json"):
+        RunRecord(folder, {"seed": 3})
+    assert not list(tmp_path.iterdir())
+    folder.mkdir(parents=True)
+    (folder / "notes.txt").write_text("mine")
+    with files_up_to(20), pytest.raises(OutputError):
+        RunRecord(folder, {"seed": 3})
+    assert [path.name for path in folder.iterdir()] == ["notes.txt"]
 
 
 def events(**changed):

@@ -13,11 +13,17 @@ from debrisgrasp.executive import (
     Executive,
     MemoryRecord,
     RunEnd,
+    RunRecord,
     State,
     TaskSettings,
+    differences,
+    load_run,
 )
 from debrisgrasp.executive import run as module
+from debrisgrasp.executive.recover import recover
+from debrisgrasp.executive.replay import decisions
 from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.table import FOLLOWING
 from tests.unit.executive.rigs import brick_at, task_before
 
 
@@ -30,18 +36,19 @@ def fake(pipeline):
 def run(fake, pipeline, monkeypatch):
     """Run with all steps replaced: by nothing, or by what a test wants."""
 
-    def go(steps, settings=None):
+    def go(steps, settings=None, *, observers=(), record=None):
         for state in STAGES:
             monkeypatch.setitem(module.STEPS, state, lambda _context: Done())
         monkeypatch.setitem(module.STEPS, State.SELECT, choose)
         monkeypatch.setitem(module.STEPS, State.VERIFY_RELEASE, put_down)
         for state, step in steps.items():
             monkeypatch.setitem(module.STEPS, state, step)
-        record = MemoryRecord()
+        record = record or MemoryRecord()
         executive = Executive(
             fake.robot,
             settings or TaskSettings(max_removals=2),
             pipeline=pipeline,
+            observers=observers,
             record=record,
             rng=np.random.default_rng(0),
         )
@@ -152,6 +159,48 @@ def test_ctrl_c_in_any_state_stops_the_arms_and_keeps_the_record(run, fake, stat
     assert record.events[-1]["end"] == "interrupted"
 
 
+class Person:
+    """Ends the run as a state begins."""
+
+    def __init__(self, state):
+        self.state = state
+
+    def on_state(self, now):
+        if now is self.state:
+            raise KeyboardInterrupt
+
+
+LEADING_TO = {
+    State.PUSH: (State.SELECT, lambda _c: Done({}, State.PUSH)),
+    State.RECOVER: (State.CAPTURE, lambda _c: FaultFound("empty_cloud", "as asked")),
+    State.SAFE_STOP: (State.APPROACH, lambda _c: FaultFound("wrench_nan", "as asked")),
+    State.ABORT: (State.SELF_TEST, lambda _c: FaultFound("limit_mismatch", "so")),
+    State.CLEARED: (State.SELECT, lambda _c: Done({}, State.CLEARED)),
+}
+"""State, and what happens in it, from which those follow that no removal passes."""
+
+
+@pytest.mark.parametrize("state", State)
+def test_a_run_that_a_person_ends_is_recorded_up_to_there(run, fake, state, tmp_path):
+    steps = dict([LEADING_TO[state]]) if state in LEADING_TO else {}
+    _, whole = run(steps, TaskSettings(max_removals=1, max_attempts=3))
+    for arm in fake.arms.values():
+        arm.reset()
+    record = RunRecord(tmp_path / "run", {})
+    result, _ = run(steps, observers=[Person(state)], record=record)
+    assert result.end is RunEnd.INTERRUPTED
+    assert all(arm.is_stopped for arm in fake.arms.values())
+    stored = load_run(tmp_path / "run")
+    assert stored.end["end"] == "interrupted"
+    taken = decisions(stored.events)
+    (stop,) = (i for i, event in enumerate(taken) if event["event"] == "stop")
+    assert taken[stop]["why"] == "interrupted"
+    # A replay takes the same decisions until then.
+    assert differences(taken[:stop], decisions(whole.events)[:stop]) == []
+    begun = [e["state"] for e in stored.events if e["event"] == "state"]
+    assert begun[-1] == state.value
+
+
 @pytest.mark.parametrize("state", STAGES[::4])
 def test_what_an_observer_raises_comes_out_once_the_arms_are_stopped(
     fake, pipeline, run, state
@@ -185,11 +234,38 @@ def test_a_rest_or_a_look_that_the_robot_lacks_is_refused(
         Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("state", STAGES[::4])
-def test_a_device_that_never_answers_again_ends_in_a_stop(run, state):
-    result, _ = run({state: raising(DriverError("arm", "no answer"))})
+@pytest.mark.parametrize("state", FOLLOWING)
+def test_a_device_that_never_answers_again_ends_in_a_stop(run, fake, state):
+    steps = dict([LEADING_TO[state]]) if state in LEADING_TO else {}
+    result, _ = run({**steps, state: raising(DriverError("arm", "no answer"))})
     assert result.end is RunEnd.STOPPED
     assert result.fault_class is FaultClass.DRIVER
+    assert all(arm.is_stopped for arm in fake.arms.values())
+
+
+def test_a_device_that_is_lost_for_a_moment_in_a_recovery_is_asked_again(
+    run, monkeypatch
+):
+    answered = []
+
+    def once(context, event, answer):
+        answered.append(event.fault)
+        if len(answered) == 1:
+            raise DriverError("arm", "no answer")
+        return recover(context, event, answer)
+
+    monkeypatch.setattr(module, "recover", once)
+    result, _ = run({State.CAPTURE: failing("empty_cloud", 1)})
+    assert answered == ["empty_cloud", "connection_lost"]
+    assert [event.fault for event in result.faults] == answered
+    assert result.end is RunEnd.FINISHED
+
+
+def test_an_arm_that_the_task_does_not_use_is_stopped_too(run, fake):
+    settings = TaskSettings(arms=("right",), max_removals=1)
+    result, _ = run({State.APPROACH: failing("wrench_nan")}, settings)
+    assert result.end is RunEnd.STOPPED
+    assert all(arm.is_stopped for arm in fake.arms.values())
 
 
 def test_a_device_that_answers_again_costs_one_retry(run):

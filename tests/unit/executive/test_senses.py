@@ -33,6 +33,28 @@ def test_the_trace_leaves_out_no_peak(pipeline, rng):
     assert force.max() == pytest.approx(np.linalg.norm(loads[:, :3], axis=1).max())
 
 
+@pytest.mark.parametrize(
+    ("force", "name"), [(0.0, "object_swings"), (20.0, "plan_collision")]
+)
+def test_what_turns_the_hand_without_a_push_swings(pipeline, force, name):
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    context.state = State.TRANSPORT
+    context.held = holding(is_lifted=True)
+    supervisor, state = Drive(context, "right").supervised(is_planned=True)
+    limb = context.limbs["right"]
+    for k in range(1, 40):
+        felt = np.array([force * k / 40, 0.0, 0.0, 0.0, 0.6 * k, 0.0])
+        raw = np.asarray(limb.limb.sensor.read().wrench_ft) + felt
+        time = state.time + context.settings.period
+        reading = Reading(time, state.q, raw, time)
+        state, _ = supervisor.step(state, reading, state.q, (0.0,) * 6, is_moving=False)
+        if state.stop is not None:
+            break
+    assert state.stop.fault is Fault.MOTION_OVERLOAD
+    assert fault_of_stop(state.stop, reading, State.TRANSPORT, "right").fault == name
+
+
 def test_a_touch_that_ends_a_motion_is_called_one():
     stop = Stop(Fault.MOTION_OVERLOAD, "the load changed by 31 of 30 N", 1.0)
     reading = Reading(1.0, [0.0], [0.0] * 6, 1.0)

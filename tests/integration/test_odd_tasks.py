@@ -1,0 +1,159 @@
+"""Tasks in which something is odd from the start, each carried to its end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from debrisgrasp.cli.clear_command import _summary
+from debrisgrasp.errors import DriverError
+from debrisgrasp.executive import FAULTS, RunEnd, Simulated, State, TaskSettings
+from debrisgrasp.geometry import SE3
+from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.worlds import World
+from tests.tasks import one_beam, run_struck
+from tests.unit.robot.broken_robots import limits_in_degrees, lying_limits, with_limb
+
+ONE = TaskSettings(
+    arms=("right",), drive_over=0.02, max_removals=1, max_attempts=3, pushes=0
+)
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    return Pipeline()
+
+
+@pytest.fixture(scope="module")
+def beam():
+    return one_beam()
+
+
+def assert_within_limits(done):
+    truth = done.fake.truth()
+    assert truth.violations == ()
+    assert truth.overloads == ()
+
+
+def test_what_is_too_heavy_is_dragged_to_the_drop_off(pipeline):
+    settings = replace(ONE, max_mass=3.0)
+    done = run_struck(pipeline, one_beam(4.0), settings)
+    (fault,) = done.result.faults
+    assert (fault.state, fault.fault) == (State.VERIFY_HOLD, "too_heavy")
+    assert [attempt.is_removed for attempt in done.result.attempts] == [False, True]
+    assert done.result.end is RunEnd.FINISHED
+    assert done.result.fault_class is None
+    told = [event for event in done.record.events if event["event"] == "done"]
+    ways = [event["way"] for event in told if event["state"] == "select"]
+    assert ways == ["pinch", "drag"]
+    (pulled,) = (e for e in told if e["state"] == "lift" and "way" in e)
+    assert pulled["way"][0] == pytest.approx(-settings.drag_distance, abs=0.03)
+    truth = done.fake.truth()
+    assert truth.removed == ("beam",)
+    place = truth.world.bodies[0].T_base_body.p
+    assert abs(place[1]) > 0.5  # beside the way ...
+    assert np.linalg.norm(done.fake.base.T_odom_base.p) < 0.1  # ... to which it is back
+    limits = pipeline.robot.limits("right").controller
+    assert 20.0 < truth.peak_force["right"] < limits.force
+    assert truth.peak_torque["right"] < limits.torque
+    assert_within_limits(done)
+
+
+def test_where_nothing_lies_the_way_is_clear_and_that_is_said(pipeline):
+    (beam,) = one_beam().bodies
+    nowhere = World((beam.at(SE3.from_parts(p=[8.0, 0.0, 0.0445])),))
+    done = run_struck(pipeline, nowhere, replace(ONE, max_removals=None))
+    assert done.result.end is RunEnd.CLEARED
+    assert (done.result.faults, done.result.attempts) == ((), ())
+    simulated = Simulated(done.result, done.fake.truth(), (), is_latched=False)
+    assert "nothing was taken: nothing lies in the way" in _summary(simulated)
+    assert_within_limits(done)
+
+
+def test_a_drop_off_in_the_pile_ends_the_run_before_anything_is_touched(pipeline):
+    (beam,) = one_beam().bodies
+    # It lies in the way, and its end where things are to be put down.
+    across = SE3.from_parts(beam.T_base_body.R, [0.8, -0.55, 0.0445])
+    settings = replace(ONE, drop_off={"right": (0.7, -0.7), "left": (0.25, 0.75)})
+    done = run_struck(pipeline, World((beam.at(across),)), settings)
+    (fault,) = done.result.faults
+    assert (fault.state, fault.fault) == (State.SEGMENT, "plan_collision")
+    assert "lies in the pile" in fault.message
+    assert "Give a place beside the pile" in fault.message
+    assert done.result.end is RunEnd.ABORTED
+    assert done.fake.truth().world.bodies[0].T_base_body.p == pytest.approx(across.p)
+
+
+@pytest.mark.parametrize("state", [State.SELF_TEST, State.PREGRASP, State.LIFT])
+def test_joints_that_are_no_numbers_stop_the_robot(pipeline, beam, state):
+    def blind(robot, record):
+        arm = robot.limbs["right"].arm
+
+        def read():
+            now = [e["state"] for e in record.events if e["event"] == "state"]
+            reading = arm.read()
+            if state.value not in now:
+                return reading
+            return reading._replace(q=np.full(len(reading.q), np.nan))
+
+        return with_limb(robot, "arm", read=read)
+
+    done = run_struck(pipeline, beam, ONE, change=blind)
+    assert done.result.end is RunEnd.STOPPED
+    assert done.result.faults[0].state is state
+    found = {fault.fault for fault in done.result.faults}
+    assert found == {"encoder_jump"}, done.result.faults[0].message
+    assert all(arm.is_stopped for arm in done.fake.arms.values())
+    assert_within_limits(done)
+
+
+@pytest.mark.parametrize("lie", [lying_limits, limits_in_degrees])
+def test_limits_that_are_said_to_be_wider_than_they_are_are_not_made_use_of(
+    pipeline, beam, lie
+):
+    done = run_struck(
+        pipeline,
+        beam,
+        ONE,
+        ends_after=FAULTS,
+        change=lambda robot, record: ended_at(State.CAPTURE, lie(robot), record),
+    )
+    assert done.result.end is RunEnd.INTERRUPTED
+    assert done.result.faults == ()
+    assert_within_limits(done)
+
+
+def ended_at(state, robot, record):
+    """The same robot; but as a state begins, a person ends the run."""
+    arm = robot.limbs["right"].arm
+
+    def read():
+        if record.events and record.events[-1].get("state") == state.value:
+            raise KeyboardInterrupt
+        return arm.read()
+
+    return with_limb(robot, "arm", read=read)
+
+
+@pytest.mark.parametrize(
+    ("device", "state"),
+    [("arm", "calib_check"), ("sensor", "calib_check"), ("gripper", "pregrasp")],
+)
+def test_a_device_that_is_gone_for_good_stops_the_robot(pipeline, beam, device, state):
+    def gone(robot, record):
+        here = getattr(robot.limbs["right"], device)
+
+        def read():
+            if any(event.get("state") == state for event in record.events):
+                raise DriverError(device, "no answer")
+            return here.read()
+
+        return with_limb(robot, device, read=read)
+
+    done = run_struck(pipeline, beam, ONE, change=gone)
+    assert done.result.end is RunEnd.STOPPED
+    assert {fault.fault for fault in done.result.faults} == {"connection_lost"}
+    assert all(arm.is_stopped for arm in done.fake.arms.values())
+    assert_within_limits(done)
