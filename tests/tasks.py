@@ -67,7 +67,13 @@ def run_struck(pipeline, world, settings, faults=(), *, ends_after=(), change=No
         config=FakeConfig(is_initialised=True),
     )
     record = MemoryRecord()
-    injected = inject(fake.robot, faults, rng=np.random.default_rng(2), world=fake)
+    injected = inject(
+        fake.robot,
+        faults,
+        states=[state.value for state in State],
+        rng=np.random.default_rng(2),
+        world=fake,
+    )
     watch = Watch(injected, record, ends_after, fake.arms["right"])
     robot = injected.robot if change is None else change(injected.robot, record)
     executive = Executive(
