@@ -32,6 +32,7 @@ class Fault(Enum):
     WRENCH_JUMP = "the wrench jumped"
     OVERLOAD = "the load reached its limit"
     MOTION_OVERLOAD = "the load changed more than this motion may change it"
+    SWING = "the load turns the hand more than a push could"
     JOINT_STUCK = "a joint does not follow"
     ENCODER_JUMP = "a joint's reading jumped"
     ENCODER_INVALID = "a joint's reading is not a number"
@@ -52,6 +53,7 @@ _CLASSES = {
     Fault.WRENCH_JUMP: FaultClass.MECHANICAL,
     Fault.OVERLOAD: FaultClass.SAFETY,
     Fault.MOTION_OVERLOAD: FaultClass.SAFETY,
+    Fault.SWING: FaultClass.SAFETY,
     Fault.JOINT_STUCK: FaultClass.MECHANICAL,
     Fault.ENCODER_JUMP: FaultClass.MECHANICAL,
     Fault.ENCODER_INVALID: FaultClass.DRIVER,

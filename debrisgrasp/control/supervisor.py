@@ -273,9 +273,8 @@ class Supervisor:
             if not (change < most_change and turn < most_turn):
                 words = f"by {change:.0f} of {most_change:.0f} N and "
                 words += f"{turn:.1f} of {most_turn:.1f} N m"
-                if turn > _FARTHEST * change:
-                    words += ", without a push"
-                return Fault.MOTION_OVERLOAD, words
+                is_swing = turn > _FARTHEST * change
+                return Fault.SWING if is_swing else Fault.MOTION_OVERLOAD, words
         if not force + ahead * grows < most_force:
             words = f"force {force:.0f} of {most_force:.0f} N, growing by {grows:.0f} N"
             return Fault.OVERLOAD, words

@@ -43,10 +43,10 @@ def fault_of_stop(stop: Stop, reading: Reading, state: State, arm: str) -> Fault
         name = "clock_disorder" if is_number else "wrench_nan"
     elif stop.fault is Fault.OVERLOAD:
         name = _overload(stop, state)
-    elif stop.fault is Fault.MOTION_OVERLOAD:
-        # Hand, or what is carried, touched something, or else that hangs and swings.
-        is_swing = state is State.TRANSPORT and "without a push" in stop.message
-        name = "object_swings" if is_swing else "plan_collision"
+    elif stop.fault is Fault.SWING and state is State.TRANSPORT:
+        name = "object_swings"
+    elif stop.fault in (Fault.MOTION_OVERLOAD, Fault.SWING):
+        name = "plan_collision"  # hand, or what is carried, touched something
     else:
         name = _NAMES[stop.fault]
     words = stop.message

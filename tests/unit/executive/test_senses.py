@@ -34,9 +34,13 @@ def test_the_trace_leaves_out_no_peak(pipeline, rng):
 
 
 @pytest.mark.parametrize(
-    ("force", "name"), [(0.0, "object_swings"), (20.0, "plan_collision")]
+    ("force", "fault", "name"),
+    [
+        (0.0, Fault.SWING, "object_swings"),
+        (20.0, Fault.MOTION_OVERLOAD, "plan_collision"),
+    ],
 )
-def test_what_turns_the_hand_without_a_push_swings(pipeline, force, name):
+def test_what_turns_the_hand_without_a_push_swings(pipeline, force, fault, name):
     _, task = before_a_brick(pipeline)
     context = task.context
     context.state = State.TRANSPORT
@@ -51,8 +55,11 @@ def test_what_turns_the_hand_without_a_push_swings(pipeline, force, name):
         state, _ = supervisor.step(state, reading, state.q, (0.0,) * 6, is_moving=False)
         if state.stop is not None:
             break
-    assert state.stop.fault is Fault.MOTION_OVERLOAD
+    assert state.stop.fault is fault
     assert fault_of_stop(state.stop, reading, State.TRANSPORT, "right").fault == name
+    # On its way without a load a hand that is turned has touched something.
+    empty = fault_of_stop(state.stop, reading, State.PREGRASP, "right").fault
+    assert empty == "plan_collision"
 
 
 def test_a_touch_that_ends_a_motion_is_called_one():
