@@ -210,6 +210,7 @@ def _counted(done: Simulated) -> str | None:
 def _summary(done: Simulated) -> str:
     result = done.result
     lines = [f"left: {name}: {reason}" for name, reason in result.left.items()]
+    lines += [f"NOT STOPPED: {words}" for words in result.silent]
     failure, counted_as = result.fault_class, _counted(done)
     done_so_far = f"{result.n_removed} removed"
     if result.n_pushed:

@@ -111,6 +111,9 @@ class RunResult:
     """Objects that stay, in words, and why."""
     duration: float = 0.0
     """By the robot's clock [s]."""
+    silent: tuple[str, ...] = ()
+    """Arms, or the base, that were told to stop and did not, in words: somebody must
+    press the emergency stop."""
 
     @property
     def n_removed(self) -> int:

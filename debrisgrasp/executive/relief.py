@@ -32,6 +32,8 @@ _FALLS = 0.99
 """A step that leaves more than this share of the load was the wrong way."""
 _REAL = 0.97
 """A step back that leaves less than this share of a force shows that it is real."""
+_GROWS = 3.0
+"""A load that is so much more has grown [N]."""
 _NOISE = (7.0, 0.7)
 """By so much a load may seem to grow [N, N m]."""
 _MOST = 4.0
@@ -116,10 +118,10 @@ def _stepped(
 def _stepped_back(
     context: Context, drive: Drive, load: FloatArray
 ) -> FloatArray | FaultFound:
-    """Load (6,) after a step back to where the hand gripped, if it is less there.
+    """Load (6,) after a step back to where the hand gripped, if it hooks something.
 
-    Then the hand hooks something. Else its sensor is doubted: what looks like giving
-    way would press the hand into what it stands on; where it was just now, nothing is.
+    Then the load falls on that step, and grows again on the way on. Else the sensor is
+    doubted: what looks like giving way would press the hand into what it stands on.
     """
     motion, limb, reached = context.cycle.motion, drive.limb, context.cycle.reached
     was_there = State.CLOSE in reached and State.TRANSPORT not in reached
@@ -131,8 +133,31 @@ def _stepped_back(
             if isinstance(after, FaultFound):
                 return after
             if hypot(*after[:3]) < _REAL * hypot(*load[:3]):
-                return after
+                return _hooked(context, drive, way / size, after, load)
     return doubted(context, limb.name, drive.carried(tuple(load)))
+
+
+def _hooked(
+    context: Context,
+    drive: Drive,
+    way: FloatArray,
+    load: FloatArray,
+    before: FloatArray,
+) -> FloatArray | FaultFound:
+    """Load (6,) one step along a way (3,) from where it was before, if it grows there.
+
+    It was less after that step, but also falls where the hand is pressed on something
+    and the sensor lies. Then it is no more a step to the other side of where it was.
+    """
+    most = hypot(*before[:3])
+    for _ in range(2):
+        after = _stepped(context, drive, -way, load)
+        if isinstance(after, FaultFound):
+            return after
+        load = after
+        if hypot(*load[:3]) > most + _GROWS:
+            return _stepped(context, drive, way, load)
+    return doubted(context, drive.limb.name, drive.carried(tuple(load)))
 
 
 def heaviest(context: Context) -> float:

@@ -127,6 +127,7 @@ class Executive:
         self._attempts: list[Attempt] = []
         self._faults: list[FaultEvent] = []
         self._of_attempt = 0
+        self._silent: tuple[str, ...] = ()
 
     def run(self) -> RunResult:
         """Run to an end; raises nothing, whatever the robot does.
@@ -137,8 +138,7 @@ class Executive:
         try:
             end = self._run()
         except KeyboardInterrupt:
-            silent = stop_all(self.context)
-            self._write("stop", {"why": "interrupted", "silent": silent})
+            self._stop("interrupted")
             end = RunEnd.INTERRUPTED
         except BaseException:
             stop_all(self.context)  # nobody watches the arms any more
@@ -259,9 +259,13 @@ class Executive:
 
     def _stopped(self) -> RunEnd:
         """Latch the stop, and move nothing any more."""
-        silent = stop_all(self.context)
-        self._write("stop", {"why": "safe stop", "silent": silent})
+        self._stop("safe stop")
         return RunEnd.STOPPED
+
+    def _stop(self, why: str) -> None:
+        """Stop everything, and keep what does not."""
+        self._silent = tuple(stop_all(self.context))
+        self._write("stop", {"why": why, "silent": list(self._silent)})
 
     def _aborted(self) -> RunEnd:
         """End in order, as far as the robot lets us."""
@@ -358,6 +362,7 @@ class Executive:
             faults=tuple(self._faults),
             left=dict(self.context.left),
             duration=self.context.now(),
+            silent=self._silent,
         )
         first = result.first_fault
         self._write(

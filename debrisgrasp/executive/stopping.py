@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._words import arm_called
+from debrisgrasp.robot import Arm
 
 from .context import Context
 
@@ -15,22 +16,38 @@ _STANDS_WITHIN, _STILL = 2.0, 0.05
 
 
 def stop_all(context: Context) -> list[str]:
-    """Latch a stop on every arm and the base; returns what did not answer.
+    """Latch a stop on every arm and the base; returns what did not answer, or obey.
 
-    Also on arms that the task does not use: they stand on the same robot.
+    Also on arms that the task does not use: they stand on the same robot. The drives of
+    an arm that is not stopped then are asked to hold by themselves.
     """
     silent = []
     for name, limb in context.robot.limbs.items():
-        try:
-            limb.arm.stop()
-        except Exception as error:  # noqa: BLE001 - the others must still be stopped
-            silent.append(f"{arm_called(name)}: {error}")
+        words = _stopped(limb.arm)
+        if words:
+            silent.append(f"{arm_called(name)}: {words}")
     if context.robot.base is not None:
         try:
             context.robot.base.stop()
         except Exception as error:  # noqa: BLE001 - as above
             silent.append(f"base: {error}")
     return silent
+
+
+def _stopped(arm: Arm) -> str:
+    """Stop an arm; if it does not, ask its drives to hold by themselves, and say so."""
+    words = ""
+    try:
+        arm.stop()
+        if arm.is_stopped:
+            return ""
+    except Exception as error:  # noqa: BLE001 - the others must still be stopped
+        words = f" ({error})"
+    try:
+        arm.disengage()
+    except Exception as error:  # noqa: BLE001 - as above
+        return f"it does not stop{words}, nor hold by itself ({error})"
+    return f"it does not stop{words}; its drives were asked to hold by themselves"
 
 
 def reset_stops(context: Context) -> None:

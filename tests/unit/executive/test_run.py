@@ -25,6 +25,8 @@ from debrisgrasp.executive.replay import decisions
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.table import FOLLOWING
 from tests.unit.executive.rigs import brick_at, task_before
+from tests.unit.robot.broken_robots import nothing
+from tests.unit.robot.broken_robots import raising as no_answer
 
 
 @pytest.fixture
@@ -266,6 +268,24 @@ def test_an_arm_that_the_task_does_not_use_is_stopped_too(run, fake):
     result, _ = run({State.APPROACH: failing("wrench_nan")}, settings)
     assert result.end is RunEnd.STOPPED
     assert all(arm.is_stopped for arm in fake.arms.values())
+
+
+@pytest.mark.parametrize("stop", [nothing, no_answer])
+@pytest.mark.parametrize("state", [State.SEGMENT, State.PREGRASP])
+def test_an_arm_that_does_not_stop_is_named_and_holds_by_itself(
+    fake, run, monkeypatch, stop, state
+):
+    monkeypatch.setattr(fake.arms["right"], "stop", stop)
+    fake.arms["right"].engage()
+    fault = FaultFound("encoder_jump", "a joint's reading jumped", "right")
+    result, record = run({state: lambda _context: fault})
+    assert result.end is RunEnd.STOPPED
+    (words,) = result.silent
+    assert words.startswith("right arm: it does not stop")
+    assert not fake.arms["right"].is_engaged
+    assert fake.arms["left"].is_stopped
+    told = [event["silent"] for event in record.events if event["event"] == "stop"]
+    assert told[-1] == [words]
 
 
 def test_a_device_that_answers_again_costs_one_retry(run):
