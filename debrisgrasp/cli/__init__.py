@@ -20,6 +20,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         status: int = import_module("debrisgrasp.cli.program").run(argv)
     except KeyboardInterrupt:
-        print("debrisgrasp: interrupted; nothing half-written is left", file=sys.stderr)
+        print("debrisgrasp: interrupted; no file is half-written", file=sys.stderr)
         return _INTERRUPTED
     return status

@@ -70,12 +70,7 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
         print(f"\n{words}", file=sys.stderr)
         return _INTERRUPTED
     tables = tabulate(records)
-    paths = save_results(campaign.folder, records, tables, campaign.header)
-    picture = campaign.folder / "campaign.png"
-    faults = arguments.faults or "no injected faults"
-    note = f"{len(records)} runs, tier {campaign.header['tier']}, {faults}, "
-    note += f"seed {arguments.seed}; bars: share, lines: 95 % Wilson intervals"
-    draw_tables(picture, "Campaign", note, tables)
+    # They are told first, whatever of them can't be written.
     if arguments.json:
         print(json.dumps(tables_to_json(tables)))
     else:
@@ -83,6 +78,13 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
         if flights := [flight for record in records if (flight := flight_of(record))]:
             print(f"\n{flights_text(grouped(flights))}")
         _print_failures(records)
+    paths = save_results(campaign.folder, records, tables, campaign.header)
+    picture = campaign.folder / "campaign.png"
+    faults = arguments.faults or "no injected faults"
+    note = f"{len(records)} runs, tier {campaign.header['tier']}, {faults}, "
+    note += f"seed {arguments.seed}; bars: share, lines: 95 % Wilson intervals"
+    draw_tables(picture, "Campaign", note, tables)
+    if not arguments.json:
         print("\nwrote " + ", ".join(str(path) for path in (*paths, picture)))
     _draw_failures(campaign.folder, records)
     return int(any(count for _, count in tables.checks))
