@@ -12,7 +12,7 @@ from .accounting import (
     system_reliability,
     tabulate,
 )
-from .again import Change, changes, done_again, run_function
+from .again import Change, asked_apart, changes, done_again, run_function
 from .arm_run import run_arm
 from .contents import contents_of_site, digest, edited_since
 from .fake_run import pipeline_of, run_fake
@@ -62,6 +62,7 @@ __all__ = [
     "Stage",
     "Tables",
     "account",
+    "asked_apart",
     "changes",
     "compare",
     "comparison_to_json",

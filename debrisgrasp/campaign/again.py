@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 
 from debrisgrasp.errors import UnknownNameError
+from debrisgrasp.executive.replay import tasks_apart
 
 from .arm_run import run_arm
 from .fake_run import pipeline_of, run_fake
@@ -14,7 +15,7 @@ from .record import RunRecord
 from .runner import RunFunction, guarded
 from .specs import LEVELS, RunSpec
 
-__all__ = ["Change", "changes", "done_again", "run_function"]
+__all__ = ["Change", "asked_apart", "changes", "done_again", "run_function"]
 
 _RUNS: Mapping[tuple[str, str], RunFunction] = {
     ("fake", "hand"): run_fake,
@@ -84,6 +85,12 @@ def changes(before: RunRecord, now: RunRecord) -> tuple[Change, ...]:
     """Fields in which two records of a run differ."""
     pairs = ((name, getattr(before, name), getattr(now, name)) for name in _COMPARED)
     return tuple(Change(*pair) for pair in pairs if pair[1] != pair[2])
+
+
+def asked_apart(before: RunRecord, now: RunRecord) -> list[str]:
+    """Say in which fields the specs of two records differ, but for their names."""
+    usual = {f.name: f.default for f in fields(RunSpec) if f.default is not MISSING}
+    return tasks_apart(before.spec, now.spec, usual)
 
 
 def _words(value: object) -> str:

@@ -16,6 +16,7 @@ from debrisgrasp.robot import INJECTABLE, Injection
 __all__ = ["FaultRates", "Rate", "random_faults"]
 
 _SCHEMA = "debrisgrasp/fault-rates/1"
+_POINTLESS = "YAML reads 1e-3 and what stands in quotes as text: write 1.0e-3 or 0.001."
 ANYWHERE = "any"
 _STATES = tuple(state.value for state in State)
 _STRUCK = tuple(name for name in _STATES if name != State.CLEARED.value)
@@ -111,13 +112,26 @@ def _rate(entry: Any, where: str) -> Rate:
     rate, names = entry["rate"], entry["one_of"]
     names = [names] if isinstance(names, str) else names
     if isinstance(rate, bool) or not isinstance(rate, int | float):
-        raise ConfigError(f"{where}, rate", got=repr(rate), expected="a number, 0 to 1")
+        raise ConfigError(
+            f"{where}, rate",
+            got=repr(rate),
+            expected="a number, 0 to 1",
+            mend=_POINTLESS if _is_number(rate) else "",
+        )
     if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
         raise ConfigError(f"{where}, one_of", got=names, expected="names of faults")
     try:
         return Rate(rate=rate, one_of=tuple(names), state=entry.get("state"))
     except InputError as error:
         raise ConfigError.about(where, error) from error
+
+
+def _is_number(value: object) -> bool:
+    try:
+        float(str(value))
+    except ValueError:
+        return False
+    return isinstance(value, str)
 
 
 def random_faults(rng: Rng) -> tuple[Injection, ...]:

@@ -88,9 +88,10 @@ class RunSpec:
     Raises
     ------
     ConfigError
-        If a number is out of range.
+        If a field is of another kind, or a number out of range.
     UnknownNameError
-        If there is no such world or level, or no state at which a fault is to strike.
+        If there is no such world or level, no such tier in memory, or no state at which
+        a fault is to strike.
     """
 
     name: str
@@ -113,10 +114,13 @@ class RunSpec:
     """Give a run up after so many tries."""
 
     def __post_init__(self) -> None:
+        self._require_kinds()
         if self.world not in WORLDS:
             raise UnknownNameError("world", self.world, WORLDS)
         if self.level not in LEVELS:
             raise UnknownNameError("level", self.level, LEVELS)
+        if self.world == "fake" and self.tier not in FAKE_TIERS:
+            raise UnknownNameError("tier", self.tier, FAKE_TIERS)
         if self.seed < 0:
             raise ConfigError("seed", got=self.seed, expected="0 or more")
         require_range("max_attempts", self.max_attempts, 1, 10_000)
@@ -131,6 +135,27 @@ class RunSpec:
                 got=f"{len(self.faults)} in world {self.world}",
                 expected="none: only the robot in memory can be struck by them",
             )
+
+    def _require_kinds(self) -> None:
+        kinds: Mapping[str, tuple[str, tuple[type, ...]]] = {
+            "name": ("text", (str,)),
+            "seed": ("an integer", (int,)),
+            "tier": ("text", (str,)),
+            "site": ("text, or none", (str, type(None))),
+            "faults": ("a tuple of Injection", (tuple,)),
+            "recovery": ("true or false", (bool,)),
+            "max_removals": ("an integer, or none", (int, type(None))),
+            "max_attempts": ("an integer", (int,)),
+        }
+        for name, (words, kind) in kinds.items():
+            value = getattr(self, name)
+            if type(value) not in kind:  # True is no number here
+                raise ConfigError(name, got=repr(value), expected=words)
+        for injection in self.faults:
+            if not isinstance(injection, Injection):
+                raise ConfigError(
+                    "faults", got=repr(injection), expected=kinds["faults"][0]
+                )
 
     def to_json(self) -> dict[str, Any]:
         """Everything that repeats the run."""
@@ -148,7 +173,10 @@ class RunSpec:
             If a field is missing, or means nothing.
         """
         values = dict(content)
-        faults = tuple(Injection.from_json(entry) for entry in values.pop("faults", ()))
+        entries = values.pop("faults", ())
+        if not isinstance(entries, list | tuple):
+            raise ConfigError("faults", got=repr(entries), expected="a list")
+        faults = tuple(Injection.from_json(entry) for entry in entries)
         try:
             return RunSpec(**values, faults=faults)
         except TypeError as error:

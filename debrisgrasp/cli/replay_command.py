@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 
 from .commands import Subparsers, version
 from .values import some_path
+
+if TYPE_CHECKING:
+    from debrisgrasp.executive.record import StoredRun
 
 __all__ = ["add"]
 
@@ -51,6 +56,8 @@ def _replay(arguments: argparse.Namespace) -> int:
 def _replay_of_campaign(arguments: argparse.Namespace) -> int:
     from debrisgrasp.campaign import (  # slow to load
         RunRecord,
+        RunSpec,
+        asked_apart,
         changes,
         done_again,
         edited_since,
@@ -62,39 +69,46 @@ def _replay_of_campaign(arguments: argparse.Namespace) -> int:
     if arguments.against:
         now = RunRecord.load(arguments.against)
     else:
+        try:
+            RunSpec.from_json(before.spec)
+        except InputError as error:
+            raise ConfigError.about(f"{path}, spec: {error.what}", error) from error
         files = edited_since(folder, before.spec)
         now = done_again(before)
-    found = changes(before, now)
+    apart, found = asked_apart(before, now), changes(before, now)
+    is_same = not (apart or found)
     versions = {"before": before.version or "an older version", "now": now.version}
     if arguments.json:
-        facts = {"same": not found, "versions": versions, "edited": files}
+        facts = {"same": is_same, "versions": versions, "edited": files, "tasks": apart}
         print(json.dumps({**facts, "differences": [str(change) for change in found]}))
-        return 1 if found else 0
+        return 0 if is_same else 1
     print(f"run {before.name}: {versions['before']} before, {versions['now']} now")
     for words in files:
         print(f"not as before: {words}")
-    print("\n".join(map(str, found)) or f"the same: {now.outcome}, {now.end}")
+    same = _tell_apart(apart)
+    print("\n".join(map(str, found)) or f"{same}: {now.outcome}, {now.end}")
     if now.error:
         print(now.error.strip())
-    return 1 if found else 0
+    return 0 if is_same else 1
 
 
 def _replay_of_decisions(arguments: argparse.Namespace) -> int:
-    from debrisgrasp.executive.record import MemoryRecord, load_run
-    from debrisgrasp.executive.replay import decisions, differences
+    from debrisgrasp.executive.record import MemoryRecord
+    from debrisgrasp.executive.replay import decisions, differences, tasks_apart
     from debrisgrasp.executive.simulated import SimulatedTask
 
     from .live import ToldRun
 
-    before = load_run(arguments.run_record)
+    before = _begun(arguments.run_record)
     taken = decisions(before.events)
-    if not taken:
-        raise ConfigError(
-            f"{arguments.run_record}", got="no decision", expected="a run that began"
-        )
+    lacking = {str(arguments.run_record): before.missing}
+    apart: list[str] = []
     if arguments.against:
-        other = load_run(arguments.against)
+        other = _begun(arguments.against)
         events, by = other.events, _made_by(other.inputs)
+        usual = {field.name: field.default for field in fields(SimulatedTask)}
+        apart = tasks_apart(before.inputs, other.inputs, usual)
+        lacking[str(arguments.against)] = other.missing
     else:
         again = MemoryRecord()
         SimulatedTask.from_json(before.inputs).run(ToldRun(again))
@@ -111,18 +125,44 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
     found = differences(taken, events)
     if arguments.json:
         facts = {
-            "same": not found,
+            "same": not (apart or found),
             "is_whole": before.is_whole,
             "missing": before.missing,
             "versions": versions,
+            "tasks": apart,
         }
+        if arguments.against:
+            facts["missing_against"] = other.missing
         print(json.dumps({**facts, "differences": [str(d) for d in found]}))
     else:
         print(", ".join(f"{when}: {what}" for when, what in versions.items()))
-        if before.missing:
-            print(f"{arguments.run_record} lacks {', '.join(before.missing)}")
-        print("\n".join(map(str, found)) or f"the same {len(taken)} decisions")
-    return 1 if found or before.missing else 0
+        same = _tell_apart(apart)
+        for path, missing in lacking.items():
+            if missing:
+                print(f"{path} lacks {', '.join(missing)}")
+        print("\n".join(map(str, found)) or f"{same} {len(taken)} decisions")
+    return 1 if apart or found or any(lacking.values()) else 0
+
+
+def _begun(folder: Path) -> StoredRun:
+    """Read the record of a run that decided anything, or raise `ConfigError`."""
+    from debrisgrasp.executive.record import load_run
+    from debrisgrasp.executive.replay import decisions
+
+    run = load_run(folder)
+    if not decisions(run.events):
+        raise ConfigError(f"{folder}", got="no decision", expected="a run that began")
+    return run
+
+
+def _tell_apart(apart: Sequence[str]) -> str:
+    """Print in what two tasks differ; return how to call what came out alike."""
+    if not apart:
+        return "the same"
+    print("the records are of different tasks:")
+    for words in apart:
+        print(f"  {words}")
+    return "and yet the same"
 
 
 def _made_by(inputs: Mapping[str, object]) -> str:

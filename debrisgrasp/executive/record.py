@@ -178,11 +178,11 @@ class StoredRun:
     @property
     def reached(self) -> str:
         """How far it goes, in words."""
-        begun = [e["state"] for e in self.events if e.get("event") == "state"]
+        begun = [e for e in self.events if e.get("event") == "state"]
         if not begun:
             return "nothing of the run"
         number = 1 + sum(event.get("event") == "attempt" for event in self.events)
-        return f"the run up to {begun[-1]} in attempt {number}"
+        return f"the run up to {begun[-1].get('state')} in attempt {number}"
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -212,7 +212,8 @@ def load_run(folder: str | os.PathLike[str]) -> StoredRun:
     Raises
     ------
     ConfigError
-        If the folder holds none, or a line other than the last is damaged.
+        If the folder holds none, or a line other than the last is damaged, or one is
+        no event.
     """
     folder = Path(folder)
     if not (folder / _INPUTS).is_file():
@@ -244,8 +245,32 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
             raise ConfigError(
                 f"{path}, line {number}", got=error.msg, expected="well-formed JSON"
             ) from error
-        if isinstance(event, dict):
-            yield event
+        if not isinstance(event, dict):
+            raise ConfigError(
+                f"{path}, line {number}", got=line, expected="an object: {...}"
+            )
+        _require_kinds(event, f"{path}, line {number}")
+        yield event
+
+
+def _require_kinds(event: Mapping[str, Any], where: str) -> None:
+    """Raise `ConfigError` unless what readers count, add or format is what it says."""
+    kinds: dict[str, tuple[type, ...]] = {"event": (str,)}
+    if event.get("event") == "state":
+        kinds |= {"state": (str,), "time": (int, float)}
+    if event.get("event") == "attempt":
+        kinds["number"] = (int,)
+    if event.get("event") == "done":
+        kinds |= {"state": (str,), "look": (int,)}
+    for name, kind in kinds.items():
+        value = event.get(name)
+        if name not in event or (type(value) in kind and value != float("inf")):
+            continue
+        raise ConfigError(
+            f"{where}, {name}",
+            got=json.dumps(value),
+            expected="text" if kind == (str,) else "a number",
+        )
 
 
 def plain(value: Any) -> Any:

@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["Difference", "decisions", "differences"]
+from .record import plain
+
+__all__ = ["Difference", "decisions", "differences", "tasks_apart"]
 
 _DECISIONS = ("done", "fault", "attempt", "recovered", "stop", "end")
+_NO_TASK = ("name", "schema", "version")
 _CLOSE = 1e-6
 """Numbers that differ by no more, as a share of the larger one, are the same."""
 
@@ -32,6 +35,28 @@ class Difference:
 def decisions(events: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Pick from events what was decided; forces and times of states are left out."""
     return [event for event in events if event.get("event") in _DECISIONS]
+
+
+def tasks_apart(
+    one: Mapping[str, Any], other: Mapping[str, Any], usual: Mapping[str, Any]
+) -> list[str]:
+    """Say in which fields two runs were asked for different things.
+
+    Names and versions of the runs are no part of it.
+
+    Parameters
+    ----------
+    usual
+        What fields mean that older records lack.
+    """
+    names = [name for name in (*usual, *one, *other) if name not in _NO_TASK]
+    pairs = (
+        (name, plain({**usual, **one}.get(name)), plain({**usual, **other}.get(name)))
+        for name in dict.fromkeys(names)
+    )
+    return [
+        f"{name}: {_short(a)} before, {_short(b)} now" for name, a, b in pairs if a != b
+    ]
 
 
 def differences(

@@ -145,7 +145,7 @@ def _spans(
     marks = [(e["state"], e["time"]) for e in events if e.get("event") == "state"]
     timed = [e["time"] for e in events if isinstance(e.get("time"), (int, float))]
     total = max(timed, default=1.0)
-    ends = [begin for _, begin in marks[1:]] + [total]
+    ends = [*(begin for _, begin in marks), total][1:]
     spans = [(s, a, b) for (s, a), b in zip(marks, ends, strict=True)]
     return spans, max(total, 1e-3)
 

@@ -149,6 +149,35 @@ def test_a_run_of_a_campaign_is_done_again_from_its_record(run, tmp_path):
     told = json.loads(run("replay", path, "--against", other, "--json").out)
     assert told["same"] is False
     assert len(told["differences"]) == 2
+    assert told["tasks"] == []
+    spec = {**record.spec, "name": "000001", "seed": 7}
+    other.write_text(replace(record, name="000001", spec=spec).to_json())
+    done = run("replay", path, "--against", other)
+    assert done.status == 1
+    seeds = f"seed: {record.spec['seed']} before, 7 now"
+    assert f"different tasks:\n  {seeds}\n" in done.out
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("faults", 5),
+        ("tier", "singel"),
+        ("site", 5),
+        ("seed", 1.5),
+        ("seed", None),
+        ("max_removals", 1.5),
+        ("recovery", "x"),
+    ],
+)
+def test_a_spec_that_was_edited_into_none_is_not_replayed(run, tmp_path, field, value):
+    spec = {**struck().to_json(), field: value}
+    path = tmp_path / "000000.json"
+    path.write_text(RunRecord.unclassified("000000", spec, "").to_json())
+    done = run("replay", path)
+    assert done.status == 2
+    assert f"{path}, spec: " in done.err
+    assert field in done.err
 
 
 def test_a_run_whose_site_was_edited_since_says_so(run, tmp_path):

@@ -323,6 +323,31 @@ def test_a_comparison_tells_which_versions_made_the_records(tmp_path, capsys):
     assert told.startswith("before: debrisgrasp 0.0.1, now: an unknown version\n")
 
 
+def test_replayed_records_of_different_tasks_are_not_the_same(tmp_path, capsys):
+    for name, seed in (("one", 3), ("other", 4), ("cut", 3), ("nothing", 3)):
+        record = RunRecord(tmp_path / name, {"seed": seed, "faults": ()})
+        if name != "nothing":
+            record.write("done", {"state": "select"})
+        if name not in ("cut", "nothing"):
+            record.write("end", {"end": "cleared"})
+    one, other, cut, nothing = (
+        str(tmp_path / name) for name in ("one", "other", "cut", "nothing")
+    )
+    assert debrisgrasp(["replay", one, "--against", one]) == 0
+    assert "tasks" not in capsys.readouterr().out
+    assert debrisgrasp(["replay", one, "--against", other]) == 1
+    told = capsys.readouterr().out
+    assert "different tasks:\n  seed: 3 before, 4 now\n" in told
+    assert debrisgrasp(["replay", one, "--against", other, "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert not told["same"]
+    assert told["tasks"] == ["seed: 3 before, 4 now"]
+    assert debrisgrasp(["replay", one, "--against", cut]) == 1
+    assert f"{cut} lacks the end of events.jsonl" in capsys.readouterr().out
+    assert debrisgrasp(["replay", one, "--against", nothing]) == 2
+    assert f"{nothing}: got no decision" in capsys.readouterr().err
+
+
 def test_a_record_from_python_has_the_version(tmp_path, pipeline):
     task = SimulatedTask(objects=1, seed=3, faults=("limit_mismatch",))
     api.clear(task, record=tmp_path / "run", pipeline=pipeline)

@@ -76,6 +76,8 @@ def test_there_are_shipped_rates():
         ("schema: debrisgrasp/fault-rates/1\nrates: []\n1: a\nb: c", "'1', 'b'"),
         (f"{{}}- {{{{rate: 1{'0' * 400}, one_of: slip}}}}", "rate 1: got 10{50}"),
         ("{}- {{rate: 2, one_of: slip}}", "rate 1: got 2"),
+        ("{}- {{rate: 1e-3, one_of: slip}}", r"'1e-3'.*write 1\.0e-3 or 0\.001"),
+        ("{}- {{rate: often, one_of: slip}}", r"a number, 0 to 1\.$"),
         ("{}- {{rate: yes, one_of: slip}}", "rate 1, rate"),
         ("{}- {{rate: .nan, one_of: slip}}", "rate 1: got nan"),
         ("{}- {{rate: 0.1, one_of: [slip, slop]}}", "'slop'"),
@@ -131,6 +133,18 @@ def test_a_spec_survives_its_record():
         {"max_removals": 0},
         {"world": "mujoco", "faults": (Injection(fault="slip"),)},
         {"faults": (Injection(fault="slip", state="lfit"),)},
+        {"faults": ("slip",)},
+        {"faults": [Injection(fault="slip")]},
+        {"name": 3},
+        {"tier": "singel"},
+        {"tier": ["single"]},
+        {"site": 5},
+        {"seed": 1.5},
+        {"seed": None},
+        {"seed": True},
+        {"recovery": "x"},
+        {"max_removals": 1.5},
+        {"max_attempts": True},
     ],
 )
 def test_runs_that_make_no_sense_are_refused(changes):
@@ -147,6 +161,11 @@ def test_a_number_of_runs_that_is_none_is_refused(n):
 def test_a_spec_of_another_program_is_refused():
     with pytest.raises(ConfigError, match="run"):
         RunSpec.from_json({"name": "x", "colour": "red"})
+    for faults in (5, None, "slip", {"fault": "slip"}, [5], ["slip"]):
+        with pytest.raises(ConfigError, match=r"faults|injection"):
+            RunSpec.from_json({"name": "x", "seed": 1, "faults": faults})
+    # Whether there is such a pile is for the physics to say.
+    RunSpec(name="x", seed=1, world="mujoco", tier="other")
 
 
 @pytest.mark.parametrize("tier", ["single", "handle", "few", "wood_on_truss"])

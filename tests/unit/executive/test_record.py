@@ -88,9 +88,33 @@ def test_two_looks_of_one_attempt_are_two_captures_of_a_record(tmp_path):
 
 def test_a_damaged_line_in_the_middle_is_named(tmp_path):
     RunRecord(tmp_path, {})
-    (tmp_path / "events.jsonl").write_text('{"event": 1}\n{oops\n{"event": 2}\n')
+    (tmp_path / "events.jsonl").write_text('{"event": "a"}\n{oops\n{"event": "b"}\n')
     with pytest.raises(ConfigError, match="line 2"):
         load_run(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("line", "match"),
+    [
+        ("5", "line 2: got 5"),
+        ("[1]", "line 2"),
+        ("null", "line 2"),
+        ('{"event": 3}', "line 2, event"),
+        ('{"event": "attempt", "number": "two"}', 'line 2, number: got "two"'),
+        ('{"event": "attempt", "number": null}', "line 2, number: got null"),
+        ('{"event": "done", "state": "capture", "look": "2"}', "line 2, look"),
+        ('{"event": "done", "state": "capture", "look": 1.5}', "line 2, look"),
+        ('{"event": "state", "state": null, "time": 1.0}', "line 2, state"),
+        ('{"event": "state", "state": "lift", "time": "now"}', "line 2, time"),
+    ],
+)
+def test_a_line_that_is_no_event_is_named(tmp_path, line, match):
+    RunRecord(tmp_path, {}).write("state", {"state": "capture"})
+    with (tmp_path / "events.jsonl").open("a") as stream:
+        stream.write(line + "\n")
+    with pytest.raises(ConfigError, match=match) as caught:
+        load_run(tmp_path)
+    assert "events.jsonl" in str(caught.value)
 
 
 def test_a_full_disk_leaves_the_last_line_whole_and_the_run_going(tmp_path, caplog):

@@ -35,6 +35,12 @@ def test_a_run_without_attempts_has_no_heading_for_them(tmp_path):
     assert "Attempts" not in page
 
 
+def test_a_record_without_states_is_an_empty_page(tmp_path):
+    run_html(tmp_path / "run.html", MemoryRecord())
+    assert "without an end of the run" in (tmp_path / "run.html").read_text()
+    assert "Timeline" in page_of(tmp_path)
+
+
 def test_the_key_names_what_the_timeline_shows_and_nothing_else(tmp_path):
     page = page_of(tmp_path, *states("capture", "approach", "lift"))
     key = page.split('class="key"')[1].split("</p>")[0]
