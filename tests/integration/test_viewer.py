@@ -16,14 +16,10 @@ from debrisgrasp.cli.program import run
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import Capture, data_path
 from tests import browser
+from tests.interrupts import take_interrupts
 
 pytest.importorskip("viser")
 PILE = str(data_path("captures", "pile.npz"))
-
-
-def _take_interrupts() -> None:
-    """Jobs in the background of a shell are started deaf to them."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def test_the_command_serves_until_it_is_interrupted():
@@ -33,7 +29,7 @@ def test_the_command_serves_until_it_is_interrupted():
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=_take_interrupts,
+        preexec_fn=take_interrupts,
     ) as process:
         line = process.stdout.readline()
         assert line.startswith("open http://localhost:"), process.stderr.read()

@@ -23,6 +23,7 @@ from debrisgrasp.campaign import (
     load_records,
 )
 from debrisgrasp.errors import ConfigError, InputError, OutputError
+from tests.interrupts import take_interrupts
 
 from .runs import Told, begun, do, told
 
@@ -182,6 +183,7 @@ def test_after_an_interruption_the_finished_runs_are_whole(tmp_path, marks, way)
         [sys.executable, script, out, marks],
         env={**os.environ, "PYTHONPATH": str(root)},
         start_new_session=True,
+        preexec_fn=take_interrupts,
     )
     deadline = time.monotonic() + 60
     while len(list(out.glob("runs/*.json"))) < 4 and time.monotonic() < deadline:
@@ -212,6 +214,7 @@ def test_ctrl_c_while_workers_start_says_nothing_of_them(tmp_path, marks, wait):
         [sys.executable, script, out, marks],
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
         start_new_session=True,
+        preexec_fn=take_interrupts,
         stderr=subprocess.PIPE,
         text=True,
     )
