@@ -130,14 +130,19 @@ def test_a_yielding_lift_strains_the_hand_less():
     assert soft.peak_force < stiff.peak_force
 
 
-def test_a_yielding_hand_gives_way_to_what_the_squeeze_left_in_it():
-    # The wrist bears a torque already when the lift begins.
-    wrist = SimpleNamespace(
-        wrench=np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0]),
+def turned_by(torque):
+    """A wrist that bears a torque about y, and stays where it is."""
+    return SimpleNamespace(
+        wrench=np.array([0.0, 0.0, 0.0, 0.0, torque, 0.0]),
         pose=lambda _: SE3.identity(),
         pose_at=lambda _: SE3.identity(),
         displacement_of=lambda T_base_hand: so3.log(T_base_hand.R),
     )
+
+
+def test_a_yielding_hand_gives_way_to_what_the_squeeze_left_in_it():
+    # The wrist bears a torque already when the lift begins.
+    wrist = turned_by(2.0)
     yielding = Yielding(FlightConfig(compliance=YIELD), wrist)
     for _ in range(20000):
         turn = yielding.deflected(np.zeros(6), None)
@@ -146,12 +151,7 @@ def test_a_yielding_hand_gives_way_to_what_the_squeeze_left_in_it():
 
 @pytest.mark.parametrize("torque", [2.0, 40.0])
 def test_a_yielding_hand_turns_less_than_a_right_angle(torque):
-    wrist = SimpleNamespace(
-        wrench=np.zeros(6),
-        pose=lambda _: SE3.identity(),
-        pose_at=lambda _: SE3.identity(),
-        displacement_of=lambda T_base_hand: so3.log(T_base_hand.R),
-    )
+    wrist = turned_by(0.0)
     yielding = Yielding(
         FlightConfig(compliance=Compliance.diagonal([1e-4] * 3, [0.15] * 3)), wrist
     )
