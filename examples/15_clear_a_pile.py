@@ -1,7 +1,8 @@
 """Clear a small pile with the robot in memory, and say what became of each try.
 
 The robot, its sensors and the pile exist in memory only; the executive does not know
-that. Whoever implements the protocols of `debrisgrasp.robot` runs the same code.
+that. Whoever implements the protocols of `debrisgrasp.robot` runs the same code. A
+folder that holds a run already is refused, so that no record is lost.
 
 Run: python examples/15_clear_a_pile.py [FOLDER]
 """
@@ -11,6 +12,7 @@ import tempfile
 from pathlib import Path
 
 from debrisgrasp import api
+from debrisgrasp.errors import DebrisGraspError
 from debrisgrasp.executive import SimulatedTask, load_run
 from debrisgrasp.viz.run import run_html
 
@@ -31,4 +33,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except DebrisGraspError as error:
+        sys.exit(f"error: {error}")

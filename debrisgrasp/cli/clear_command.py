@@ -178,7 +178,7 @@ def _task(arguments: argparse.Namespace) -> SimulatedTask:
         arms=() if arguments.arm is None else (arguments.arm,),
         mask=None if arguments.mask is None else str(arguments.mask.resolve()),
         region=None if arguments.region is None else tuple(arguments.region),
-        faults=tuple(filter(None, arguments.faults.split(","))),
+        faults=tuple(arguments.faults.split(",")) if arguments.faults else (),
         max_removals=arguments.max_removals,
         drive_over=arguments.drive_over,
         pushes=arguments.pushes,

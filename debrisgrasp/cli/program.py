@@ -43,13 +43,13 @@ def run(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
     given = list(sys.argv[1:] if argv is None else argv)
     only = given[0] if given and given[0] in _COMMANDS else None
-    arguments = build_parser(only).parse_args(given)
     try:
+        arguments = build_parser(only).parse_args(given)
         with _warnings_shown():
             status: int = arguments.run(arguments)
     except DebrisGraspError as error:
         facts = {"error": type(error).__name__, "message": _in_options(error, given)}
-        if getattr(arguments, "json", False):
+        if "--json" in given:
             print(json.dumps(facts), file=sys.stderr)
         else:
             print(f"debrisgrasp: error: {facts['message']}", file=sys.stderr)
@@ -93,6 +93,10 @@ _TOO_FEW = re.compile(r"argument (--[\w-]+): expected \d+ arguments")
 """How an option complains of the number of its values, without saying which."""
 
 
+class UsageError(DebrisGraspError):
+    """Arguments that no command takes."""
+
+
 class _Parser(argparse.ArgumentParser):
     """Refuses arguments in one line, as everything else is refused."""
 
@@ -102,14 +106,14 @@ class _Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-[\d.]")
 
     def error(self, message: str) -> NoReturn:
-        """End with the message."""
+        """Raise `UsageError` with the message."""
         prog = self.prog if " " in self.prog else f"{self.prog} COMMAND"
         found = _TOO_FEW.search(message)
         names = self._option_string_actions[found[1]].metavar if found else None
         if isinstance(names, tuple):
             message += f", {' '.join(names)}, with spaces between them"
         more = f"`{prog} --help` tells what can be given"
-        self.exit(2, f"debrisgrasp: error: {message}. {more}.\n")
+        raise UsageError(f"{message}. {more}.")
 
 
 def build_parser(only: str | None = None) -> argparse.ArgumentParser:

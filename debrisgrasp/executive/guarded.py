@@ -21,7 +21,7 @@ def guarded(step: Callable[[], StepResult]) -> StepResult:
         return raised.found
     except DriverError as error:
         return FaultFound("connection_lost", str(error))
-    except Exception as error:  # noqa: BLE001 - a robot must survive its software
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a robot survives software
         at = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(at.filename).name}, line {at.lineno}, in {at.name}"
         words = f"{type(error).__name__} in {where}: {error}"

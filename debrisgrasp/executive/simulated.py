@@ -108,6 +108,7 @@ class SimulatedTask:
             require_range("objects", self.objects, 1, 50)
         if self.max_removals is not None:
             require_range("max_removals", self.max_removals, 1, 10_000)
+        require_range("drive_over [m]", self.drive_over, 0.0, 1.0)
         require_range("pushes", self.pushes, 0, 100)
         if self.seed < 0:
             raise ConfigError("seed", got=self.seed, expected="an integer of 0 or more")

@@ -13,13 +13,16 @@ __all__ = ["reset_stops", "stop_all"]
 
 _STANDS_WITHIN, _STILL = 2.0, 0.05
 """Within which an arm stands, and between two looks at whether it does [s]."""
+_ANYTHING = (Exception, KeyboardInterrupt, SystemExit)
+"""What keeps one device from being stopped must not keep the others."""
 
 
 def stop_all(context: Context) -> list[str]:
     """Latch a stop on every arm and the base; returns what did not answer, or obey.
 
     Also on arms that the task does not use: they stand on the same robot. The drives of
-    an arm that is not stopped then are asked to hold by themselves.
+    an arm that is not stopped then are asked to hold by themselves. Nor does a second
+    Ctrl-C keep any of them from being stopped.
     """
     silent = []
     for name, limb in context.robot.limbs.items():
@@ -29,8 +32,8 @@ def stop_all(context: Context) -> list[str]:
     if context.robot.base is not None:
         try:
             context.robot.base.stop()
-        except Exception as error:  # noqa: BLE001 - as above
-            silent.append(f"base: {error}")
+        except _ANYTHING as error:
+            silent.append(f"base: {error!r}")
     return silent
 
 
@@ -41,12 +44,12 @@ def _stopped(arm: Arm) -> str:
         arm.stop()
         if arm.is_stopped:
             return ""
-    except Exception as error:  # noqa: BLE001 - the others must still be stopped
-        words = f" ({error})"
+    except _ANYTHING as error:
+        words = f" ({error!r})"
     try:
         arm.disengage()
-    except Exception as error:  # noqa: BLE001 - as above
-        return f"it does not stop{words}, nor hold by itself ({error})"
+    except _ANYTHING as error:
+        return f"it does not stop{words}, nor hold by itself ({error!r})"
     return f"it does not stop{words}; its drives were asked to hold by themselves"
 
 

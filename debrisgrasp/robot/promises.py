@@ -32,6 +32,8 @@ _OLD = 0.2
 """A reading older than this is not of now [s]."""
 _FARTHEST = 50.0
 """Depths beyond this are no metres."""
+_NUMBERS = "fiu"
+"""Kinds of arrays that hold numbers."""
 _FREE_LOAD = (20.0, 5.0)
 """Load of an idle hand, at most [N, N m]."""
 
@@ -114,7 +116,11 @@ def joints_are_read(robot: Robot) -> Iterator[str]:
     """Check that joints are finite, in radians, within their limits."""
     for name, limb in robot.limbs.items():
         limits = limb.arm.limits
-        q = np.asarray(limb.arm.read().q, dtype=np.float64)
+        said = np.asarray(limb.arm.read().q)
+        if said.dtype.kind not in _NUMBERS:
+            yield f"arm {name}: reads {said.tolist()}; numbers are needed"
+            continue
+        q = said.astype(np.float64)
         if q.shape != (len(limb.arm.joint_names),):
             yield f"arm {name}: {q.shape} values for {len(limb.arm.joint_names)} joints"
             continue
@@ -159,12 +165,15 @@ def wrist_is_read(robot: Robot) -> Iterator[str]:
     for name, limb in robot.limbs.items():
         rows = []
         for _ in range(25):
-            rows.append(np.asarray(limb.sensor.read().wrench_ft, dtype=np.float64))
+            rows.append(np.asarray(limb.sensor.read().wrench_ft))
             clock.wait_until(clock.now() + 0.008)
+        if any(row.dtype.kind not in _NUMBERS for row in rows):
+            yield f"sensor {name}: reads {rows[0].tolist()}; numbers are needed"
+            continue
         if rows[0].shape != (6,):
             yield f"sensor {name}: {rows[0].shape} values; six are needed"
             continue
-        raw = np.array(rows)
+        raw = np.array(rows, dtype=np.float64)
         if not np.isfinite(raw).all():
             yield f"sensor {name}: reads {raw[0].tolist()}"
             continue

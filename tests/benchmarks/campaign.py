@@ -247,7 +247,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--n", type=int, default=1000, help="runs of the attack")
-    parser.add_argument("--paper-n", type=int, default=200, help="runs of each other")
+    parser.add_argument(
+        "--paper-n", type=int, help="runs of each other; default: the paper's"
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--scaling-n", type=int, default=24, help="0: not measured")
@@ -257,9 +259,9 @@ def main() -> None:
         out = options.out or Path(folder)
         bench = Bench(out, options.workers, options.seed)
         figures = attack(bench, options.n) if options.n else {}
-        if options.paper_n:
-            for name in PAPER:
-                figures |= reenacted(bench, name, options.paper_n)
+        if options.paper_n != 0:
+            for name, (*_, runs) in PAPER.items():
+                figures |= reenacted(bench, name, options.paper_n or runs)
         if options.scaling_n:
             figures |= scaling(bench, options.scaling_n)
     assert set(CHECKS) <= set(TARGETS)

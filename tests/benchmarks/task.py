@@ -123,7 +123,8 @@ def main() -> None:
         counts["false_cleared"] += int(result.end is RunEnd.CLEARED and bool(kept))
         print(
             f"\r{cycles.name}: {result.end.value}, {len(gone)} removed, "
-            f"remain: {', '.join(kept) or 'none'}; {counts['removed']} of "
+            f"remain: {', '.join(kept) or 'none'}; at most "
+            f"{max(truth.peak_force.values()):.0f} N; {counts['removed']} of "
             f"{counts['removed'] + counts['remaining']} so far",
             flush=True,
         )

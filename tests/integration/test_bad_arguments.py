@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import debrisgrasp
-from debrisgrasp.cli.program import build_parser
 from tests.integration.test_bad_input import arrays
 
 BAD_CHOICES = {
@@ -129,11 +128,8 @@ def test_two_ways_to_name_the_object_are_refused(refused, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["plan", "segment", "select", "motion", "view"])
-def test_an_empty_path_is_not_the_working_folder(command, capsys):
-    with pytest.raises(SystemExit) as ended:
-        build_parser().parse_args([command, ""])
-    assert ended.value.code == 2
-    assert "it is empty" in capsys.readouterr().err
+def test_an_empty_path_is_not_the_working_folder(command, refused):
+    assert "it is empty" in refused(command, "")
 
 
 def test_what_was_typed_wrong_is_found_before_anything_is_read(refused, tmp_path):
@@ -167,6 +163,23 @@ def test_a_setting_is_called_by_the_option_that_gave_it(
     message = refused(*words.format(pipe_file).split())
     assert option in message
     assert "TaskSettings" not in message
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("clear", "--seed", "x"),
+        ("plan", "a.npz", "--nothing"),
+        ("clear", "--faults", ","),
+    ],
+)
+def test_who_asks_for_json_is_refused_in_json(run, words):
+    ended = run(*words, "--json")
+    facts = json.loads(ended.err)
+    assert ended.status == 2
+    assert ended.out == ""
+    assert facts["error"]
+    assert facts["message"]
 
 
 @pytest.mark.parametrize(

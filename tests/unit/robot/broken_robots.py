@@ -93,6 +93,20 @@ def nan_joint(robot):
     return with_limb(robot, "arm", read=lambda: arm.read()._replace(q=[np.nan] * 8))
 
 
+def worded_joints(robot):
+    arm = robot.limbs["right"].arm
+    return with_limb(
+        robot, "arm", read=lambda: arm.read()._replace(q=list(map(str, arm.read().q)))
+    )
+
+
+def worded_wrench(robot):
+    read = robot.limbs["right"].sensor.read
+    return with_limb(
+        robot, "sensor", read=lambda: read()._replace(wrench_ft=["0.1"] * 6)
+    )
+
+
 def other_order(robot):
     names = robot.limbs["right"].arm.joint_names
     return with_limb(robot, "arm", joint_names=names[::-1])

@@ -35,6 +35,8 @@ from tests.unit.robot.broken_robots import (
     short_reading,
     silent,
     unnamed_reading,
+    worded_joints,
+    worded_wrench,
 )
 
 
@@ -67,6 +69,8 @@ def test_without_motion_nothing_moves():
         (degrees, "joints_are_read", "degrees|exceeded"),
         (short_reading, "joints_are_read", "8 joints"),
         (nan_joint, "joints_are_read", "nan"),
+        (worded_joints, "joints_are_read", "numbers are needed"),
+        (worded_wrench, "wrist_is_read", "numbers are needed"),
         (other_order, "arms_are_named", "in this order"),
         (frozen_time, "times_rise", "no later time"),
         (silent, "joints_are_read", "DriverError: arm: no answer"),
