@@ -9,7 +9,6 @@ the object between the fingers tells how far the hidden side is.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.special import ndtr
@@ -22,9 +21,10 @@ from debrisgrasp._arrays import (
     bounded,
     require_range,
 )
-from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
+from debrisgrasp.prototypes import PrototypeLibrary
 
 from .borders import is_behind
+from .finger_faces import HEIGHTS, FingerFaces
 from .near_pads import ROOM_ERROR, SAME, NearPads
 from .scene import GraspScene
 
@@ -40,8 +40,9 @@ _HALF_PAD = 0.015
 """An object that ends by more than this before the middle of a pad misses it [m]."""
 _END_ERROR = 0.008
 """Standard deviation of where an object ends [m]."""
-_HEIGHTS = np.arange(0.005, 0.6, 0.01)
-"""Over the palm, at which the gap between closed fingers is known [m]."""
+_SLANT_ERROR = 0.08
+"""Standard deviation of the slant of a round side, but for that of the hand's place
+[rad]."""
 _DEEP = 0.01
 """So much of a face lies deeper than where fingers press on it: at its end they would
 hook rather than squeeze [m]."""
@@ -87,14 +88,12 @@ class PadZones:
     """[m], shape (p, 3)."""
     upper: Float32Array
     """[m], shape (p, 3)."""
-    gaps: Float32Array
-    """Left between closed fingers at each of some heights [m], shape (p, h); past the
-    tips as at the tips, and no more than the opening."""
+    faces: FingerFaces
 
     @classmethod
     def of(cls, library: PrototypeLibrary, config: ContactConfig) -> PadZones:
         """Collect the zone of each prototype's hand."""
-        lower, upper, gaps = [], [], []
+        lower, upper = [], []
         for prototype in library:
             gripper = library.grippers[prototype.gripper]
             pads = gripper.pad_positions(prototype.preshape, prototype.width)
@@ -104,20 +103,8 @@ class PadZones:
             low = max(height - config.zone, 0.0)
             lower.append([-half, beside.min() - config.margin, low])
             upper.append([half, beside.max() + config.margin, reach])
-            gap = _closed_gaps(gripper, prototype.preshape)
-            gaps.append(np.minimum(gap, prototype.opening))
-        return cls(*(np.array(x, np.float32) for x in (lower, upper, gaps)))
-
-
-@lru_cache(maxsize=64)
-def _closed_gaps(gripper: GripperModel, preshape: str) -> FloatArray:
-    """Gaps of a closed hand at `_HEIGHTS` [m]; beyond its tips that of the tips."""
-    gaps = gripper.closed_gaps(preshape, _HEIGHTS)
-    known = np.flatnonzero(np.isfinite(gaps))
-    if not len(known):  # its sides pass each other: where is not told
-        return np.zeros(len(gaps))
-    gaps[known[-1] :] = gaps[known[-1]]
-    return gaps
+        faces = FingerFaces.of(library)
+        return cls(np.array(lower, np.float32), np.array(upper, np.float32), faces)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,10 +117,11 @@ class PadLook:
     what was seen of that leaves a finger room there. Where the object ends before it
     gets to a finger, that one presses on nothing, and so do all where it is narrower
     than what closed fingers leave between them at its height. Fingertips that end
-    before the middle of what is round press it out of the hand."""
+    before the middle of what is round press it out of the hand, and fingers that lean
+    over it press it to the palm."""
     causes: FloatArray
     """What of it the lean of the faces leaves, then pads beyond the end of the object,
-    then its being narrow, in [0, 1], shape (k, 3)."""
+    then its being narrow, or where fingers lean over it, in [0, 1], shape (k, 3)."""
     is_too_wide: BoolArray
     """Whether a hidden side is so far out that a finger would land on it, (k,)."""
     angles: FloatArray
@@ -145,6 +133,11 @@ class PadLook:
     """Gap between each open finger and the hidden side that is expected there [m],
     shape (k, 2), negative where the object is expected to be in the way; infinite where
     the side itself was seen, or too little."""
+
+    @property
+    def squeezed(self) -> FloatArray:
+        """Probability that the fingers squeeze what they close on, shape (k,)."""
+        return self.causes[:, 2]
 
 
 class PadContacts:
@@ -158,6 +151,7 @@ class PadContacts:
         self._normals = scene.cloud.normals[usable].T.astype(np.float32, order="C")
         self._is_cut = scene.is_cut[usable]
         self._is_behind = is_behind(scene, usable)
+        self._viewpoint = np.asarray(scene.cloud.viewpoint)
         self._zones, self._config = zones, config
 
     def look(self, Ts_base_hand: FloatArray, prototype: IntArray) -> PadLook:
@@ -173,7 +167,7 @@ class PadContacts:
         Ts_base_hand, prototype
             Poses (k, 4, 4), and whose hand each carries (k,).
         """
-        found = np.empty((len(Ts_base_hand), 10))
+        found = np.empty((len(Ts_base_hand), 11))
         n_poses = max(1, _TOGETHER // max(1, self._points.shape[1]))
         for first in range(0, len(found), n_poses):
             some = slice(first, first + n_poses)
@@ -187,9 +181,15 @@ class PadContacts:
         meets = ndtr((_HALF_PAD - found[:, 6]) / _END_ERROR)
         meets = _BY_THE_REST + (1.0 - _BY_THE_REST) * meets
         # Sides of a round thing slant alike: what squeezes one out does the other.
-        slant, slant_error, spare = found[:, 7:].T
-        keeps = ndtr((cone - slant) / slant_error) / ndtr(cone / slant_error)
-        squeezes = ndtr(spare / ROOM_ERROR)
+        slant, lean, slant_error, spare = found[:, 7:].T
+
+        def within(slant: FloatArray) -> FloatArray:
+            inside: FloatArray = ndtr((cone - slant) / slant_error)
+            inside /= ndtr(cone / slant_error)
+            return inside
+
+        keeps = within(slant)
+        squeezes = within(lean) * ndtr(spare / ROOM_ERROR)
         causes = np.stack([share.prod(axis=1) * keeps, meets, squeezes], axis=1)
         return PadLook(
             probability=causes.prod(axis=1) * fits,
@@ -201,9 +201,11 @@ class PadContacts:
         )
 
     def _look(self, Ts: FloatArray, prototype: IntArray) -> FloatArray:
-        """Angles, room, lean of the sides, overhang, slant, its error, spare, (k, 10).
+        """Collect what is known at the pads of poses, shape (k, 11).
 
-        Spare is how much wider than the fingers close the object may be [m].
+        Angles, room and lean of both sides, overhang, slant of what is round, lean of
+        fingers over it, error of both, and how much wider than the fingers close the
+        object may be [m].
         """
         lower, upper = self._zones.lower[prototype], self._zones.upper[prototype]
         wide = np.array([_UNDER, 0.0, 0.0], dtype=np.float32)
@@ -215,8 +217,7 @@ class PadContacts:
         end = upper[:, 0] - np.float32(_ROOM)
         is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
         width = upper[:, 1] - lower[:, 1]
-        angles, rooms, leaning = [], [], []
-        spare = -self._least_gap(near, prototype)
+        angles, rooms, slopes, seen, open_ = [], [], [], [], []
         for side in (-1.0, 1.0):
             cosine = np.float32(side) * near.along
             faces = is_beside & (cosine > np.float32(_TURNED))
@@ -231,7 +232,8 @@ class PadContacts:
             # it has none; what vanishes behind something nearer may go on; what the
             # image cuts off does.
             is_under = np.float32(side) * around.x > half
-            room[around.count(is_under) >= self._config.min_points] = -np.inf
+            is_open = around.count(is_under) >= self._config.min_points
+            room[is_open] = -np.inf
             out = np.float32(side) * near.x
             reaches = out > end.take(near.pose)
             farthest = near.greatest(out, -1.0)
@@ -243,27 +245,43 @@ class PadContacts:
             ):
                 enough = near.count(goes_on) >= self._config.min_points
                 room[enough] = np.minimum(room[enough], left)
+                is_open |= enough
             rooms.append(np.where(is_seen, np.inf, room))
-            leaning.append(near.lean(out, is_behind, width))
+            slopes.append(near.slope(out, is_behind, width))
             # Behind a flat face that is turned to the other side anything may be. What
             # lies askew ends in a corner of few points.
             ends = near.count(is_last & (cosine > -np.float32(_TURNED)))
             enough = np.minimum(near.count(is_last), self._config.min_points)
-            hidden = np.maximum(farthest, upper[:, 0] - room)
-            hidden[(ends < enough) & ~turns] = np.inf
-            spare += np.where(is_seen, farthest, hidden)
+            seen.append(is_seen)
+            open_.append(is_open | ((ends < enough) & ~turns))
+        leaning = np.arctan(np.abs(slopes))
         over = self._overhang(near, is_behind | is_cut, width)
-        slant, error = near.slant(upper[:, 2])
+        to_hand = Ts[:, :3, 3] - self._viewpoint
+        sight = np.einsum("ki,kij->kj", to_hand, Ts[:, :3, :3])
+        thickness = near.thickness(slopes, seen, open_, sight)
+        middle, radius, is_round = near.bulge(0.5 * thickness)
+        # Fingertips that end before the middle of what is round press on what is turned
+        # to the palm; on a box they get past that of its sides.
+        short = np.arcsin(bounded((middle - upper[:, 2]) / radius, 0.0, 1.0))
+        deep = near.depth(HEIGHTS[1] - HEIGHTS[0], self._config.min_points)
+        lean = self._zones.faces.lean(prototype, middle, radius)
+        lean[deep > middle + radius] = 0.0  # a wall, which goes on to the fingertips
+        rounds = np.where(is_round, [short, lean], 0.0)
+        error = np.hypot(_SLANT_ERROR, ROOM_ERROR / radius)
+        spare = thickness - self._least_gap(near, deep, prototype)
         spare[near.n_each < self._config.min_points] = np.inf
-        return np.stack([*angles, *rooms, *leaning, over, slant, error, spare], axis=1)
+        columns = [*angles, *rooms, *leaning, over, *rounds, error, spare]
+        return np.stack(columns, axis=1)
 
-    def _least_gap(self, near: NearPads, prototype: IntArray) -> FloatArray:
+    def _least_gap(
+        self, near: NearPads, deep: Float32Array, prototype: IntArray
+    ) -> FloatArray:
         """Least gap of closed fingers at the heights of what was seen [m], (k,)."""
-        half = 0.5 * (_HEIGHTS[1] - _HEIGHTS[0])
-        last = bounded(near.greatest(near.z, 0.0) - _DEEP, half, _HEIGHTS[-1])[:, None]
+        half = 0.5 * (HEIGHTS[1] - HEIGHTS[0])
+        last = bounded(deep - _DEEP, half, HEIGHTS[-1])[:, None]
         first = np.minimum(-near.greatest(-near.z, -np.inf)[:, None], last)
-        is_level = (_HEIGHTS + half >= first) & (_HEIGHTS - half < last)
-        gaps = np.where(is_level, self._zones.gaps[prototype], np.inf)
+        is_level = (HEIGHTS + half >= first) & (HEIGHTS - half < last)
+        gaps = np.where(is_level, self._zones.faces.gaps[prototype], np.inf)
         least: FloatArray = gaps.min(axis=1)
         return least
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,9 +23,6 @@ _EVEN = 0.001
 """Variance of the normals along the palm's axis that comes from noise alone."""
 _LEAST_RADIUS = 0.005
 """What curves more sharply than this is an edge [m]."""
-_SLANT_ERROR = 0.08
-"""Standard deviation of the slant of a round side, but for that of the hand's place
-[rad]."""
 _STRIPS = 4
 """The outline of what was seen is told by the farthest point in each of so many strips
 across the fingers."""
@@ -95,13 +93,23 @@ class NearPads:
         found[begin[:-1] == begin[1:]] = none
         return np.asarray(found)
 
-    def lean(
+    def straightened(self, slope: FloatArray) -> NearPads:
+        """Shift the points along the closing axis so that what lies askew does not.
+
+        Parameters
+        ----------
+        slope
+            Of x over y, shape (k,).
+        """
+        return replace(self, x=self.x - slope.astype(np.float32)[self.pose] * self.y)
+
+    def slope(
         self, out: Float32Array, is_behind: BoolArray, width: Float32Array
     ) -> FloatArray:
-        """Angle by which a hidden side is turned off the closing axis [rad], (k,).
+        """Slope over y of the outline of what was seen between the fingers, (k,).
 
-        The outline of what was seen between the fingers tells: where that is a corner,
-        the sides below it lean. Zero where the outline itself is hidden.
+        Where that is a corner, hidden sides below it lean as much. Zero where the
+        outline itself is hidden.
 
         Parameters
         ----------
@@ -127,24 +135,45 @@ class NearPads:
         place = np.where(is_known, place - place.sum(axis=1, keepdims=True) / n, 0.0)
         slope = (place * np.where(is_known, outline, 0.0)).sum(axis=1) / step
         slope /= np.maximum((place * place).sum(axis=1), 1.0)
-        lean: FloatArray = np.where(n[:, 0] > 2, np.arctan(np.abs(slope)), 0.0)
-        return lean
+        return np.where(n[:, 0] > 2, slope, 0.0)
 
     def _mean(self, values: Float32Array, n: IntArray) -> FloatArray:
         sums: FloatArray = self._each(np.add, values, 0.0, np.float64)
         return sums / n
 
-    def slant(self, reach: Float32Array) -> tuple[FloatArray, FloatArray]:
-        """How far round sides slant at the fingertips [rad], and its error, (k,) each.
+    def depth(self, step: float, least: int) -> Float32Array:
+        """How far from the palm the face that was seen goes on [m], shape (k,).
 
-        They are upright at the middle of what is round; fingertips that end before it
-        press on what is turned to the palm. Least squares of z = middle - radius *
-        facing; on a box the middle is that of its sides, which fingertips get past.
+        Single points between an edge and what lies behind it belong to neither; where
+        there are too few to tell, all of them count.
 
         Parameters
         ----------
-        reach
-            How far from the palm the fingertips get [m], shape (k,).
+        step
+            Of the levels along the palm's axis [m], none of which may be empty.
+        least
+            So many points of a level are enough.
+        """
+        level = np.maximum(self.z / np.float32(step), 0.0).astype(np.intp)
+        n = int(level.max(initial=0)) + 1
+        counts = np.bincount(self.pose * n + level, minlength=self.n_poses * n)
+        is_some = counts.reshape(self.n_poses, n) >= least
+        begun = np.maximum.accumulate(is_some, axis=1)
+        ended = np.maximum.accumulate(begun & ~is_some, axis=1)
+        ended[~begun[:, -1]] = False
+        return self.greatest(np.where(ended[self.pose, level], 0.0, self.z), 0.0)
+
+    def bulge(self, most: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Height over the palm and radius of what is round [m], (k,) each.
+
+        Least squares of z = middle - radius * facing; of a box the middle is that of
+        its sides. Last, whether it is round, shape (k,).
+
+        Parameters
+        ----------
+        most
+            That the radius can be [m], shape (k,). Normals of what is thin are smoothed
+            over its sides, so that it seems flatter than it is.
         """
         count = self.n_each
         n = np.maximum(count, 1)
@@ -152,10 +181,9 @@ class NearPads:
         covariance = mean_z * mean_facing - self._mean(self.z * self.facing, n)
         variance = self._mean(self.facing * self.facing, n) - mean_facing**2
         radius = np.maximum(covariance / (variance + _EVEN), _LEAST_RADIUS)
-        short = (mean_z + radius * mean_facing - reach) / radius
+        radius = np.minimum(radius, np.maximum(most, _LEAST_RADIUS))
         is_round = (count >= _LEAST_CURVED) & (radius > _LEAST_RADIUS)
-        slant = np.where(is_round, np.arcsin(bounded(short, 0.0, 1.0)), 0.0)
-        return slant, np.hypot(_SLANT_ERROR, ROOM_ERROR / radius)
+        return mean_z + radius * mean_facing, radius, is_round
 
     def curve(self) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Middle and half width [m] that the points have, NaN if unknown, (k,) each.
@@ -172,3 +200,43 @@ class NearPads:
         radius = np.where(count >= _LEAST_CURVED, radius, np.nan)
         turns = (count >= _LEAST_CURVED) & (variance > _CURVED)
         return mean_x - radius * mean_along, radius, turns
+
+    def thickness(
+        self,
+        slopes: Sequence[FloatArray],
+        is_seen: Sequence[BoolArray],
+        is_open: Sequence[BoolArray],
+        sight: FloatArray,
+    ) -> FloatArray:
+        """How thick along the closing axis what was seen is expected to be [m], (k,).
+
+        What lies askew, so that both outlines lean the same way, is no thicker for
+        that. Normals of what is thin are smoothed over its sides, and its curve seems
+        wider than it is. But where both outlines stand out against what lies farther,
+        of what is round at most one half is hidden, seen from the side.
+
+        Parameters
+        ----------
+        slopes
+            Of the outline of each side, outwards, shape (k,) each.
+        is_seen
+            Whether the face of each side was seen, shape (k,) each.
+        is_open
+            Whether it may go on out of sight, shape (k,) each.
+        sight
+            From the camera to the hand, palm frame [m], shape (k, 3).
+        """
+        low, high = -slopes[0], slopes[1]
+        askew = np.where(low * high > 0.0, np.minimum(np.abs(low), np.abs(high)), 0.0)
+        straight = self.straightened(np.copysign(askew, high))
+        middle, radius, _ = straight.curve()
+        thickness, outline = np.zeros((2, self.n_poses))
+        for k, side in enumerate((-1.0, 1.0)):
+            farthest = straight.greatest(np.float32(side) * straight.x, -1.0)
+            hidden = np.fmax(farthest, side * middle + radius)
+            hidden[is_open[k]] = np.inf
+            thickness += np.where(is_seen[k], farthest, hidden)
+            outline += farthest
+        across, along = np.abs(sight[:, ::2]).T
+        most = 2.0 * outline / (1.0 + along / np.maximum(np.hypot(across, along), 1e-9))
+        return np.where(is_open[0] | is_open[1], thickness, np.minimum(thickness, most))

@@ -367,7 +367,8 @@ class GraspPlanner:
                 sight=found.sight[index],
                 unseen=found.unseen[index],
                 missing=found.missing[index],
-            )
+            ),
+            float(found.squeezed[index]),
         )
         return Grasp(
             T_base_hand=T_base_hand,

@@ -66,6 +66,8 @@ class Modes:
     """Mean of S C over the errors of the pose."""
     contact: FloatArray
     """Probability that both sides press within their friction cones."""
+    squeezed: FloatArray
+    """Probability that the fingers squeeze what they close on."""
     margin: FloatArray
     """How far the hand may be off before it touches something [m]."""
     unseen: FloatArray
@@ -96,6 +98,7 @@ class Modes:
             coverage=empty,
             expected=empty,
             contact=empty,
+            squeezed=empty,
             margin=empty,
             unseen=empty,
             missing=empty,

@@ -11,7 +11,7 @@ import os
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from debrisgrasp._arrays import FloatArray, bounded
 from debrisgrasp._files import data_path, read_schema
@@ -202,19 +202,29 @@ class SuccessModel:
         found: FloatArray = expit(self.log_odds(terms))
         return found
 
-    def log_odds(self, terms: FloatArray) -> FloatArray:
-        """Log-odds of success of grasps with these terms (k, 9), shape (k,)."""
-        found: FloatArray = terms @ self.weights + self.intercept
-        return found
+    def log_odds(
+        self, terms: FloatArray, squeezed: FloatArray | float = 1.0
+    ) -> FloatArray:
+        """Log-odds of success of grasps with these terms (k, 9), shape (k,).
 
-    def forecast(self, terms: FloatArray) -> SuccessForecast:
+        Parameters
+        ----------
+        squeezed
+            Probability that the fingers squeeze the object at all, shape (k,): a grasp
+            is no likelier to hold. In flights it also does if they only hook it, on
+            which nobody can count who feels for it with them.
+        """
+        found: FloatArray = terms @ self.weights + self.intercept
+        return np.minimum(found, logit(squeezed))
+
+    def forecast(self, terms: FloatArray, squeezed: float = 1.0) -> SuccessForecast:
         """Probability for one grasp (9,), and whether it is extrapolated."""
         is_off = (terms < self.lower) | (terms > self.upper)
         names = tuple(
             name for name, off in zip(SUCCESS_TERMS, is_off, strict=True) if off
         )
         return SuccessForecast(
-            probability=float(self.probability(terms)),
+            probability=float(expit(self.log_odds(terms, squeezed))),
             terms=tuple(terms.tolist()),
             outside=names,
         )

@@ -172,8 +172,10 @@ class GripperModel:
         solids = self.finger_solids(preshape, opening)
         return max(float(solid.bounds.upper[2]) for solid in solids)
 
-    def closed_gaps(self, preshape: str, heights: FloatArray) -> FloatArray:
-        """Gap left between both sides where the fingers close as far as they go.
+    def inner_faces(
+        self, preshape: str, opening: float, heights: FloatArray
+    ) -> FloatArray:
+        """How far from the middle the inner face of each side is.
 
         Parameters
         ----------
@@ -183,18 +185,17 @@ class GripperModel:
         Returns
         -------
         FloatArray
-            To 1 mm [m], shape (n,); infinite where a side has no finger.
+            To 1 mm [m], thumb side first, shape (2, n); infinite where a side has no
+            finger.
 
         Raises
         ------
         UnknownNameError
             If there is no such preshape.
         """
-        closed = max(float(self.preshape(preshape).openings[-1]), 0.0)
-        gaps = np.zeros(len(heights))
-        for side in (-1, 1):
-            inner = np.full(len(heights), np.inf)
-            for solid in self.finger_solids(preshape, closed, side):
+        inner = np.full((2, len(heights)), np.inf)
+        for faces, side in zip(inner, (-1, 1), strict=True):
+            for solid in self.finger_solids(preshape, opening, side):
                 low, high = solid.bounds.lower, solid.bounds.upper
                 x = np.arange(low[0], high[0] + _STEP, _STEP)
                 y = low[1] + (high - low)[1] * _ACROSS
@@ -202,9 +203,8 @@ class GripperModel:
                 depth = solid.signed_distance(places.reshape(-1, 3))
                 is_in = depth.reshape(places.shape[:3]).min(axis=1) < 0.5 * _STEP
                 ends = np.where(is_in, side * x[:, None], np.inf).min(axis=0)
-                inner = np.minimum(inner, ends)
-            gaps += inner
-        return np.maximum(gaps, 0.0)
+                np.minimum(faces, ends, out=faces)
+        return inner
 
     def closing_region(self, preshape: str, opening: float) -> Box:
         """Volume between the fingers, from the palm to their tips.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,26 +9,19 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import SE3, PointCloud, so3
+from debrisgrasp.geometry import SE3, PointCloud
 from debrisgrasp.planning.contacts import ContactConfig, PadContacts, PadZones
-from debrisgrasp.prototypes import PrototypeLibrary
-
-LIBRARY = PrototypeLibrary.load().select(names=["bar_4x4"])
-PROTOTYPE = next(iter(LIBRARY))
-PADS = LIBRARY.grippers[PROTOTYPE.gripper].pad_positions(
-    PROTOTYPE.preshape, PROTOTYPE.width
+from tests.unit.planning.pad_scenes import (
+    ACROSS,
+    CONFIG,
+    FIRST,
+    LIBRARY,
+    PADS,
+    PROTOTYPE,
+    at,
+    extruded,
+    scene_of,
 )
-CONFIG = ContactConfig()
-FIRST = np.zeros(1, dtype=int)
-ACROSS = np.linspace(-0.048, 0.048, 5)
-"""Places across the fingers, from beyond one of the pair to beyond the other [m]."""
-
-
-def scene_of(cloud: PointCloud, *, is_target: bool = True) -> SimpleNamespace:
-    """What contacts read of a scene."""
-    which = np.full(len(cloud), is_target)
-    is_cut = cloud.at_rim(np.arange(len(cloud)))
-    return SimpleNamespace(cloud=cloud, is_target=which, is_cut=is_cut)
 
 
 def contacts(tilts: dict[int, float], T: SE3 | None = None, n: int = 5) -> PadContacts:
@@ -49,17 +40,6 @@ def contacts(tilts: dict[int, float], T: SE3 | None = None, n: int = 5) -> PadCo
     )
     scene = scene_of(cloud)
     return PadContacts(scene, PadZones.of(LIBRARY, CONFIG), CONFIG)
-
-
-def extruded(points: np.ndarray) -> np.ndarray:
-    """Copies of points (n, 3) all across the fingers, (5 n, 3)."""
-    beside = np.stack([0.0 * ACROSS, ACROSS, 0.0 * ACROSS], axis=1)
-    found: np.ndarray = (points + beside[:, None]).reshape(-1, 3)
-    return found
-
-
-def at(found: PadContacts, T: SE3 | None = None) -> float:
-    return float(found.look((T or SE3.identity()).matrix[None], FIRST).probability[0])
 
 
 def test_angles_are_those_of_the_faces_thumb_side_first():
@@ -113,62 +93,6 @@ def test_fingertips_that_end_before_the_middle_of_a_pipe_squeeze_it_out(
     assert least <= at(found) <= most
 
 
-@pytest.mark.parametrize(
-    ("radius", "seen", "n", "askew", "least", "most"),
-    [
-        (0.05, 1.4, 29, 0.0, 0.5, 1.0),
-        (0.015, 1.4, 29, 0.0, 0.0, 0.02),
-        (0.006, 1.0, 4, 0.4, 0.0, 0.05),
-    ],
-)
-def test_a_claw_can_not_squeeze_what_is_thinner_than_it_closes(
-    radius, seen, n, askew, least, most
-):
-    """Nor what lies askew, and ends in a corner of few points on each side."""
-    claw = PrototypeLibrary.load().select(names=["claw_bar_4x4"])
-    zones = PadZones.of(claw, CONFIG)
-    turn = np.linspace(-seen, seen, n)
-    normals = np.stack([np.sin(turn), 0.0 * turn, -np.cos(turn)], axis=1)
-    beside = (zones.lower[0] + zones.upper[0])[1] / 2
-    points = [0.0, beside, float(zones.upper[0, 2]) - 0.055] + radius * normals
-    T = SE3.from_parts(so3.exp([0.0, 0.0, askew]))
-    cloud = PointCloud(
-        T.apply(extruded(points)),
-        T.rotate(np.tile(normals, (5, 1))),
-        np.array([0.0, 0.0, -2.0]),
-    )
-    found = PadContacts(scene_of(cloud), zones, CONFIG)
-    assert least <= at(found) <= most
-
-
-@pytest.mark.parametrize(
-    ("height", "least", "most"), [(0.03, 0.0, 0.3), (0.06, 0.7, 1.0)]
-)
-def test_a_thin_wall_is_squeezed_where_it_goes_down_to_the_fingertips(
-    height, least, most
-):
-    """One of 30 mm, or a handle near the palm, where closed fingers leave 50 mm."""
-    claw = PrototypeLibrary.load().select(names=["claw_cylinder_080"])
-    zones = PadZones.of(claw, CONFIG)
-    across = np.linspace(0.0, 0.03, 13)
-    top = np.stack([across, 0 * across, 0 * across], axis=1)
-    side = np.stack([0 * across, 0 * across, height / 0.03 * across], axis=1)
-    tilt = so3.exp([0.0, -0.25, 0.0])
-    faces = [(top, [0.0, 0.0, -1.0]), (side, [-1.0, 0.0, 0.0])]
-
-    def probability(seen):
-        points = np.concatenate([extruded(rows @ tilt.T) for rows, _ in seen])
-        normals = np.concatenate(
-            [np.tile(tilt @ n, (len(ACROSS) * len(rows), 1)) for rows, n in seen]
-        )
-        points += [-0.02, 0.0, 0.028]
-        cloud = PointCloud(points, normals, np.array([-1.0, 0.0, -2.0]))
-        return at(PadContacts(scene_of(cloud), zones, CONFIG))
-
-    assert least <= probability(faces) <= most
-    assert probability(faces[:1]) > 0.9
-
-
 def test_flat_sides_hold_however_far_below_the_fingertips_they_go_on():
     reach = PadZones.of(LIBRARY, CONFIG).upper[0, 2]
     top, depth = np.linspace(-0.04, 0.04, 17), np.linspace(-0.03, 0.06, 19)
@@ -214,7 +138,7 @@ def test_on_a_curved_face_the_part_that_is_turned_to_the_pad_counts():
     cloud = PointCloud(points, normals, np.array([0.0, 0.0, 2.0]))
     scene = scene_of(cloud)
     pipe = PadContacts(scene, around._zones, CONFIG)
-    assert at(pipe) == pytest.approx(1.0, abs=1e-3)
+    assert at(pipe) == pytest.approx(1.0, abs=5e-3)
 
 
 def test_points_of_other_objects_tell_nothing():

@@ -39,3 +39,25 @@ def test_the_curve_of_a_circle_is_its_middle_and_radius(rng):
     np.testing.assert_allclose(middle[[1, 3]], 0.02, atol=1e-3)
     np.testing.assert_allclose(radius[[1, 3]], 0.05, atol=2e-3)
     assert turns.tolist() == [False, True, False, True, False]
+
+
+def test_a_bulge_is_no_wider_than_what_was_seen_of_it_and_its_middle_moves_along():
+    turn = np.linspace(-1.0, 1.0, 30)
+    facing = np.cos(turn).astype(np.float32)
+    z = (0.08 - 0.02 * facing).astype(np.float32)
+    zero, one = np.zeros_like(z), np.zeros(30, dtype=np.int64)
+    near = NearPads(one, np.arange(30), zero, zero, z, zero, facing, 1)
+    for most, radius in ((np.inf, 0.02), (0.015, 0.015)):
+        middle, found, is_round = near.bulge(np.array([most]))
+        np.testing.assert_allclose(found, radius, rtol=0.05)
+        np.testing.assert_allclose(middle, z.mean() + found * facing.mean(), rtol=1e-5)
+        assert is_round.all()
+
+
+def test_what_lies_askew_is_straightened():
+    y = np.linspace(0.0, 0.1, 20, dtype=np.float32)
+    zero, pose = np.zeros_like(y), np.repeat([0, 1], 10)
+    x = 0.01 + np.where(pose, 0.3, -0.2) * y
+    near = NearPads(pose, np.arange(20), x.astype(np.float32), y, zero, zero, zero, 2)
+    straight = near.straightened(np.array([-0.2, 0.3]))
+    np.testing.assert_allclose(straight.x, 0.01, atol=1e-6)

@@ -97,3 +97,11 @@ def test_broken_coefficients_are_refused(spoil, tmp_path):
     path.write_text(json.dumps(content))
     with pytest.raises(ConfigError):
         SuccessModel.load(path)
+
+
+def test_nothing_holds_likelier_than_the_fingers_squeeze_it():
+    terms = terms_of()
+    free = float(MODEL.probability(terms))
+    for squeezed in (0.0, 0.3, 1.0):
+        told = MODEL.forecast(terms, squeezed).probability
+        assert told == pytest.approx(min(free, squeezed))
