@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,12 @@ class NearPads:
     facing: Float32Array
     """Cosine between the normal and the way back to the palm, shape (m,)."""
     n_poses: int
+    _begin: IntArray = field(init=False)
+    """Where the points of each pose begin, and the last of them end, (k + 1,)."""
+
+    def __post_init__(self) -> None:
+        begin = np.searchsorted(self.pose, np.arange(self.n_poses + 1))
+        object.__setattr__(self, "_begin", begin)
 
     def picked(self, which: BoolArray) -> NearPads:
         """Pick some of the pairs (m,)."""
@@ -68,7 +74,7 @@ class NearPads:
     @property
     def n_each(self) -> IntArray:
         """How many points each pose has, shape (k,)."""
-        return np.bincount(self.pose, minlength=self.n_poses)
+        return np.diff(self._begin)
 
     def count(self, which: BoolArray) -> IntArray:
         """How many of some points (m,) each pose has, shape (k,)."""
@@ -86,7 +92,7 @@ class NearPads:
 
         Several times as fast as `bincount` and ``ufunc.at``, for poses ascend.
         """
-        begin = np.searchsorted(self.pose, np.arange(self.n_poses + 1))
+        begin = self._begin
         # One more, for a pose without points may begin past the last.
         padded: NDArray[Any] = np.append(values.astype(dtype), np.asarray(none, dtype))
         found = ufunc.reduceat(padded, begin[:-1])
