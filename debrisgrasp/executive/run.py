@@ -212,7 +212,9 @@ class Executive:
                 is_same_try=cycle.is_marked,
             )  # fmt: skip
             cycle.is_marked = True
-            if cycle.motion is not None:
+            if (state, found.fault) == (State.VERIFY_HOLD, "too_heavy"):
+                pass  # the grasp held: what it can't carry it may drag
+            elif cycle.motion is not None:
                 mark.failed.append(cycle.motion.grasp)
             elif state is State.PLAN_MOTION and cycle.plan is not None:
                 mark.sought(cycle.seen, cycle.plan.plan.grasps)

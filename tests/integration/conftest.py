@@ -17,13 +17,27 @@ from debrisgrasp.cli import main
 from debrisgrasp.geometry import SE3, Box
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.worlds import World
 from tests.scenes import capture_of, lying_pipe
+from tests.tasks import one_beam
 
 PIPE = lying_pipe()
 BLOCK = Box(np.array([0.2, 0.2, 0.15]), SE3.from_parts(p=[0.9, -0.25, 0.15]))
 """Wider than any hand, and nearer to the priority point than the pipe beside it."""
 PIPE_BESIDE = lying_pipe(length=0.4, position=(0.8, 0.35, 0.1))
 DICTIONARY = ("cylinder_060_tip", "cylinder_090_power", "bar_2x4_edge", "handle_025")
+
+
+@pytest.fixture(scope="session")
+def pipeline() -> Pipeline:
+    """Plan for all tasks; it remembers nothing."""
+    return Pipeline()
+
+
+@pytest.fixture(scope="session")
+def beam() -> World:
+    """Put one sturdy beam straight ahead."""
+    return one_beam()
 
 
 @dataclass(frozen=True)

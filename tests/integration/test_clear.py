@@ -24,25 +24,9 @@ from debrisgrasp.executive import (
     simulate,
 )
 from debrisgrasp.executive.record import MemoryRecord
-from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
-from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import INJECTABLE, FakeConfig, Injection, fake_robot
-from debrisgrasp.worlds import World, let_down, make_body
 from tests.disks import files_up_to
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
-
-
-@pytest.fixture(scope="module")
-def beam():
-    sizes = {"length": 0.5, "width": 0.089, "height": 0.089}
-    turn = so3.from_rpy(np.array([0.0, 0.0, 0.4]))
-    beam = make_body("lumber_4x4", sizes, 2.0, name="beam")
-    return let_down(World((beam.at(SE3.from_parts(turn, [0.95, -0.1, 0.3])),))).world
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,9 @@ from debrisgrasp.executive.perceive import look_around
 from debrisgrasp.executive.result import Done
 from debrisgrasp.executive.simulated import injections_of
 from debrisgrasp.geometry import SE3, Bounds, Box, so3
-from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import INJECTABLE, Injection
 from debrisgrasp.worlds import Body, World
-from tests.tasks import one_beam, run_struck
+from tests.tasks import run_struck
 
 STOP = ("stop", RunEnd.STOPPED)
 ABORT = ("abort", RunEnd.ABORTED)
@@ -86,16 +85,6 @@ def task(fault=""):
         drive_over=0.02, max_removals=1, max_attempts=2, pushes=0, repositions=0,
         **changes,
     )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
-
-
-@pytest.fixture(scope="module")
-def beam():
-    return one_beam()
 
 
 def rubble():

@@ -11,7 +11,6 @@ from debrisgrasp.cli.clear_command import _summary
 from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import FAULTS, RunEnd, Simulated, State, TaskSettings
 from debrisgrasp.geometry import SE3
-from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.worlds import World
 from tests.tasks import one_beam, run_struck
 from tests.unit.robot.broken_robots import limits_in_degrees, lying_limits, with_limb
@@ -19,16 +18,6 @@ from tests.unit.robot.broken_robots import limits_in_degrees, lying_limits, with
 ONE = TaskSettings(
     arms=("right",), drive_over=0.02, max_removals=1, max_attempts=3, pushes=0
 )
-
-
-@pytest.fixture(scope="module")
-def pipeline():
-    return Pipeline()
-
-
-@pytest.fixture(scope="module")
-def beam():
-    return one_beam()
 
 
 def assert_within_limits(done):
