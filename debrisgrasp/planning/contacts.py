@@ -46,6 +46,9 @@ _SLANT_ERROR = 0.08
 _DEEP = 0.01
 """So much of a face lies deeper than where fingers press on it: at its end they would
 hook rather than squeeze [m]."""
+_HIDDEN = 0.04
+"""By so much what was seen of debris falls short of its thickness, where nothing tells
+that, on average [m]."""
 _BY_THE_REST = 0.05
 """Probability that the other fingers hold what one of them misses."""
 _TOGETHER = 200_000
@@ -181,7 +184,7 @@ class PadContacts:
         meets = ndtr((_HALF_PAD - found[:, 6]) / _END_ERROR)
         meets = _BY_THE_REST + (1.0 - _BY_THE_REST) * meets
         # Sides of a round thing slant alike: what squeezes one out does the other.
-        slant, lean, slant_error, spare = found[:, 7:].T
+        slant, lean, slant_error, wide = found[:, 7:].T
 
         def within(slant: FloatArray) -> FloatArray:
             inside: FloatArray = ndtr((cone - slant) / slant_error)
@@ -189,7 +192,7 @@ class PadContacts:
             return inside
 
         keeps = within(slant)
-        squeezes = within(lean) * ndtr(spare / ROOM_ERROR)
+        squeezes = within(lean) * wide
         causes = np.stack([share.prod(axis=1) * keeps, meets, squeezes], axis=1)
         return PadLook(
             probability=causes.prod(axis=1) * fits,
@@ -204,14 +207,15 @@ class PadContacts:
         """Collect what is known at the pads of poses, shape (k, 11).
 
         Angles, room and lean of both sides, overhang, slant of what is round, lean of
-        fingers over it, error of both, and how much wider than the fingers close the
-        object may be [m].
+        fingers over it, error of both, and the probability that the object is wider
+        than the fingers close.
         """
         lower, upper = self._zones.lower[prototype], self._zones.upper[prototype]
-        wide = np.array([_UNDER, 0.0, 0.0], dtype=np.float32)
-        around = self._between(Ts, lower - wide, upper + wide)
+        under = np.array([_UNDER, 0.0, 0.0], dtype=np.float32)
+        around = self._between(Ts, lower - under, upper + under)
         half = upper[:, 0].take(around.pose)
         near = around.picked(np.abs(around.x) < half)
+        near, deep = near.face(HEIGHTS[1] - HEIGHTS[0], self._config.min_points)
         middle, radius, turns = near.curve()
         is_beside = near.z > lower[:, 2].take(near.pose)
         end = upper[:, 0] - np.float32(_ROOM)
@@ -258,19 +262,21 @@ class PadContacts:
         over = self._overhang(near, is_behind | is_cut, width)
         to_hand = Ts[:, :3, 3] - self._viewpoint
         sight = np.einsum("ki,kij->kj", to_hand, Ts[:, :3, :3])
-        thickness = near.thickness(slopes, seen, open_, sight)
+        thickness, least = near.thickness(slopes, seen, open_, sight)
         middle, radius, is_round = near.bulge(0.5 * thickness)
         # Fingertips that end before the middle of what is round press on what is turned
         # to the palm; on a box they get past that of its sides.
         short = np.arcsin(bounded((middle - upper[:, 2]) / radius, 0.0, 1.0))
-        deep = near.depth(HEIGHTS[1] - HEIGHTS[0], self._config.min_points)
         lean = self._zones.faces.lean(prototype, middle, radius)
         lean[deep > middle + radius] = 0.0  # a wall, which goes on to the fingertips
         rounds = np.where(is_round, [short, lean], 0.0)
         error = np.hypot(_SLANT_ERROR, ROOM_ERROR / radius)
-        spare = thickness - self._least_gap(near, deep, prototype)
-        spare[near.n_each < self._config.min_points] = np.inf
-        columns = [*angles, *rooms, *leaning, over, *rounds, error, spare]
+        gap = self._least_gap(near, deep, prototype)
+        wide = ndtr((thickness - gap) / ROOM_ERROR)
+        wider = np.exp(np.minimum(least - gap, 0.0) / _HIDDEN)
+        wide = np.where(np.isfinite(thickness), wide, wider)
+        wide[near.n_each < self._config.min_points] = 1.0
+        columns = [*angles, *rooms, *leaning, over, *rounds, error, wide]
         return np.stack(columns, axis=1)
 
     def _least_gap(

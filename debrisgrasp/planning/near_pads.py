@@ -147,18 +147,18 @@ class NearPads:
         sums: FloatArray = self._each(np.add, values, 0.0, np.float64)
         return sums / n
 
-    def depth(self, step: float, least: int) -> Float32Array:
-        """How far from the palm the face that was seen goes on [m], shape (k,).
+    def face(self, step: float, least: int) -> tuple[NearPads, Float32Array]:
+        """Leave out strays; and how far from the palm a face goes on [m], shape (k,).
 
-        Single points between an edge and what lies behind it belong to neither; where
+        Single points between an edge and what lies behind it belong to neither. Where
         there are too few to tell, all of them count.
 
         Parameters
         ----------
         step
-            Of the levels along the palm's axis [m], none of which may be empty.
+            Of the levels along the palm's axis [m]; the face ends where one is empty.
         least
-            So many points of a level are enough.
+            So many points of a level are no strays.
         """
         level = np.maximum(self.z / np.float32(step), 0.0).astype(np.intp)
         n = int(level.max(initial=0)) + 1
@@ -167,7 +167,9 @@ class NearPads:
         begun = np.maximum.accumulate(is_some, axis=1)
         ended = np.maximum.accumulate(begun & ~is_some, axis=1)
         ended[~begun[:, -1]] = False
-        return self.greatest(np.where(ended[self.pose, level], 0.0, self.z), 0.0)
+        is_beyond = ended[self.pose, level]
+        depth = self.greatest(np.where(is_beyond, 0.0, self.z), 0.0)
+        return self.picked(~is_beyond | is_some[self.pose, level]), depth
 
     def bulge(self, most: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Height over the palm and radius of what is round [m], (k,) each.
@@ -213,9 +215,10 @@ class NearPads:
         is_seen: Sequence[BoolArray],
         is_open: Sequence[BoolArray],
         sight: FloatArray,
-    ) -> FloatArray:
-        """How thick along the closing axis what was seen is expected to be [m], (k,).
+    ) -> tuple[FloatArray, FloatArray]:
+        """How thick what was seen is along the closing axis [m], (k,) each.
 
+        As expected, infinite where nothing tells; and from outline to outline.
         What lies askew, so that both outlines lean the same way, is no thicker for
         that. Normals of what is thin are smoothed over its sides, and its curve seems
         wider than it is. But where both outlines stand out against what lies farther,
@@ -245,4 +248,5 @@ class NearPads:
             outline += farthest
         across, along = np.abs(sight[:, ::2]).T
         most = 2.0 * outline / (1.0 + along / np.maximum(np.hypot(across, along), 1e-9))
-        return np.where(is_open[0] | is_open[1], thickness, np.minimum(thickness, most))
+        is_free = ~(is_open[0] | is_open[1])
+        return np.where(is_free, np.minimum(thickness, most), thickness), outline

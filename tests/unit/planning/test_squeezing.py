@@ -71,7 +71,7 @@ def test_a_thin_wall_is_squeezed_where_it_goes_down_to_the_fingertips(
         return at(PadContacts(scene_of(cloud), zones, CONFIG))
 
     assert least <= probability(faces) <= most
-    assert probability(faces[:1]) > 0.9
+    assert 0.3 < probability(faces[:1]) < 0.7  # nothing tells how far it goes down
 
 
 @pytest.mark.parametrize("askew", [0.0, 0.25])
