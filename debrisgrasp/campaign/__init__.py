@@ -26,6 +26,7 @@ from .record import CHECKS, CLASSES, SUCCESS, UNCLASSIFIED, RunRecord
 from .results import (
     comparison_to_json,
     flights_to_json,
+    load_header,
     load_results,
     save_results,
     tables_to_json,
@@ -77,6 +78,7 @@ __all__ = [
     "flights_to_json",
     "grouped",
     "jeffreys",
+    "load_header",
     "load_records",
     "load_results",
     "newcombe",

@@ -69,6 +69,21 @@ def save_results(
     return place / "results.json", place / "results.csv"
 
 
+def load_header(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read what the runs of a campaign have in common, as `load_results` takes it.
+
+    ``runs`` counts those that were asked for. What an older file lacks is left out.
+    """
+    place = Path(path)
+    content = read_json(place / "campaign.json" if place.is_dir() else place)
+    if not isinstance(content, dict):
+        return {}
+    header = content if place.is_dir() else content.get("campaign", {})
+    known = {k: v for k, v in header.items() if k not in ("schema", "contents")}
+    runs = content.get("runs")
+    return {**known, "runs": len(runs)} if isinstance(runs, list) else known
+
+
 def load_results(path: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
     """Read the runs of a results file, or of the folder of a campaign.
 

@@ -166,6 +166,13 @@ class Campaign:
                 expected="an empty folder, or the same campaign to go on with",
                 mend="Give another folder.",
             )
+        if (self.folder / "events.jsonl").exists():
+            raise InputError(
+                f"folder {self.folder}",
+                got="the record of a single run",
+                expected="an empty folder, or a campaign to go on with",
+                mend="Give another folder.",
+            )
 
     def _claim_folder(self) -> None:
         path = self.folder / "campaign.json"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from debrisgrasp.campaign import (
     draw_specs,
     flight_of,
     grouped,
+    load_header,
     load_results,
     pipeline_of,
     random_faults,
@@ -192,12 +193,35 @@ def _rates_file(name: str | None) -> Path | None:
 
 
 def _compare(old: Path, new: Path, *, as_json: bool) -> int:
-    rows = compare(tabulate(load_results(old)), tabulate(load_results(new)))
+    runs = load_results(old), load_results(new)
+    for words in _unlike((old, new), runs):
+        print(f"note: {words}", file=sys.stderr)
+    rows = compare(*map(tabulate, runs))
     if as_json:
         print(json.dumps(comparison_to_json(rows)))
     else:
         print(comparison_text(rows))
     return 0
+
+
+_ALIKE = ("world", "level", "tier", "site", "faults", "recovery", "max_removals")
+"""What two campaigns that are compared should have in common."""
+
+
+def _unlike(
+    paths: tuple[Path, Path], runs: tuple[tuple[RunRecord, ...], ...]
+) -> Iterator[str]:
+    """Say in what two campaigns differ beside their versions, or are not whole."""
+    headers = [load_header(path) for path in paths]
+    for name in _ALIKE:
+        if all(name in header for header in headers):
+            old, new = (header[name] for header in headers)
+            if old != new:
+                yield f"they differ in {name}: {old} in the old one, {new} in the new"
+    for path, header, records in zip(paths, headers, runs, strict=True):
+        asked = header.get("runs", len(records))
+        if len(records) < asked:
+            yield f"{path} has {len(records)} of {asked} runs"
 
 
 def _show(progress: Progress) -> None:

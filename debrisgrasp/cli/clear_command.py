@@ -189,29 +189,25 @@ def _facts(done: Simulated) -> dict[str, object]:
     result = done.result
     return {
         "end": result.end.value,
-        "class": _counted(done),
+        "class": done.result.counted_as,
         "removed": list(done.truth.removed),
         "attempts": len(result.attempts),
         "faults": [event.fault for event in result.faults],
         "injected": list(done.happened),
+        "not_injected": list(done.missed),
         "left": dict(result.left),
         "seconds": round(result.duration, 3),
     }
-
-
-def _counted(done: Simulated) -> str | None:
-    """Class of a run; one that a person ended early says nothing, and has none."""
-    if done.result.end.value == "interrupted":
-        return None
-    failure = done.result.fault_class
-    return "success" if failure is None else failure.value
 
 
 def _summary(done: Simulated) -> str:
     result = done.result
     lines = [f"left: {name}: {reason}" for name, reason in result.left.items()]
     lines += [f"NOT STOPPED: {words}" for words in result.silent]
-    failure, counted_as = result.fault_class, _counted(done)
+    if done.missed:
+        missed = ", ".join(done.missed)
+        lines.append(f"not injected, for it never came to that: {missed}")
+    failure, counted_as = result.fault_class, result.counted_as
     done_so_far = f"{result.n_removed} removed"
     if result.n_pushed:
         done_so_far += f", {counted(result.n_pushed, 'time')} pushed aside"

@@ -9,6 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError
 
 from .commands import Subparsers, version
@@ -140,7 +141,8 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
         for path, missing in lacking.items():
             if missing:
                 print(f"{path} lacks {', '.join(missing)}")
-        print("\n".join(map(str, found)) or f"{same} {len(taken)} decisions")
+        n = counted(len(taken), "decision")
+        print("\n".join(map(str, found)) or f"{same} {n}")
     return 1 if apart or found or any(lacking.values()) else 0
 
 

@@ -93,8 +93,10 @@ class Supervisor:
         if not is_whole or not isfinite(reading.time):
             raise InputError(
                 "first reading",
-                got=f"{len(q)} and {len(raw)} of them, or no time",
-                expected=f"{self._kinematics.n_joints} joints and 6 finite components",
+                got=f"joints {_shown(reading.q)}, wrench {_shown(reading.wrench_ft)}, "
+                f"at {reading.time} s",
+                expected=f"{self._kinematics.n_joints} and 6 finite numbers",
+                mend="See why the driver sends none; nothing is moved without.",
             )
         if not abs(reading.time - reading.wrench_time) <= self.config.hold_after:
             raise InputError(
@@ -310,3 +312,8 @@ def _median(a: Wrench, b: Wrench, c: Wrench) -> Wrench:
         for x, y, z in zip(a, b, c, strict=True)
     ]
     return tuple(middle)
+
+
+def _shown(values: object) -> str:
+    words = str(values)
+    return words if len(words) <= 80 else f"{words[:77]}..."

@@ -94,7 +94,11 @@ _TABLE = (
         _A.ABORT,
     ),
     FaultSpec(
-        14, "limit_mismatch", "limits do not agree", _C.OPERATOR_PARAMETERS, _A.ABORT
+        14,
+        "limit_mismatch",
+        "drives allow less than is planned with",
+        _C.OPERATOR_PARAMETERS,
+        _A.ABORT,
     ),
     FaultSpec(
         15,

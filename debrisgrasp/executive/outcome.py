@@ -158,6 +158,13 @@ class RunResult:
         ending = self.faults[-1] if self.faults else None
         return FaultClass.SAFETY if ending is None else ending.fault_class
 
+    @property
+    def counted_as(self) -> str | None:
+        """``success``, or the class; a run that a person ended says nothing: None."""
+        if self.end is RunEnd.INTERRUPTED:
+            return None
+        return "success" if self.fault_class is None else self.fault_class.value
+
 
 def _stage_of(event: FaultEvent) -> tuple[int, float]:
     is_stage = event.state in STAGES

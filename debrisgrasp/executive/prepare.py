@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.control import (
     BaselineLook,
     BiasBound,
@@ -16,6 +17,7 @@ from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitFamily
 from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.robot.kinds import odd_answers
 
 from .context import Context, LimbState
 from .drive import Drive
@@ -43,7 +45,7 @@ def self_test(context: Context) -> StepResult:
     """See that limits, grippers, signs and zeros are what they are said to be."""
     facts: dict[str, object] = {}
     for limb in context.limbs.values():
-        fault = _limits(limb) or _gripper(context, limb)
+        fault = _answers(limb) or _limits(limb) or _gripper(context, limb)
         if fault is not None:
             return fault
     for limb in context.limbs.values():
@@ -60,6 +62,13 @@ def self_test(context: Context) -> StepResult:
             "drop_off": list(context.settings.drop_off[limb.name]),
         }
     return Done(facts)
+
+
+def _answers(limb: LimbState) -> FaultFound | None:
+    """See that all devices answer in numbers, and as many as there should be."""
+    odd = next(odd_answers(limb.limb), "")
+    words = f"a driver of the {arm_called(limb.name)} sends nonsense: {odd}"
+    return FaultFound("connection_lost", words, limb.name) if odd else None
 
 
 def _limits(limb: LimbState) -> FaultFound | None:

@@ -373,7 +373,7 @@ class Executive:
                 "end": end.value,
                 "removed": result.n_removed,
                 "pushed": result.n_pushed,
-                "class": result.fault_class.value if result.fault_class else "success",
+                "class": result.counted_as,
                 "first_fault": first.fault if first else None,
                 "left": dict(result.left),
                 "time": round(result.duration, 4),

@@ -120,15 +120,26 @@ class TaskSettings:
         require_range("TaskSettings.max_mass [kg]", self.max_mass, 0.1, 1e3)
         low, high = np.array(self.workspace)
         require_metres("TaskSettings.workspace", (low, high))
-        if self.region is not None:
-            box = (self.region.lower, self.region.upper)
-            require_metres("TaskSettings.region", box)
         if not (low < high).all():
             raise ConfigError(
                 "TaskSettings.workspace",
                 got=self.workspace,
                 expected="a lower corner below an upper one",
             )
+        if self.region is not None:
+            box = (self.region.lower, self.region.upper)
+            require_metres("TaskSettings.region", box)
+            if (box[0] >= high).any() or (box[1] <= low).any():
+                got, expected = (
+                    f"x {x0:g} to {x1:g}, y {y0:g} to {y1:g}, z {z0:g} to {z1:g} m"
+                    for (x0, y0, z0), (x1, y1, z1) in (box, self.workspace)
+                )
+                raise ConfigError(
+                    "TaskSettings.region",
+                    got=f"{got}, where nothing is in the way",
+                    expected=f"a box that meets {expected}",
+                    mend="Move it into the way, or make the workspace larger.",
+                )
         require_range("TaskSettings.empty_load [N]", self.empty_load, 1e-3, 1e3)
         require_range("TaskSettings.camera_shift [m]", self.camera_shift, 1e-3, 1.0)
         for part in self.compliance:

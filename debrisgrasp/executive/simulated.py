@@ -61,6 +61,8 @@ class Simulated:
     """Injected faults that were really brought about."""
     is_latched: bool
     """Whether a stop is latched on every arm."""
+    missed: tuple[str, ...] = ()
+    """Injected faults that were not, each with its state: it never came to that."""
 
 
 @checked_fields
@@ -332,7 +334,8 @@ def simulate(
     )
     result = executive.run()
     is_latched = all(arm.is_stopped for arm in fake.arms.values())
-    return Simulated(result, fake.truth(), injected.happened, is_latched)
+    happened, missed = injected.happened, injected.missed
+    return Simulated(result, fake.truth(), happened, is_latched, missed)
 
 
 class _Teller:

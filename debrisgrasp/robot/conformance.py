@@ -73,7 +73,7 @@ class Check:
         problems: list[str] = []
         try:
             problems.extend(self.function(robot))
-        except Exception as error:  # noqa: BLE001 - a driver may raise anything
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - a driver may raise any
             place = extract_tb(error.__traceback__)[-1]
             problems.append(
                 f"raised {type(error).__name__}: {error} "

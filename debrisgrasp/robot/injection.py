@@ -233,6 +233,12 @@ class InjectedRobot:
         """Faults that were really brought about so far."""
         return tuple(live.fault for live in self._spoiling.lives if live.times)
 
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """Faults that were not brought about so far, each with its state."""
+        lives = self._spoiling.lives
+        return tuple(f"{live.fault}@{live.state}" for live in lives if not live.times)
+
 
 def inject(
     robot: Robot,

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.geometry import SE3, Intrinsics
+from debrisgrasp.kinematics import LimitSet
 
 from .gaps import absent, unanswered
 from .interface import DepthFrame, Robot
+from .kinds import odd_answers, unlike_numbers
 
 __all__ = [
     "answers_whole",
@@ -32,17 +35,19 @@ _OLD = 0.2
 """A reading older than this is not of now [s]."""
 _FARTHEST = 50.0
 """Depths beyond this are no metres."""
-_NUMBERS = "fiu"
-"""Kinds of arrays that hold numbers."""
 _FREE_LOAD = (20.0, 5.0)
 """Load of an idle hand, at most [N, N m]."""
 
 
 def protocols_are_kept(robot: Robot) -> Iterator[str]:
     """Check that every device has what its protocol asks for, and answers so."""
-    for each in (absent, unanswered):
-        for gap in each(robot):
-            yield gap.problem
+    gaps = [*absent(robot), *unanswered(robot)]
+    for gap in gaps:
+        yield gap.problem
+    if not gaps:
+        for name, limb in robot.limbs.items():
+            for odd in odd_answers(limb):
+                yield f"{arm_called(name)}: {odd}"
 
 
 def arms_are_named(robot: Robot) -> Iterator[str]:
@@ -116,11 +121,11 @@ def joints_are_read(robot: Robot) -> Iterator[str]:
     """Check that joints are finite, in radians, within their limits."""
     for name, limb in robot.limbs.items():
         limits = limb.arm.limits
-        said = np.asarray(limb.arm.read().q)
-        if said.dtype.kind not in _NUMBERS:
-            yield f"arm {name}: reads {said.tolist()}; numbers are needed"
+        said = limb.arm.read().q
+        if odd := unlike_numbers(said):
+            yield f"arm {name}: {odd}"
             continue
-        q = said.astype(np.float64)
+        q = np.asarray(said, dtype=np.float64)
         if q.shape != (len(limb.arm.joint_names),):
             yield f"arm {name}: {q.shape} values for {len(limb.arm.joint_names)} joints"
             continue
@@ -137,6 +142,9 @@ def limits_are_true(robot: Robot) -> Iterator[str]:
     """Check that the limits of the arms are those of the model."""
     for name, limb in robot.limbs.items():
         said, known = limb.arm.limits, robot.model.limits(name).hardware
+        if not isinstance(said, LimitSet):
+            yield f"arm {name}: limits are {said!r}; a LimitSet is needed"
+            continue
         if said.joint_names != known.joint_names:
             yield f"arm {name}: limits are of {', '.join(said.joint_names)}"
             continue
@@ -165,13 +173,10 @@ def wrist_is_read(robot: Robot) -> Iterator[str]:
     for name, limb in robot.limbs.items():
         rows = []
         for _ in range(25):
-            rows.append(np.asarray(limb.sensor.read().wrench_ft))
+            rows.append(limb.sensor.read().wrench_ft)
             clock.wait_until(clock.now() + 0.008)
-        if any(row.dtype.kind not in _NUMBERS for row in rows):
-            yield f"sensor {name}: reads {rows[0].tolist()}; numbers are needed"
-            continue
-        if rows[0].shape != (6,):
-            yield f"sensor {name}: {rows[0].shape} values; six are needed"
+        if odd := next(filter(None, (unlike_numbers(row, 6) for row in rows)), ""):
+            yield f"sensor {name}: {odd}"
             continue
         raw = np.array(rows, dtype=np.float64)
         if not np.isfinite(raw).all():
@@ -209,6 +214,9 @@ def answers_whole(robot: Robot) -> Iterator[str]:
         n, m = len(reading.openings), len(reading.forces)
         if n != m or n < 2:
             yield f"gripper {name}: {n} openings and {m} forces; one of each a finger"
+            continue
+        if odd := unlike_numbers([*reading.openings, *reading.forces]):
+            yield f"gripper {name}: {odd}"
             continue
         numbers = np.array([*reading.openings, *reading.forces], dtype=np.float64)
         if not np.isfinite(numbers).all():

@@ -124,6 +124,17 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
     assert {p: p.stat().st_mtime_ns for p in (out / "runs").iterdir()} == before
     compared = run("campaign", "--compare", out, out / "results.json")
     assert "+0.0" in compared.out
+    assert compared.err == ""
+    (out / "campaign.json").write_text(
+        (out / "campaign.json").read_text().replace('"single"', '"few"')
+    )
+    next((out / "runs").iterdir()).unlink()
+    unlike = run("campaign", "--compare", out, out / "results.json").err
+    assert "differ in tier: few in the old one, single in the new" in unlike
+    assert f"{out} has 2 of 3 runs" in unlike
+    (out / "campaign.json").write_text(
+        (out / "campaign.json").read_text().replace('"few"', '"single"')
+    )
     other = run(*words[:-1], out, "--seed", 5)
     assert other.status == 2
     assert "another folder" in other.err

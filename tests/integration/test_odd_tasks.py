@@ -8,12 +8,21 @@ import numpy as np
 import pytest
 
 from debrisgrasp.cli.clear_command import _summary
+from debrisgrasp.control import FaultClass
 from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import FAULTS, RunEnd, Simulated, State, TaskSettings
 from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import World
 from tests.tasks import one_beam, run_struck
-from tests.unit.robot.broken_robots import limits_in_degrees, lying_limits, with_limb
+from tests.unit.robot.broken_robots import (
+    limits_in_degrees,
+    lying_limits,
+    no_limits,
+    with_limb,
+    worded_fingers,
+    worded_joints,
+    worded_wrench,
+)
 
 ONE = TaskSettings(
     arms=("right",), drive_over=0.02, max_removals=1, max_attempts=3, pushes=0
@@ -146,3 +155,24 @@ def test_a_device_that_is_gone_for_good_stops_the_robot(pipeline, beam, device, 
     assert {fault.fault for fault in done.result.faults} == {"connection_lost"}
     assert all(arm.is_stopped for arm in done.fake.arms.values())
     assert_within_limits(done)
+
+
+@pytest.mark.parametrize(
+    ("broken", "words"),
+    [
+        (worded_joints, "arm: reads"),
+        (worded_wrench, "force sensor: reads"),
+        (worded_fingers, "gripper's forces: reads"),
+        (no_limits, "arm's limits are None"),
+    ],
+)
+def test_a_driver_that_sends_nonsense_is_named_before_anything_moves(
+    pipeline, beam, broken, words
+):
+    done = run_struck(pipeline, beam, ONE, change=lambda robot, _: broken(robot))
+    fault = done.result.faults[0]
+    assert fault.state is State.SELF_TEST
+    assert fault.fault_class is FaultClass.DRIVER
+    assert f"the right arm sends nonsense: its {words}" in fault.message
+    assert done.fake.truth().peak_force == dict.fromkeys(("left", "right"), 0.0)
+    assert done.result.end in (RunEnd.ABORTED, RunEnd.STOPPED)

@@ -84,6 +84,14 @@ def test_the_folder_of_another_campaign_is_refused(tmp_path, marks):
         replace(campaign, header={"seed": 2}).run(THREADS)
 
 
+def test_the_record_of_a_single_run_is_no_folder_of_a_campaign(tmp_path, marks):
+    (tmp_path / "events.jsonl").write_text("")
+    campaign = Campaign(specs=told(1, marks), run_one=do, folder=tmp_path)
+    with pytest.raises(InputError, match="record of a single run"):
+        campaign.run(THREADS)
+    assert not (tmp_path / "runs").exists()
+
+
 def test_a_folder_that_was_begun_with_other_files_is_refused_by_their_names(
     tmp_path, marks
 ):

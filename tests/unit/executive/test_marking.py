@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import CaptureError
+from debrisgrasp.errors import CaptureError, ConfigError
 from debrisgrasp.executive import State, TaskSettings
 from debrisgrasp.executive.choose import select
 from debrisgrasp.executive.marking import StaysMarked
@@ -141,9 +141,15 @@ def test_what_a_detector_never_found_is_no_cleared_way(handle, n_removed):
 
 
 def test_a_region_without_an_object_is_told(handle):
-    _, found = handle(region=Bounds(np.full(3, 5.0), np.array([6.0, 7.0, 8.5])))
+    low, high = np.array([1.7, 0.5, 0.9]), np.array([2.0, 0.6, 1.1])
+    _, found = handle(region=Bounds(low, high))
     assert isinstance(found, FaultFound)
-    assert "x 5 to 6, y 5 to 7, z 5 to 8.5 m of the base frame" in found.message
+    assert "x 1.7 to 2, y 0.5 to 0.6, z 0.9 to 1.1 m of the base frame" in found.message
+
+
+def test_a_region_where_nothing_is_in_the_way_is_refused():
+    with pytest.raises(ConfigError, match=r"got x 5 to 6.*meets x 0\.45 to 1\.9"):
+        TaskSettings(region=Bounds(np.full(3, 5.0), np.full(3, 6.0)))
 
 
 def test_a_mask_marks_the_same_object_as_the_region_it_was_drawn_in(handle):

@@ -107,6 +107,28 @@ def worded_wrench(robot):
     )
 
 
+def worded_fingers(robot):
+    read = robot.limbs["right"].gripper.read
+    return with_limb(
+        robot, "gripper", read=lambda: read()._replace(forces=("a", "b", "c"))
+    )
+
+
+def worded_answer(robot):
+    return with_limb(robot, "arm", is_engaged="no")
+
+
+def no_limits(robot):
+    return with_limb(robot, "arm", limits=None)
+
+
+def exiting(robot):
+    def exits():
+        raise SystemExit(0)
+
+    return with_limb(robot, "arm", read=exits)
+
+
 def other_order(robot):
     names = robot.limbs["right"].arm.joint_names
     return with_limb(robot, "arm", joint_names=names[::-1])
