@@ -29,6 +29,7 @@ from .recover import clear_up, recover
 from .result import Done, FaultFound, StepResult
 from .settings import TaskSettings
 from .states import State
+from .steady import SteadyClock
 from .stopping import reset_stops, stop_all
 from .table import FOLLOWING, Answer, answer_to
 
@@ -108,6 +109,7 @@ class Executive:
         rng: Rng,
     ) -> None:
         settings = settings or TaskSettings()
+        robot = replace(robot, clock=SteadyClock(robot.clock))
         pipeline = pipeline or Pipeline(robot=robot.model)
         hands = {**load_grippers(), **pipeline.grippers}
         model = with_hands(robot.model, hands)

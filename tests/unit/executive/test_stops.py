@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -178,3 +180,40 @@ def test_a_stop_is_never_followed_by_a_motion(run, fake):
         arm.command([0.1] * len(arm.joint_names))
     fake.robot.clock.wait_until(fake.robot.clock.now() + 0.5)
     assert [tuple(arm.read().q) for arm in fake.arms.values()] == before
+
+
+class Clock:
+    """Tells another time than it is, from some time on."""
+
+    def __init__(self, clock, told, since=0.2):
+        self._clock, self._told, self._since = clock, told, since
+
+    def now(self):
+        now = self._clock.now()
+        return now if now < self._since else self._told(now)
+
+    def wait_until(self, time):
+        self._clock.wait_until(time)
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        lambda _now: 0.2,
+        lambda now: 0.4 - now,
+        lambda now: now - 3600.0,
+        lambda _now: np.nan,
+        lambda _now: "noon",
+        raising(DriverError("clock", "no answer")),
+    ],
+    ids=("stands", "falls", "fell", "nan", "text", "silent"),
+)
+def test_a_clock_that_goes_wrong_ends_the_run_with_all_arms_stopped(
+    fake, pipeline, told
+):
+    robot = replace(fake.robot, clock=Clock(fake.robot.clock, told))
+    rng = np.random.default_rng(0)
+    result = Executive(robot, pipeline=pipeline, rng=rng).run()
+    assert result.end is RunEnd.STOPPED
+    assert result.fault_class in (FaultClass.DRIVER, FaultClass.SOFTWARE)
+    assert all(arm.is_stopped for arm in fake.arms.values())
