@@ -217,3 +217,12 @@ def test_a_clock_that_goes_wrong_ends_the_run_with_all_arms_stopped(
     assert result.end is RunEnd.STOPPED
     assert result.fault_class in (FaultClass.DRIVER, FaultClass.SOFTWARE)
     assert all(arm.is_stopped for arm in fake.arms.values())
+
+
+@pytest.mark.parametrize("told", [lambda now: -now, lambda _now: 0.0])
+def test_a_clock_that_never_goes_right_keeps_no_loop_going(fake, pipeline, told):
+    robot = replace(fake.robot, clock=Clock(fake.robot.clock, told, since=-1.0))
+    rng = np.random.default_rng(0)
+    result = Executive(robot, pipeline=pipeline, rng=rng).run()
+    assert result.end is RunEnd.STOPPED
+    assert result.faults[-1].fault == "clock_disorder"
