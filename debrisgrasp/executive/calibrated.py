@@ -133,7 +133,7 @@ def _looked(context: Context) -> list[DepthFrame] | FaultFound:
         fault = _turned(context, target)
         if fault is not None:
             return fault
-        frames.append(context.robot.camera.capture())
+        frames.append(context.frame())
     return frames
 
 
@@ -212,7 +212,7 @@ def _seen_shift(
     context: Context, limb: LimbState, before: DepthFrame
 ) -> FloatArray | None:
     """How far the arm is seen from where it is, base frame (3,); None: not seen."""
-    frame = context.robot.camera.capture()
+    frame = context.frame()
     values = context.joint_values()
     T_base_camera = context.model.T_base_camera(values)
     depth, was = np.nan_to_num(frame.depth), np.nan_to_num(before.depth)

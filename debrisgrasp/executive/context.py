@@ -19,11 +19,13 @@ from debrisgrasp.control import (
     LoadModel,
     PostureKinematics,
 )
+from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3, DepthSight
 from debrisgrasp.kinematics import ArmReach, LimitFamily, RobotModel
 from debrisgrasp.motion import MotionPlanner
 from debrisgrasp.prototypes import GripperModel
-from debrisgrasp.robot import Arm, Base, Head, Limb, Robot
+from debrisgrasp.robot import Arm, Base, DepthFrame, Head, Limb, Robot
+from debrisgrasp.robot.kinds import odd_image
 
 from .known import KnownSpace
 from .marks import Marks
@@ -330,6 +332,13 @@ class Context:
         """Let time pass."""
         clock = self.robot.clock
         clock.wait_until(clock.now() + seconds)
+
+    def frame(self) -> DepthFrame:
+        """Take an image; `DriverError` if the camera sends none."""
+        frame = self.robot.camera.capture()
+        if odd := odd_image(frame):
+            raise DriverError("camera", odd)
+        return frame
 
     def joint_values(self) -> dict[str, float]:
         """Measured joints of all arms and the head, by name [rad or m]."""

@@ -170,7 +170,7 @@ def image(
     if turned is not None:
         return turned
     wanted = context.now()
-    frame = context.robot.camera.capture()
+    frame = context.frame()
     T_base_camera = context.model.T_base_camera(context.joint_values())
     is_wanted = is_wanted or context.is_in_way
     wrong = _wrong_image(context, frame, wanted, T_base_camera, is_wanted)

@@ -9,9 +9,9 @@ import numpy as np
 
 from debrisgrasp.kinematics import LimitSet
 
-from .interface import Limb
+from .interface import DepthFrame, Limb
 
-__all__ = ["odd_answers", "unlike_numbers"]
+__all__ = ["odd_answers", "odd_image", "unlike_numbers"]
 
 _SHOWN = 80
 """So many characters of an answer are shown."""
@@ -38,6 +38,21 @@ def odd_answers(limb: Limb) -> Iterator[str]:
     ):
         if odd := unlike_numbers(values, n):
             yield f"{what}: {odd}"
+
+
+def odd_image(frame: Any) -> str:
+    """Say why something is no depth image at all; "" if it is one."""
+    if lacks := [
+        name for name in DepthFrame.__annotations__ if not hasattr(frame, name)
+    ]:
+        return f"gives {_shown(frame)} without {', '.join(lacks)}"
+    try:
+        depth = np.asarray(frame.depth)
+    except ValueError:
+        depth = np.zeros(0)  # rows of different lengths
+    if depth.dtype.kind not in "fiu" or depth.ndim != 2 or not depth.size:
+        return f"gives depth of shape {depth.shape} and type {depth.dtype}"
+    return ""
 
 
 def unlike_numbers(values: Any, n: int | None = None) -> str:

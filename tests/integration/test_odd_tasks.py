@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import World
 from tests.tasks import one_beam, run_struck
 from tests.unit.robot.broken_robots import (
+    Changed,
     limits_in_degrees,
     lying_limits,
     no_limits,
@@ -176,3 +178,30 @@ def test_a_driver_that_sends_nonsense_is_named_before_anything_moves(
     assert f"the right arm sends nonsense: its {words}" in fault.message
     assert done.fake.truth().peak_force == dict.fromkeys(("left", "right"), 0.0)
     assert done.result.end in (RunEnd.ABORTED, RunEnd.STOPPED)
+
+
+@pytest.mark.parametrize(
+    ("depth", "words"),
+    [
+        (None, "gives None without time, depth"),
+        (np.zeros((0, 0)), r"shape (0, 0)"),
+        (np.full((4, 4), "far"), "type <U3"),
+        ([[1.0], [1.0, 2.0]], "shape (0,)"),
+    ],
+)
+def test_a_camera_that_sends_no_image_is_named(pipeline, beam, depth, words):
+    def broken(robot, _record):
+        frame = robot.camera.capture()
+        given = None if depth is None else replace_depth(frame, depth)
+        return replace(robot, camera=Changed(robot.camera, capture=lambda: given))
+
+    done = run_struck(pipeline, beam, replace(ONE, max_attempts=1), change=broken)
+    fault = done.result.faults[-1]
+    assert fault.fault_class is FaultClass.DRIVER
+    assert fault.message.startswith("camera: gives")
+    assert words in fault.message
+
+
+def replace_depth(frame, depth):
+    named = {name: getattr(frame, name) for name in frame.__slots__}
+    return SimpleNamespace(**{**named, "depth": depth})
