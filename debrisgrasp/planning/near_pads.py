@@ -28,6 +28,8 @@ _STRIPS = 4
 across the fingers."""
 SAME = 0.01
 """Points whose places along the closing axis differ by less are equally far out [m]."""
+_BLUR = 0.004
+"""By so much the farthest of noisy points lie outside of what they are of [m]."""
 ROOM_ERROR = 0.008
 """Standard deviation of where a hidden side is expected [m]."""
 
@@ -246,6 +248,7 @@ class NearPads:
             hidden[is_open[k]] = np.inf
             thickness += np.where(is_seen[k], farthest, hidden)
             outline += farthest
+        outline = np.maximum(outline - 2.0 * _BLUR, 0.0)
         across, along = np.abs(sight[:, ::2]).T
         most = 2.0 * outline / (1.0 + along / np.maximum(np.hypot(across, along), 1e-9))
         is_free = ~(is_open[0] | is_open[1])

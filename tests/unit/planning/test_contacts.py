@@ -131,7 +131,7 @@ def test_a_finger_does_not_come_down_on_what_goes_on_under_it():
 
 def test_on_a_curved_face_the_part_that_is_turned_to_the_pad_counts():
     around = contacts({-1: 0.0, 1: 0.0})
-    angle = np.linspace(0.0, 1.3, 9)
+    angle = np.linspace(0.0, np.pi, 19)  # from outline to outline
     surface = np.stack([0.03 * np.cos(angle), 0 * angle, -0.03 * np.sin(angle)], 1)
     middle = np.array([0.01, PADS[:, 1].mean(), PADS[:, 2].mean()])
     points, normals = extruded(surface + middle), np.tile(surface / 0.03, (5, 1))
