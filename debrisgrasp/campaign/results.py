@@ -76,9 +76,11 @@ def load_header(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     place = Path(path)
     content = read_json(place / "campaign.json" if place.is_dir() else place)
-    if not isinstance(content, dict):
+    header = content
+    if isinstance(content, dict) and not place.is_dir():
+        header = content.get("campaign")
+    if not isinstance(header, dict):
         return {}
-    header = content if place.is_dir() else content.get("campaign", {})
     known = {k: v for k, v in header.items() if k not in ("schema", "contents")}
     runs = content.get("runs")
     return {**known, "runs": len(runs)} if isinstance(runs, list) else known

@@ -13,6 +13,7 @@ from debrisgrasp.campaign import (
     OwnWorkers,
     compare,
     comparison_to_json,
+    load_header,
     load_results,
     save_results,
     tabulate,
@@ -57,6 +58,18 @@ def test_a_folder_is_read_as_well(tmp_path):
     made = Campaign(specs=told(3, tmp_path), run_one=do, folder=tmp_path / "out")
     records = made.run(OwnWorkers(lambda: ThreadPoolExecutor(1)))
     assert load_results(tmp_path / "out") == records
+
+
+def test_folder_and_file_say_what_the_runs_have_in_common(tmp_path):
+    made = Campaign(
+        specs=told(3, tmp_path), run_one=do, folder=tmp_path, header={"tier": "few"}
+    )
+    records = made.run(OwnWorkers(lambda: ThreadPoolExecutor(1)))
+    path, _ = save_results(tmp_path, records, tabulate(records), made.header)
+    for place in (tmp_path, path):
+        assert load_header(place) == {"tier": "few", "runs": 3}
+    path.write_text('{"campaign": 5, "runs": 3}')
+    assert load_header(path) == {}
 
 
 def test_what_mending_the_only_class_buys_may_be_unknown(tmp_path):
