@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, UnknownNameError
 
 __all__ = ["MAX_LENGTH", "Fields"]
@@ -204,4 +205,4 @@ def _is_number_as_text(value: object) -> bool:
 
 def _shown(value: object) -> str:
     text = "nothing" if value is None else repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    return shortened(text)

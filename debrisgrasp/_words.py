@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["arm_called", "counted", "in_kilograms"]
+__all__ = ["arm_called", "counted", "in_kilograms", "shortened"]
 
 
 def arm_called(name: str) -> str:
@@ -30,3 +30,14 @@ def in_kilograms(*masses: float) -> str:
     ('0.24 kg', '330 kg', '1.2 to 12 kg')
     """
     return " to ".join(f"{float(f'{mass:.2g}'):.10g}" for mass in masses) + " kg"
+
+
+def shortened(words: str, most: int = 80) -> str:
+    """Cut words that are longer than so many characters, and say so.
+
+    Examples
+    --------
+    >>> shortened("0.125, 0.25, 0.5", most=10)
+    '0.125, ...'
+    """
+    return words if len(words) <= most else f"{words[: most - 3]}..."

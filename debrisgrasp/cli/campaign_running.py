@@ -50,6 +50,8 @@ __all__ = ["run_campaigns"]
 
 _INTERRUPTED = 130
 _RANDOM = "random"
+_ALIKE = ("world", "level", "tier", "site", "faults", "recovery", "max_removals")
+"""What two campaigns that are compared should have in common."""
 
 
 def run_campaigns(arguments: argparse.Namespace) -> int:
@@ -202,10 +204,6 @@ def _compare(old: Path, new: Path, *, as_json: bool) -> int:
     else:
         print(comparison_text(rows))
     return 0
-
-
-_ALIKE = ("world", "level", "tier", "site", "faults", "recovery", "max_removals")
-"""What two campaigns that are compared should have in common."""
 
 
 def _unlike(

@@ -189,7 +189,7 @@ def _facts(done: Simulated) -> dict[str, object]:
     result = done.result
     return {
         "end": result.end.value,
-        "class": done.result.counted_as,
+        "class": result.counted_as,
         "removed": list(done.truth.removed),
         "attempts": len(result.attempts),
         "faults": [event.fault for event in result.faults],

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import hypot, inf, isfinite
 
+from debrisgrasp._words import shortened
 from debrisgrasp.errors import InputError
 from debrisgrasp.kinematics import LimitSet
 
@@ -93,8 +94,8 @@ class Supervisor:
         if not is_whole or not isfinite(reading.time):
             raise InputError(
                 "first reading",
-                got=f"joints {_shown(reading.q)}, wrench {_shown(reading.wrench_ft)}, "
-                f"at {reading.time} s",
+                got=f"joints {shortened(str(reading.q))}, "
+                f"wrench {shortened(str(reading.wrench_ft))}, at {reading.time} s",
                 expected=f"{self._kinematics.n_joints} and 6 finite numbers",
                 mend="See why the driver sends none; nothing is moved without.",
             )
@@ -312,8 +313,3 @@ def _median(a: Wrench, b: Wrench, c: Wrench) -> Wrench:
         for x, y, z in zip(a, b, c, strict=True)
     ]
     return tuple(middle)
-
-
-def _shown(values: object) -> str:
-    words = str(values)
-    return words if len(words) <= 80 else f"{words[:77]}..."

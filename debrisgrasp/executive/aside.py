@@ -298,7 +298,7 @@ def _begins(
 def _closed(limb: LimbState) -> tuple[str, float]:
     """Preshape and opening of a hand that pushes [m]."""
     name = limb.first_preshape
-    return name, max(float(limb.hand.preshape(name).openings[-1]), 0.0)
+    return name, limb.hand.preshape(name).narrowest
 
 
 def _taken_there(context: Context, drive: Drive, push: _Push) -> FaultFound | None:

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from debrisgrasp._words import shortened
+
 from .record import plain
 
 __all__ = ["Difference", "decisions", "differences", "tasks_apart"]
@@ -101,5 +103,4 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _short(value: object) -> str:
-    words = str(value)
-    return words if len(words) <= 90 else f"{words[:87]}..."
+    return shortened(str(value), most=90)

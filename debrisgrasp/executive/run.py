@@ -214,9 +214,9 @@ class Executive:
                 is_same_try=cycle.is_marked,
             )  # fmt: skip
             cycle.is_marked = True
-            if (state, found.fault) == (State.VERIFY_HOLD, "too_heavy"):
-                pass  # the grasp held: what it can't carry it may drag
-            elif cycle.motion is not None:
+            # A grasp that held what it can't carry may drag it.
+            has_held = (state, found.fault) == (State.VERIFY_HOLD, "too_heavy")
+            if cycle.motion is not None and not has_held:
                 mark.failed.append(cycle.motion.grasp)
             elif state is State.PLAN_MOTION and cycle.plan is not None:
                 mark.sought(cycle.seen, cycle.plan.plan.grasps)

@@ -93,7 +93,7 @@ class Passage:
     def _first_hit(self, grasp: Grasp, opening: float, Ts: SE3) -> float | None:
         """Share of the way after which the hand hits something; None if it is free."""
         gripper = self._grippers[grasp.gripper]
-        low = max(float(gripper.preshape(grasp.preshape).openings[-1]), 0.0)
+        low = gripper.preshape(grasp.preshape).narrowest
         solids = gripper.solids(grasp.preshape, max(opening, low))
         middle, radius = _ball(solids)
         last = max(len(Ts.matrix) - 1, 1)

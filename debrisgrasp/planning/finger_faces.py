@@ -78,7 +78,7 @@ class FingerFaces:
 @lru_cache(maxsize=64)
 def _closed_gaps(gripper: GripperModel, preshape: str) -> FloatArray:
     """Gaps of a closed hand at `HEIGHTS` [m]; beyond its tips that of the tips."""
-    closed = max(float(gripper.preshape(preshape).openings[-1]), 0.0)
+    closed = gripper.preshape(preshape).narrowest
     faces = gripper.inner_faces(preshape, closed, HEIGHTS)
     gaps: FloatArray = np.maximum(faces.sum(axis=0), 0.0)
     known = np.flatnonzero(np.isfinite(gaps))
@@ -92,7 +92,7 @@ def _closed_gaps(gripper: GripperModel, preshape: str) -> FloatArray:
 def _leans(gripper: GripperModel, preshape: str) -> FloatArray:
     """Lean [rad] at `HEIGHTS` and `_RADII`; 0 if nothing is met, or the palm holds."""
     shape = gripper.preshape(preshape)
-    closed = max(float(shape.openings[-1]), 0.0)
+    closed = shape.narrowest
     reach = gripper.fingertip_reach(preshape, closed)
     heights = np.arange(_FINE, reach + _FINE, _FINE)
     half = np.array(

@@ -110,7 +110,7 @@ class GripperModel:
             If the preshape doesn't open so far, or close so far.
         """
         shape = self.preshape(preshape)
-        low, high = max(float(shape.openings[-1]), 0.0), float(shape.openings[0])
+        low, high = shape.narrowest, shape.widest
         # Half a micrometre lets the ends of the range survive a round trip.
         if not low - 5e-7 <= opening <= high + 5e-7:
             raise InputError(

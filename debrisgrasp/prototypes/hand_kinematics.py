@@ -115,6 +115,11 @@ class Preshape:
         """Opening of the hand before it closes [m], somewhat more than `widths`."""
         return float(self.openings[0])
 
+    @property
+    def narrowest(self) -> float:
+        """Opening where the fingers close as far as they go [m], 0 if they overlap."""
+        return max(float(self.openings[-1]), 0.0)
+
     def values(self, command: float) -> dict[str, float]:
         """Value of every joint variable at one command."""
         return {

@@ -157,8 +157,8 @@ class FakeGripper:
         return over / self._config.contact_stiffness
 
     def _range(self) -> tuple[float, float]:
-        openings = self.model.preshape(self.shape).openings
-        return max(float(openings[-1]), 0.0), float(openings[0])
+        shape = self.model.preshape(self.shape)
+        return shape.narrowest, shape.widest
 
     def _refuses(self) -> bool:
         if not self._is_initialised:

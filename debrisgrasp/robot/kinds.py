@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from debrisgrasp._words import shortened
 from debrisgrasp.kinematics import LimitSet
 
 from .interface import DepthFrame, Limb
 
 __all__ = ["odd_answers", "odd_image", "unlike_numbers"]
-
-_SHOWN = 80
-"""So many characters of an answer are shown."""
 
 
 def odd_answers(limb: Limb) -> Iterator[str]:
@@ -25,11 +23,12 @@ def odd_answers(limb: Limb) -> Iterator[str]:
     arm, hand = limb.arm, limb.gripper.read()
     d = len(arm.joint_names)
     if not isinstance(arm.limits, LimitSet):
-        yield f"its arm's limits are {_shown(arm.limits)}; a LimitSet is needed"
+        said = shortened(repr(arm.limits))
+        yield f"its arm's limits are {said}; a LimitSet is needed"
     for what in ("is_engaged", "is_stopped"):
         said = getattr(arm, what)
         if not isinstance(said, (bool, np.bool_)):
-            yield f"{what} of its arm is {_shown(said)}; a bool is needed"
+            yield f"{what} of its arm is {shortened(repr(said))}; a bool is needed"
     for what, values, n in (
         ("its arm", arm.read().q, d),
         ("its force sensor", limb.sensor.read().wrench_ft, 6),
@@ -45,7 +44,7 @@ def odd_image(frame: Any) -> str:
     if lacks := [
         name for name in DepthFrame.__annotations__ if not hasattr(frame, name)
     ]:
-        return f"gives {_shown(frame)} without {', '.join(lacks)}"
+        return f"gives {shortened(repr(frame))} without {', '.join(lacks)}"
     try:
         depth = np.asarray(frame.depth)
     except ValueError:
@@ -62,12 +61,7 @@ def unlike_numbers(values: Any, n: int | None = None) -> str:
     except ValueError:
         array = np.asarray(None)  # rows of different lengths
     if array.dtype.kind not in "fiu" or array.ndim != 1:
-        return f"reads {_shown(values)}; {n or 'some'} numbers are needed"
+        return f"reads {shortened(repr(values))}; {n or 'some'} numbers are needed"
     if n is not None and len(array) != n:
         return f"reads {len(array)} values; {n} are needed"
     return ""
-
-
-def _shown(value: Any) -> str:
-    words = repr(value)
-    return words if len(words) <= _SHOWN else f"{words[: _SHOWN - 3]}..."

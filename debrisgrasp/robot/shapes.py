@@ -267,7 +267,7 @@ class HandShape:
     def _table(self, preshape: str) -> tuple[float, float, list[FloatArray]]:
         if preshape not in self._tables:
             shape = self.model.preshape(preshape)
-            low, high = max(float(shape.openings[-1]), 0.0), float(shape.openings[0])
+            low, high = shape.narrowest, shape.widest
             grid = np.linspace(
                 low, high, max(int(np.ceil((high - low) / _GRID)), 1) + 1
             )

@@ -21,7 +21,7 @@ class Hand:
         self._slope = np.tan(lean)
 
     def preshape(self, _name):
-        return SimpleNamespace(openings=[0.2, 0.0], widest=0.2)
+        return SimpleNamespace(narrowest=0.0, widest=0.2)
 
     def fingertip_reach(self, _name, _opening):
         return REACH
