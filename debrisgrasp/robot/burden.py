@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import add
 
-from debrisgrasp._arrays import FloatArray
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control._rigid import (
     Rotation,
@@ -24,21 +24,17 @@ __all__ = ["load_of"]
 
 def load_of(
     hand: HandState, shapes: Sequence[BodyShape], R: Rotation, p: Vector
-) -> tuple[Vector, Wrench]:
-    """Force on what is held but for the fingers, and the load on the hand.
+) -> tuple[Wrench, Wrench]:
+    """Load on what is held but for the fingers, and on the hand.
 
-    The first is in the axes of odom, the second in those of the hand; plain
-    numbers, as the pose of the hand in odom is.
+    Both in the frame of the hand; plain numbers, as its pose in odom is.
     """
-    force: Vector = (0.0, 0.0, 0.0)
-    moment = on_body = force
+    on_body: list[tuple[Vector, Vector]] = []
+    on_hand: list[tuple[Vector, Vector]] = []
     hold = hand.hold
     for spring in hand.springs:
-        push, point = spring.force.tolist(), spring.point.tolist()
-        force = added(force, push)
-        moment = added(moment, cross(added(point, p, -1.0), push))
-        if spring.owner == HELD:
-            on_body = added(on_body, push)
+        of = on_body if spring.owner == HELD else on_hand
+        of.append((spring.point.tolist(), spring.force.tolist()))
     if hold is not None:
         body = shapes[hold.index]
         weight = GRAVITY * body.mass
@@ -47,12 +43,21 @@ def load_of(
             carried = added(carried, hold.seat.force(body, weight).tolist())
             if carried[2] <= -weight:
                 hold.seat = None
-        loads: list[tuple[FloatArray, Vector]] = [(body.com, carried)]
-        loads += [
-            (shapes[i].com, (0.0, 0.0, -borne)) for i, borne in hold.borne.items()
+        on_body.append((body.com.tolist(), carried))
+        on_body += [
+            (shapes[i].com.tolist(), (0.0, 0.0, -borne))
+            for i, borne in hold.borne.items()
         ]
-        for com, push in loads:
-            force, on_body = added(force, push), added(on_body, push)
-            lever = added(com.tolist(), p, -1.0)
-            moment = added(moment, cross(lever, push))
-    return on_body, (*turned_back(R, force), *turned_back(R, moment))
+    body_load = _sum_of(on_body, R, p)
+    hand_load = _sum_of(on_hand, R, p)
+    return body_load, tuple(map(add, body_load, hand_load))
+
+
+def _sum_of(loads: Sequence[tuple[Vector, Vector]], R: Rotation, p: Vector) -> Wrench:
+    """Wrench of (point, force)s in odom, in the frame of the hand."""
+    force: Vector = (0.0, 0.0, 0.0)
+    moment = force
+    for point, push in loads:
+        force = added(force, push)
+        moment = added(moment, cross(added(point, p, -1.0), push))
+    return (*turned_back(R, force), *turned_back(R, moment))

@@ -13,11 +13,11 @@ from debrisgrasp.control._rigid import (
     IDENTITY,
     Rotation,
     Vector,
+    Wrench,
     added,
     parts,
     times,
     turned,
-    turned_back,
 )
 from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import World
@@ -31,13 +31,12 @@ from .links import LinkSpheres
 from .pushing import Pushes
 from .rubble import Rubble
 from .settling import HandState, Settling
-from .springs import GROUND, PALM, Spring
+from .slipping import slip_of
+from .springs import GROUND, HELD, PALM, Spring
 from .touch import Touch
 
 __all__ = ["Stage"]
 
-_SLIP_SPEED = 0.05
-"""At which a body slips out of fingers that hold it too weakly [m/s]."""
 _SLIP_CHECK = 0.004
 """After every so much of slip the grip is looked at again [m]."""
 _PAST = 0.01
@@ -200,7 +199,7 @@ class Stage:
         self.peak_force[name] = max(self.peak_force[name], hypot(*load[:3]))
         self.peak_torque[name] = max(self.peak_torque[name], hypot(*load[3:]))
         if hand.hold is not None:
-            self._check_hold(hand, hand.hold, turned_back(axes, on_body))
+            self._check_hold(hand, hand.hold, on_body)
 
     def _in_odom(self, R: Rotation, p: Vector) -> tuple[Rotation, Vector]:
         """Pose of a hand in odom as plain numbers."""
@@ -302,11 +301,11 @@ class Stage:
         self,
         hand: HandState,
         hold: Hold,
-        on_body: Vector,
+        on_body: Wrench,
     ) -> None:
         """Let a body slip that the fingers can't keep, and go that they don't enclose.
 
-        ``on_body`` is the force on it in the axes of the hand.
+        ``on_body`` is the load on it in the frame of the hand.
         """
         if hand.grip.contacts is not hand.touch.grip:
             hand.grip = Grip.of(hand.touch.grip, hold.index, hand.touch)
@@ -316,18 +315,21 @@ class Stage:
         if grip.squeeze < _LOOSE or hand.gripper.is_wide_open:
             self._let_go(hand, hold, has_slipped=hold.slipped > _PAST)
             return
-        kept = 2.0 * self.friction * grip.squeeze
-        _, aside, out = on_body
-        if out > 0.0:
-            out = max(out - grip.hook * hand.gripper.model.max_force, 0.0)
-        size = hypot(aside, out)
-        hold.is_slipping = size > kept
-        if not hold.is_slipping:
+        held_at = [
+            tuple(((spring.point - hand.p) @ hand.R).tolist())
+            for spring in hand.springs
+            if spring.owner == HELD
+        ]
+        model = hand.gripper.model
+        slip = slip_of(on_body, grip, held_at, self.friction, model, self._config)
+        hold.is_slipping = slip is not None
+        if slip is None:
             return
-        step = _SLIP_SPEED * self._config.period
-        hold.p = hold.p + (step / size) * np.array([0.0, aside, out])
+        turn = np.reshape(slip.turn, (3, 3))
+        hold.R = turn @ hold.R
+        hold.p = turn @ (hold.p - slip.centre) + slip.centre + slip.way
         n_before = hold.slipped // _SLIP_CHECK
-        hold.slipped += step
+        hold.slipped += slip.distance
         hand.touch.hold(hold.index, self._rubble.shapes[hold.index], hold.R, hold.p)
         is_due = hold.slipped // _SLIP_CHECK > n_before
         if is_due and not is_enclosed(*grip.sides, self.friction):
