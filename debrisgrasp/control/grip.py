@@ -42,6 +42,9 @@ _WIDEST = 1.0
 _RESEATS = 3.0
 """While the wrist bears all the weight, fingers that close by up to this multiple of
 the travel of a slip have only found a better hold."""
+_FELT = 0.8
+"""A finger that exerts its share of the resistance may feel so much of that only: the
+rest goes into its joints, or into pushing the object along."""
 _SHORTEST = 1e-6
 """Fingers do move, and time passes [m/s and s]."""
 _POSITIVE = ("speed", "period", "timeout")
@@ -59,8 +62,8 @@ class GripConfig:
     """Distance at which the object is expected [m]."""
     resistance: float = 20.0
     """Of the fingers of one side together [N], the preset of the task: a finger that
-    feels its share of it stops closing. Lower is gentler on what is fragile; too low
-    stops at friction in the joints."""
+    feels most of its share of it stops closing. Lower is gentler on what is fragile;
+    too low stops at friction in the joints."""
     squeeze: float = 40.0
     """Of one side, held from then on [N]; more holds heavier things, up to what the
     hand can."""
@@ -256,7 +259,7 @@ class GripController:
         config = self.config
         step = config.speed * config.period
         stopped = tuple(
-            was or force * peers >= config.resistance
+            was or force * peers >= _FELT * config.resistance
             for was, force, peers in zip(
                 state.is_stopped, reading.forces, self._peers, strict=True
             )

@@ -49,6 +49,13 @@ hook rather than squeeze [m]."""
 _HIDDEN = 0.04
 """By so much what was seen of debris falls short of its thickness, where nothing tells
 that, on average [m]."""
+_GIVES = 0.01
+"""By so much hand or object give way to the other fingers where those of one side close
+to the middle and meet nothing [m] ..."""
+_GIVES_ERROR = 0.005
+"""... and the standard deviation of that [m]."""
+_FAR = 1.0
+"""What goes on out of sight reaches to any finger [m]."""
 _BY_THE_REST = 0.05
 """Probability that the other fingers hold what one of them misses."""
 _TOGETHER = 200_000
@@ -262,7 +269,9 @@ class PadContacts:
         over = self._overhang(near, is_behind | is_cut, width)
         to_hand = Ts[:, :3, 3] - self._viewpoint
         sight = np.einsum("ki,kij->kj", to_hand, Ts[:, :3, :3])
-        thickness, least = near.thickness(slopes, seen, open_, sight)
+        extents, outlines = near.extents(slopes, seen, open_, width, sight)
+        thickness = extents.sum(axis=0)
+        least = np.maximum(outlines.sum(axis=0), 0.0)
         middle, radius, is_round = near.bulge(0.5 * thickness)
         # Fingertips that end before the middle of what is round press on what is turned
         # to the palm; on a box they get past that of its sides.
@@ -275,6 +284,9 @@ class PadContacts:
         wide = ndtr((thickness - gap) / ROOM_ERROR)
         wider = np.exp(np.minimum(least - gap, 0.0) / _HIDDEN)
         wide = np.where(np.isfinite(thickness), wide, wider)
+        # What is thin fails for that, not for being off the middle, too.
+        beside = 0.5 * np.minimum(gap, least) - np.minimum(extents, _FAR)
+        wide *= ndtr((_GIVES - beside) / _GIVES_ERROR).prod(axis=0)
         wide[near.n_each < self._config.min_points] = 1.0
         columns = [*angles, *rooms, *leaning, over, *rounds, error, wide]
         return np.stack(columns, axis=1)

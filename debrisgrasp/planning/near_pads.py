@@ -101,15 +101,18 @@ class NearPads:
         found[begin[:-1] == begin[1:]] = none
         return np.asarray(found)
 
-    def straightened(self, slope: FloatArray) -> NearPads:
+    def straightened(self, slope: FloatArray, width: Float32Array) -> NearPads:
         """Shift the points along the closing axis so that what lies askew does not.
 
         Parameters
         ----------
         slope
             Of x over y, shape (k,).
+        width
+            Of the zone of the pads [m], shape (k,), in whose middle nothing moves.
         """
-        return replace(self, x=self.x - slope.astype(np.float32)[self.pose] * self.y)
+        off = self.y - (0.5 * width).take(self.pose)
+        return replace(self, x=self.x - slope.astype(np.float32)[self.pose] * off)
 
     def slope(
         self, out: Float32Array, is_behind: BoolArray, width: Float32Array
@@ -211,20 +214,21 @@ class NearPads:
         turns = (count >= _LEAST_CURVED) & (variance > _CURVED)
         return mean_x - radius * mean_along, radius, turns
 
-    def thickness(
+    def extents(
         self,
         slopes: Sequence[FloatArray],
         is_seen: Sequence[BoolArray],
         is_open: Sequence[BoolArray],
+        width: Float32Array,
         sight: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """How thick what was seen is along the closing axis [m], (k,) each.
+        """How far to both sides of the middle what was seen goes [m], (2, k) each.
 
-        As expected, infinite where nothing tells; and from outline to outline.
-        What lies askew, so that both outlines lean the same way, is no thicker for
-        that. Normals of what is thin are smoothed over its sides, and its curve seems
-        wider than it is. But where both outlines stand out against what lies farther,
-        of what is round at most one half is hidden, seen from the side.
+        As expected, infinite where nothing tells; and the outline that was seen. What
+        lies askew, so that both outlines lean the same way, is no thicker for that.
+        Normals of what is thin are smoothed over its sides, and its curve seems wider
+        than it is. But where both outlines stand out against what lies farther, of what
+        is round at most one half is hidden, seen from the side.
 
         Parameters
         ----------
@@ -234,22 +238,26 @@ class NearPads:
             Whether the face of each side was seen, shape (k,) each.
         is_open
             Whether it may go on out of sight, shape (k,) each.
+        width
+            Of the zone of the pads [m], shape (k,).
         sight
             From the camera to the hand, palm frame [m], shape (k, 3).
         """
         low, high = -slopes[0], slopes[1]
         askew = np.where(low * high > 0.0, np.minimum(np.abs(low), np.abs(high)), 0.0)
-        straight = self.straightened(np.copysign(askew, high))
+        straight = self.straightened(np.copysign(askew, high), width)
         middle, radius, _ = straight.curve()
-        thickness, outline = np.zeros((2, self.n_poses))
+        outline, expected = np.empty((2, 2, self.n_poses))
         for k, side in enumerate((-1.0, 1.0)):
-            farthest = straight.greatest(np.float32(side) * straight.x, -1.0)
-            hidden = np.fmax(farthest, side * middle + radius)
-            hidden[is_open[k]] = np.inf
-            thickness += np.where(is_seen[k], farthest, hidden)
-            outline += farthest
-        outline = np.maximum(outline - 2.0 * _BLUR, 0.0)
+            outline[k] = straight.greatest(np.float32(side) * straight.x, -1.0)
+            hidden = np.fmax(outline[k], side * middle + radius)
+            expected[k] = np.where(is_seen[k], outline[k], hidden)
+        seen = np.maximum(outline.sum(axis=0) - 2.0 * _BLUR, 0.0)
         across, along = np.abs(sight[:, ::2]).T
-        most = 2.0 * outline / (1.0 + along / np.maximum(np.hypot(across, along), 1e-9))
-        is_free = ~(is_open[0] | is_open[1])
-        return np.where(is_free, np.minimum(thickness, most), thickness), outline
+        most = 2.0 * seen / (1.0 + along / np.maximum(np.hypot(across, along), 1e-9))
+        is_hidden, ends = ~np.stack(is_seen), ~np.stack(is_open)
+        over = np.where(ends.all(axis=0), expected.sum(axis=0) - most, 0.0)
+        shared = is_hidden | ~is_hidden.any(axis=0)
+        expected -= np.maximum(over, 0.0) * shared / shared.sum(axis=0)
+        expected[~ends & is_hidden] = np.inf
+        return expected, outline - _BLUR

@@ -212,8 +212,9 @@ def test_fingers_of_a_side_stop_at_their_share_of_the_resistance():
     grip = GripController(CONFIG)
     state = grip.preshape()
     state, _ = grip.step(state, FingerReading((0.12,) * 3, (0.0,) * 3))
-    share = 0.5 * CONFIG.resistance
-    reading = FingerReading((0.1,) * 3, (share + 1.0, share + 1.0, share - 1.0))
+    # What pushes an object along, or rubs in its joints, feels less than it exerts.
+    enough = 0.8 * 0.5 * CONFIG.resistance
+    reading = FingerReading((0.1,) * 3, (enough + 1.0, enough + 1.0, enough - 1.0))
     state, _ = grip.step(grip.close(state), reading)
     assert state.is_stopped == (False, True, False)
 

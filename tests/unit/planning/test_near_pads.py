@@ -59,5 +59,7 @@ def test_what_lies_askew_is_straightened():
     zero, pose = np.zeros_like(y), np.repeat([0, 1], 10)
     x = 0.01 + np.where(pose, 0.3, -0.2) * y
     near = NearPads(pose, np.arange(20), x.astype(np.float32), y, zero, zero, zero, 2)
-    straight = near.straightened(np.array([-0.2, 0.3]))
-    np.testing.assert_allclose(straight.x, 0.01, atol=1e-6)
+    width = np.array([0.1, 0.05], dtype=np.float32)
+    straight = near.straightened(np.array([-0.2, 0.3]), width)
+    middle = np.repeat([-0.2 * 0.05, 0.3 * 0.025], 10)
+    np.testing.assert_allclose(straight.x, 0.01 + middle, atol=1e-6)

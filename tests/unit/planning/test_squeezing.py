@@ -100,3 +100,25 @@ def test_a_claw_closes_over_a_thin_bar_that_it_has_too_near_to_its_palm(askew, n
 
     assert squeezed(0.055) < 0.4
     assert squeezed(0.075) > 0.8
+
+
+@pytest.mark.parametrize(
+    ("off", "least", "most"), [(0.0, 0.95, 1.0), (0.008, 0.9, 1.0), (0.035, 0.0, 0.1)]
+)
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_what_is_all_on_one_side_of_the_middle_meets_the_fingers_of_that_only(
+    off, least, most, side
+):
+    """A bar of 30 mm between fingers that close to the middle, and not beyond."""
+    hand = PrototypeLibrary.load().select(names=["bar_2x4_flat_tip"])
+    zones = PadZones.of(hand, CONFIG)
+    turn = np.linspace(-1.5, 1.5, 25)
+    normals = np.stack([np.sin(turn), 0.0 * turn, -np.cos(turn)], axis=1)
+    beside = (zones.lower[0] + zones.upper[0])[1] / 2
+    points = extruded([side * off, beside, 0.105] + 0.015 * normals)
+    cloud = PointCloud(
+        points, np.tile(normals, (5, 1)), np.array([side * off, 0.0, -2.0])
+    )
+    found = PadContacts(scene_of(cloud), zones, CONFIG)
+    squeezed = float(found.look(np.eye(4)[None], FIRST).squeezed[0])
+    assert least <= squeezed <= most
