@@ -34,6 +34,7 @@ class ToldRun:
     """Takes a sentence about each attempt as it ends."""
     _number: int = 1
     _faults: list[str] = field(default_factory=list)
+    _why_stays: str = ""
 
     def write(self, kind: str, facts: Mapping[str, object]) -> None:
         """Take down an event, and tell of it if it matters to a person."""
@@ -42,11 +43,15 @@ class ToldRun:
             show_line(f"attempt {self._number}: {facts['state']}")
         elif kind == "fault":
             self._faults.append(f"{facts['fault']} in {facts['state']}")
+        elif kind == "done" and "pushed" in facts:
+            self._why_stays = str(facts.get("why", ""))
         elif kind == "attempt":
             _clear_line()
-            self.say(", ".join([_fate(facts), *self._faults]))
+            why = [f"can't be pushed: {self._why_stays}"] if self._why_stays else []
+            self.say(", ".join([_fate(facts), *why, *self._faults]))
             self._number += 1
             self._faults.clear()
+            self._why_stays = ""
         elif kind == "end":
             _clear_line()
 

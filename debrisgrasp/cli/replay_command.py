@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError
@@ -94,14 +94,10 @@ def _replay_of_campaign(arguments: argparse.Namespace) -> int:
 
 
 def _replay_of_decisions(arguments: argparse.Namespace) -> int:
-    from debrisgrasp.executive.record import MemoryRecord
-    from debrisgrasp.executive.replay import decisions, differences, tasks_apart
+    from debrisgrasp.executive.replay import differences, tasks_apart
     from debrisgrasp.executive.simulated import SimulatedTask
 
-    from .live import ToldRun
-
     before = _begun(arguments.run_record)
-    taken = decisions(before.events)
     lacking = {str(arguments.run_record): before.missing}
     apart: list[str] = []
     if arguments.against:
@@ -111,18 +107,9 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
         apart = tasks_apart(before.inputs, other.inputs, usual)
         lacking[str(arguments.against)] = other.missing
     else:
-        again = MemoryRecord()
-        SimulatedTask.from_json(before.inputs).run(ToldRun(again))
-        events, by = again.events, version()
+        events, by = _done_again(before), version()
     versions = {"before": _made_by(before.inputs), "now": by}
-    is_interrupted = before.end is not None and before.end.get("end") == "interrupted"
-    if is_interrupted:
-        # What followed came of the interruption, which is no decision.
-        stops = [i for i, event in enumerate(taken) if event["event"] == "stop"]
-        taken = taken[: stops[-1]] if stops else taken
-    if is_interrupted or not before.is_whole:
-        # What there is of such a run is compared.
-        events = decisions(events)[: len(taken)]
+    taken, events = _comparable(before, events)
     found = differences(taken, events)
     if arguments.json:
         facts = {
@@ -144,6 +131,38 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
         n = counted(len(taken), "decision")
         print("\n".join(map(str, found)) or f"{same} {n}")
     return 1 if apart or found or any(lacking.values()) else 0
+
+
+def _done_again(run: StoredRun) -> list[dict[str, Any]]:
+    """Do a run again, and return its events."""
+    from debrisgrasp.executive.record import MemoryRecord
+    from debrisgrasp.executive.simulated import SimulatedTask
+
+    from .live import ToldRun
+
+    again = MemoryRecord()
+    try:
+        SimulatedTask.from_json(run.inputs).run(ToldRun(again))
+    except InputError as error:
+        raise ConfigError.about(f"{run.folder}: {error.what}", error) from error
+    return again.events
+
+
+def _comparable(
+    run: StoredRun, events: Sequence[Mapping[str, Any]]
+) -> tuple[Sequence[Mapping[str, Any]], Sequence[Mapping[str, Any]]]:
+    """Decisions of a run, and of another's events those that it got to."""
+    from debrisgrasp.executive.replay import decisions
+
+    taken = decisions(run.events)
+    is_interrupted = run.end is not None and run.end.get("end") == "interrupted"
+    if is_interrupted:
+        # What followed came of the interruption, which is no decision.
+        stops = [i for i, event in enumerate(taken) if event["event"] == "stop"]
+        taken = taken[: stops[-1]] if stops else taken
+    if is_interrupted or not run.is_whole:
+        events = decisions(events)[: len(taken)]
+    return taken, events
 
 
 def _begun(folder: Path) -> StoredRun:

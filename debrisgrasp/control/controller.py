@@ -266,7 +266,7 @@ class LegController:
         """Advance along the leg, give way, and let the joints follow."""
         filtered, swing, compliance, outcome = sensed
         share, pace, waited, deflection = state.share, 0.0, 0.0, state.deflection
-        if outcome is LegOutcome.CONTACT:
+        if outcome in (LegOutcome.CONTACT, LegOutcome.BLOCKED):
             servo = self._servo.braked(state.servo)
         else:
             share, pace, waited, outcome = self._advanced(state, verdict)

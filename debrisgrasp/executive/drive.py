@@ -44,7 +44,11 @@ _BRAKES_WITHIN = 0.03
 _AT_START = 0.03
 """A trajectory begins where the arm stands, within this [rad or m]."""
 _BRAKING = 0.1
-"""[s]."""
+"""Most arms stand after so long [s]; one that does not is looked at again ..."""
+_STILL = 0.02
+"""... as often [s] ..."""
+_CREEP = 0.01
+"""... until its joints are slower than this [rad/s or m/s]."""
 _LOOKS = 300
 """So many times on its way at most it is noted where the hand is."""
 _STRIDE = 25
@@ -245,8 +249,7 @@ class Drive(Senses):
                 self._halt()
                 return fault
             if until is not None and until(command.load):
-                self.devices.arm.disengage()  # the drives brake by themselves
-                self.context.wait(_BRAKING)
+                self._brake()
                 length = controller.leg.length
                 return LegEnd(LegOutcome.CONTACT, state.share, length)
             if command.outcome is not LegOutcome.RUNNING:
@@ -265,7 +268,23 @@ class Drive(Senses):
             self._send(command.q)
             if until is not None:
                 until(command.load)  # it may have more to stop than this arm
+        else:
+            self._brake()
         return LegEnd(state.outcome, state.share, controller.leg.length)
+
+    def _brake(self) -> None:
+        """Let the drives brake by themselves, and wait until they have."""
+        self.devices.arm.disengage()
+        self.context.wait(_BRAKING)
+        for _ in range(int(_RUN_OUT / _STILL)):
+            before = self.read().q
+            self.context.wait(_STILL)
+            now = self.read().q
+            if self.limb.doubt is not None:
+                return
+            gone = max(abs(a - b) for a, b in zip(now, before, strict=True))
+            if gone <= _CREEP * _STILL:
+                return
 
     def _begun(
         self,

@@ -16,6 +16,7 @@ from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.robot import (
+    INJECTABLE,
     FakeConfig,
     FakeTruth,
     InjectedRobot,
@@ -35,7 +36,7 @@ from debrisgrasp.worlds import (
 from debrisgrasp.worlds import named_scene as scene_named
 
 from .context import Recorder
-from .faults import fault_named
+from .faults import LISTED_BY
 from .limbs import require_drop_off
 from .marking import StaysMarked
 from .outcome import RunResult
@@ -361,7 +362,8 @@ def injections_of(faults: Sequence[str]) -> tuple[Injection, ...]:
     found = []
     for text in faults:
         name, at, state = text.strip().partition("@")
-        fault_named(name)
+        if name not in INJECTABLE:
+            raise UnknownNameError("fault", name, INJECTABLE, listed_by=LISTED_BY)
         if at:
             state_named(state)
         found.append(Injection(fault=name, state=state or None))

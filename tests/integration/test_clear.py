@@ -44,7 +44,7 @@ def cleared(pipeline, beam):
     return executive.run(), fake.truth()
 
 
-@pytest.mark.parametrize("fault", ["foo", "slip@foo"])
+@pytest.mark.parametrize("fault", ["foo", "software_error", "slip@foo"])
 def test_an_unknown_fault_or_state_says_what_lists_them(fault):
     with pytest.raises(UnknownNameError, match="clear --faults list"):
         SimulatedTask(faults=(fault,))
@@ -98,16 +98,15 @@ def test_each_attempt_is_told_as_it_ends_and_taken_down():
     failed = {"number": 1, "removed": False, "prototype": "bar", "arm": "left"}
     told.write("attempt", failed)
     told.write("attempt", {"number": 2, "removed": True, "prototype": None})
+    told.write("done", {"state": "push", "pushed": 0.0, "why": "it came by 1 cm"})
+    told.write("attempt", {"number": 3, "removed": False, "prototype": None})
     assert said == [
         "attempt 1: not removed, bar with the left arm, slip in lift",
         "attempt 2: removed",
+        "attempt 3: not removed, can't be pushed: it came by 1 cm",
     ]
-    assert [event["event"] for event in record.events] == [
-        "state",
-        "fault",
-        "attempt",
-        "attempt",
-    ]
+    kinds = [event["event"] for event in record.events]
+    assert kinds == ["state", "fault", "attempt", "attempt", "done", "attempt"]
 
 
 def test_what_ended_a_run_stands_below_its_attempts(capsys):

@@ -325,6 +325,19 @@ def test_a_leg_out_of_reach_is_blocked_and_says_how_far_it_got():
     assert LIMITS.violation(q) == ""
 
 
+def test_a_leg_that_is_blocked_brakes_and_chases_its_goal_no_more():
+    config = ControllerConfig(speed=0.2, lag=1e-3, patience=0.02)
+    slow = LIMITS.scaled(velocity=0.05)
+    rig = Rig(offset=(0.2, 0, 0), config=config, limits=slow)
+    _, seen = driven(rig, nothing, 400)
+    n = [command.outcome for command in seen].index(LegOutcome.BLOCKED)
+    q = np.array([command.q for command in seen])
+    steps = np.abs(np.diff(q[n:], axis=0)).max(axis=1)
+    assert steps[0] > 1e-5
+    assert (np.diff(steps) <= 1e-9).all()
+    assert steps[-1] == 0.0
+
+
 def test_equal_states_and_readings_give_equal_commands():
     rig = Rig(Compliance.diagonal(1e-4, 1e-3))
     state = rig.engaged()
