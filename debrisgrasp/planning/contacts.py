@@ -24,7 +24,7 @@ from debrisgrasp._arrays import (
 from debrisgrasp.prototypes import PrototypeLibrary
 
 from .borders import is_behind
-from .finger_faces import HEIGHTS, FingerFaces
+from .finger_faces import HEIGHTS, FingerFaces, meets_both
 from .near_pads import ROOM_ERROR, SAME, NearPads
 from .scene import GraspScene
 
@@ -46,18 +46,10 @@ _SLANT_ERROR = 0.08
 _DEEP = 0.01
 """So much of a face lies deeper than where fingers press on it: at its end they would
 hook rather than squeeze [m]."""
-_HIDDEN = 0.04
-"""By so much what was seen of debris falls short of its thickness, where nothing tells
-that, on average [m]."""
-_GIVES = 0.01
-"""By so much hand or object give way to the other fingers where those of one side close
-to the middle and meet nothing [m] ..."""
-_GIVES_ERROR = 0.005
-"""... and the standard deviation of that [m]."""
-_FAR = 1.0
-"""What goes on out of sight reaches to any finger [m]."""
 _BY_THE_REST = 0.05
 """Probability that the other fingers hold what one of them misses."""
+_SIDES = (-1.0, 1.0)
+"""Of the closing axis: the thumb's, and the pair's."""
 _TOGETHER = 200_000
 """Points of all poses looked at together: their arrays stay in the cache."""
 
@@ -220,59 +212,21 @@ class PadContacts:
         lower, upper = self._zones.lower[prototype], self._zones.upper[prototype]
         under = np.array([_UNDER, 0.0, 0.0], dtype=np.float32)
         around = self._between(Ts, lower - under, upper + under)
-        half = upper[:, 0].take(around.pose)
-        near = around.picked(np.abs(around.x) < half)
+        near = around.picked(np.abs(around.x) < upper[:, 0].take(around.pose))
         near, deep = near.face(HEIGHTS[1] - HEIGHTS[0], self._config.min_points)
-        middle, radius, turns = near.curve()
-        is_beside = near.z > lower[:, 2].take(near.pose)
-        end = upper[:, 0] - np.float32(_ROOM)
         is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
         width = upper[:, 1] - lower[:, 1]
-        angles, rooms, slopes, seen, open_ = [], [], [], [], []
-        for side in (-1.0, 1.0):
-            cosine = np.float32(side) * near.along
-            faces = is_beside & (cosine > np.float32(_TURNED))
-            is_seen = near.count(faces) >= self._config.min_points
-            # On a curved face the pad comes to lie where it is turned to it most.
-            steepest = near.greatest(np.where(faces, cosine, np.float32(0.0)), 0.0)
-            angle = np.arccos(bounded(steepest, 0.0, 1.0))
-            angles.append(np.where(is_seen, angle, np.nan))
-            room = upper[:, 0] - (side * middle + radius)
-            room[np.isnan(room)] = np.inf
-            # What goes on to the finger has hardly a side before it, what goes on under
-            # it has none; what vanishes behind something nearer may go on; what the
-            # image cuts off does.
-            is_under = np.float32(side) * around.x > half
-            is_open = around.count(is_under) >= self._config.min_points
-            room[is_open] = -np.inf
-            out = np.float32(side) * near.x
-            reaches = out > end.take(near.pose)
-            farthest = near.greatest(out, -1.0)
-            is_last = out > (farthest - np.float32(SAME)).take(near.pose)
-            for goes_on, left in (
-                (reaches, 0.0),
-                (is_behind & is_last, 0.0),
-                (is_cut & is_last, -np.inf),
-            ):
-                enough = near.count(goes_on) >= self._config.min_points
-                room[enough] = np.minimum(room[enough], left)
-                is_open |= enough
-            rooms.append(np.where(is_seen, np.inf, room))
-            slopes.append(near.slope(out, is_behind, width))
-            # Behind a flat face that is turned to the other side anything may be. What
-            # lies askew ends in a corner of few points.
-            ends = near.count(is_last & (cosine > -np.float32(_TURNED)))
-            enough = np.minimum(near.count(is_last), self._config.min_points)
-            seen.append(is_seen)
-            open_.append(is_open | ((ends < enough) & ~turns))
+        curve = near.curve()
+        angles, rooms, slopes, seen, open_ = zip(
+            *(self._side(side, around, near, curve, lower, upper) for side in _SIDES),
+            strict=True,
+        )
         leaning = np.arctan(np.abs(slopes))
         over = self._overhang(near, is_behind | is_cut, width)
         to_hand = Ts[:, :3, 3] - self._viewpoint
         sight = np.einsum("ki,kij->kj", to_hand, Ts[:, :3, :3])
         extents, outlines = near.extents(slopes, seen, open_, width, sight)
-        thickness = extents.sum(axis=0)
-        least = np.maximum(outlines.sum(axis=0), 0.0)
-        middle, radius, is_round = near.bulge(0.5 * thickness)
+        middle, radius, is_round = near.bulge(0.5 * extents.sum(axis=0))
         # Fingertips that end before the middle of what is round press on what is turned
         # to the palm; on a box they get past that of its sides.
         short = np.arcsin(bounded((middle - upper[:, 2]) / radius, 0.0, 1.0))
@@ -280,16 +234,71 @@ class PadContacts:
         lean[deep > middle + radius] = 0.0  # a wall, which goes on to the fingertips
         rounds = np.where(is_round, [short, lean], 0.0)
         error = np.hypot(_SLANT_ERROR, ROOM_ERROR / radius)
-        gap = self._least_gap(near, deep, prototype)
-        wide = ndtr((thickness - gap) / ROOM_ERROR)
-        wider = np.exp(np.minimum(least - gap, 0.0) / _HIDDEN)
-        wide = np.where(np.isfinite(thickness), wide, wider)
-        # What is thin fails for that, not for being off the middle, too.
-        beside = 0.5 * np.minimum(gap, least) - np.minimum(extents, _FAR)
-        wide *= ndtr((_GIVES - beside) / _GIVES_ERROR).prod(axis=0)
+        wide = meets_both(extents, outlines, self._least_gap(near, deep, prototype))
         wide[near.n_each < self._config.min_points] = 1.0
         columns = [*angles, *rooms, *leaning, over, *rounds, error, wide]
         return np.stack(columns, axis=1)
+
+    def _side(
+        self,
+        side: float,
+        around: NearPads,
+        near: NearPads,
+        curve: tuple[FloatArray, FloatArray, BoolArray],
+        lower: Float32Array,
+        upper: Float32Array,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray, BoolArray]:
+        """Look at what one side of the fingers meets, shape (k,) each.
+
+        The angle of its face, NaN where too little was seen, the room before it, the
+        slope of its outline, whether that was seen, and whether it may go on unseen.
+
+        Parameters
+        ----------
+        side
+            -1 or 1.
+        around, near
+            Points between the fingers and under them, and those between them.
+        curve
+            Of the latter.
+        lower, upper
+            Corners of the zones of the pads, shape (k, 3).
+        """
+        least, (middle, radius, turns) = self._config.min_points, curve
+        cosine = np.float32(side) * near.along
+        is_beside = near.z > lower[:, 2].take(near.pose)
+        faces = is_beside & (cosine > np.float32(_TURNED))
+        is_seen = near.count(faces) >= least
+        # On a curved face the pad comes to lie where it is turned to it most.
+        steepest = near.greatest(np.where(faces, cosine, np.float32(0.0)), 0.0)
+        angle = np.where(is_seen, np.arccos(bounded(steepest, 0.0, 1.0)), np.nan)
+        room = upper[:, 0] - (side * middle + radius)
+        room[np.isnan(room)] = np.inf
+        # What goes on to the finger has hardly a side before it, what goes on under it
+        # has none; what vanishes behind something nearer may go on; what the image cuts
+        # off does.
+        is_under = np.float32(side) * around.x > upper[:, 0].take(around.pose)
+        is_open = around.count(is_under) >= least
+        room[is_open] = -np.inf
+        out = np.float32(side) * near.x
+        reaches = out > (upper[:, 0] - np.float32(_ROOM)).take(near.pose)
+        farthest = near.greatest(out, -1.0)
+        is_last = out > (farthest - np.float32(SAME)).take(near.pose)
+        is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
+        for goes_on, left in (
+            (reaches, 0.0),
+            (is_behind & is_last, 0.0),
+            (is_cut & is_last, -np.inf),
+        ):
+            enough = near.count(goes_on) >= least
+            room[enough] = np.minimum(room[enough], left)
+            is_open |= enough
+        slope = near.slope(out, is_behind, upper[:, 1] - lower[:, 1])
+        # Behind a flat face that is turned to the other side anything may be. What lies
+        # askew ends in a corner of few points.
+        ends = near.count(is_last & (cosine > -np.float32(_TURNED)))
+        is_open |= (ends < np.minimum(near.count(is_last), least)) & ~turns
+        return angle, np.where(is_seen, np.inf, room), slope, is_seen, is_open
 
     def _least_gap(
         self, near: NearPads, deep: Float32Array, prototype: IntArray

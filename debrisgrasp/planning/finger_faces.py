@@ -11,11 +11,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.special import ndtr
 
 from debrisgrasp._arrays import Float32Array, FloatArray, IntArray, bounded
 from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
 
-__all__ = ["HEIGHTS", "FingerFaces"]
+from .near_pads import ROOM_ERROR
+
+__all__ = ["HEIGHTS", "FingerFaces", "meets_both"]
 
 HEIGHTS = np.arange(0.005, 0.6, 0.01)
 """Over the palm, at which the gap between closed fingers is known [m]."""
@@ -27,6 +30,16 @@ _OPENINGS = 12
 """Between closed and open, in which they are looked at."""
 _ON_PALM = 0.015
 """What is so near to the palm rests on it where it is squeezed towards it [m]."""
+_HIDDEN = 0.04
+"""By so much what was seen of debris falls short of its thickness, where nothing tells
+that, on average [m]."""
+_GIVES = 0.01
+"""By so much hand or object give way to the other fingers where those of one side close
+to the middle and meet nothing [m] ..."""
+_GIVES_ERROR = 0.005
+"""... and the standard deviation of that [m]."""
+_FAR = 1.0
+"""What goes on out of sight reaches to any finger [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +86,28 @@ class FingerFaces:
         low = (1.0 - v) * leans[p, i, j] + v * leans[p, i, j + 1]
         high = (1.0 - v) * leans[p, i + 1, j] + v * leans[p, i + 1, j + 1]
         return np.asarray((1.0 - u) * low + u * high)
+
+
+def meets_both(
+    extents: FloatArray, outlines: FloatArray, gap: FloatArray
+) -> FloatArray:
+    """Probability that the fingers of both sides meet what is between them, (k,).
+
+    Parameters
+    ----------
+    extents, outlines
+        See `NearPads.extents`.
+    gap
+        That closed fingers leave [m], shape (k,).
+    """
+    thickness, least = extents.sum(axis=0), np.maximum(outlines.sum(axis=0), 0.0)
+    wide = ndtr((thickness - gap) / ROOM_ERROR)
+    wider = np.exp(np.minimum(least - gap, 0.0) / _HIDDEN)
+    wide = np.where(np.isfinite(thickness), wide, wider)
+    # What is thin fails for that, not for being off the middle, too.
+    beside = 0.5 * np.minimum(gap, least) - np.minimum(extents, _FAR)
+    met: FloatArray = wide * ndtr((_GIVES - beside) / _GIVES_ERROR).prod(axis=0)
+    return met
 
 
 @lru_cache(maxsize=64)
