@@ -80,5 +80,19 @@ def _sides(R: FloatArray) -> list[FloatArray]:
 
 def _eased_by(context: Context, drive: Drive, way: FloatArray) -> LegEnd | FaultFound:
     """Give way to what presses, then move by an offset (3,) [m] as far as that goes."""
-    fault = relieve(context, drive.limb.name, _EASED)
+    fault = _wedged(drive) or relieve(context, drive.limb.name, _EASED)
+    fault = fault or _wedged(drive)
     return nudged(drive, way) if fault is None else fault
+
+
+def _wedged(drive: Drive) -> FaultFound | None:
+    """Notice that the fingers of an open hand bear more than the whole hand may.
+
+    Whatever the wrist says: its sensor may lie by just as much as the hand is pushed.
+    """
+    felt = sum(abs(force) for force in drive.fingers().forces)
+    if felt <= drive.limits.force:
+        return None
+    words = f"the fingers of an open hand bear {felt:.0f} N, and the wrist tells of "
+    words += f"{hypot(*drive.weighed()[:3]):.0f} N: nothing is known that eases it"
+    return FaultFound("ratchet", words, drive.limb.name, {"force": felt})

@@ -11,6 +11,8 @@ from debrisgrasp.executive import recover as recovery
 from debrisgrasp.executive.drive import Drive, LegEnd
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.states import State
+from debrisgrasp.robot import HandReading
+from debrisgrasp.robot.fake_hand import FakeGripper
 from tests.unit.executive.rigs import before_a_brick, gripped_below
 
 
@@ -68,6 +70,21 @@ def test_a_hand_that_no_side_frees_is_told_and_not_pulled_harder(caught_by):
     assert found.fault == "not_released"
     assert len(bars.pulled) == 5
     assert all(force <= 41 for force in bars.pulled)
+
+
+@pytest.mark.parametrize("forces", [(60.0, 50.0, 50.0), (0.0, np.nan, 0.0)])
+def test_fingers_that_bear_more_than_the_hand_may_are_believed_and_nothing_moves(
+    caught_by, monkeypatch, forces
+):
+    """The wrist may lie by just as much as the hand is pushed."""
+    context, bars = caught_by((0, 0, 0))
+    read = HandReading(0.0, (0.1,) * 3, forces)
+    monkeypatch.setattr(FakeGripper, "read", lambda _: read)
+    found = caught.felt_out(context, "right")
+    assert isinstance(found, FaultFound)
+    assert found.fault == "ratchet"
+    assert "the fingers of an open hand bear" in found.message
+    assert not bars.place.any()
 
 
 @pytest.mark.parametrize("fault", ["too_heavy", "ratchet"])
