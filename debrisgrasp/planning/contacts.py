@@ -9,6 +9,7 @@ the object between the fingers tells how far the hidden side is.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -25,7 +26,7 @@ from debrisgrasp.prototypes import PrototypeLibrary
 
 from .borders import is_behind
 from .finger_faces import HEIGHTS, FingerFaces, meets_both
-from .near_pads import ROOM_ERROR, SAME, NearPads
+from .near_pads import ROOM_ERROR, SAME, SIDES, NearPads
 from .scene import GraspScene
 
 __all__ = ["ContactConfig", "PadContacts", "PadLook", "PadZones"]
@@ -48,8 +49,6 @@ _DEEP = 0.01
 hook rather than squeeze [m]."""
 _BY_THE_REST = 0.05
 """Probability that the other fingers hold what one of them misses."""
-_SIDES = (-1.0, 1.0)
-"""Of the closing axis: the thumb's, and the pair's."""
 _TOGETHER = 200_000
 """Points of all poses looked at together: their arrays stay in the cache."""
 
@@ -142,6 +141,25 @@ class PadLook:
         return self.causes[:, 2]
 
 
+class _Between(NamedTuple):
+    """What k poses have between, and under, their open fingers."""
+
+    around: NearPads
+    """Between them and under them ..."""
+    near: NearPads
+    """... and of these only what is between them, m pairs."""
+    curve: tuple[FloatArray, FloatArray, BoolArray]
+    """Of the latter."""
+    is_behind: BoolArray
+    """Which of those may go on behind something nearer, shape (m,) ..."""
+    is_cut: BoolArray
+    """... and which beyond the edge of the image, shape (m,)."""
+    lower: Float32Array
+    """Corners of the zones of the pads [m], shape (k, 3) ..."""
+    upper: Float32Array
+    """... and (k, 3)."""
+
+
 class PadContacts:
     """How likely pads press within the friction cones, in one scene."""
 
@@ -216,10 +234,9 @@ class PadContacts:
         near, deep = near.face(HEIGHTS[1] - HEIGHTS[0], self._config.min_points)
         is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
         width = upper[:, 1] - lower[:, 1]
-        curve = near.curve()
+        between = _Between(around, near, near.curve(), is_behind, is_cut, lower, upper)
         angles, rooms, slopes, seen, open_ = zip(
-            *(self._side(side, around, near, curve, lower, upper) for side in _SIDES),
-            strict=True,
+            *(self._side(side, between) for side in SIDES), strict=True
         )
         leaning = np.arctan(np.abs(slopes))
         over = self._overhang(near, is_behind | is_cut, width)
@@ -240,31 +257,15 @@ class PadContacts:
         return np.stack(columns, axis=1)
 
     def _side(
-        self,
-        side: float,
-        around: NearPads,
-        near: NearPads,
-        curve: tuple[FloatArray, FloatArray, BoolArray],
-        lower: Float32Array,
-        upper: Float32Array,
+        self, side: float, between: _Between
     ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray, BoolArray]:
-        """Look at what one side of the fingers meets, shape (k,) each.
+        """Look at what one side (-1 or 1) of the fingers meets, shape (k,) each.
 
         The angle of its face, NaN where too little was seen, the room before it, the
         slope of its outline, whether that was seen, and whether it may go on unseen.
-
-        Parameters
-        ----------
-        side
-            -1 or 1.
-        around, near
-            Points between the fingers and under them, and those between them.
-        curve
-            Of the latter.
-        lower, upper
-            Corners of the zones of the pads, shape (k, 3).
         """
-        least, (middle, radius, turns) = self._config.min_points, curve
+        around, near, (middle, radius, turns), is_behind, is_cut, lower, upper = between
+        least = self._config.min_points
         cosine = np.float32(side) * near.along
         is_beside = near.z > lower[:, 2].take(near.pose)
         faces = is_beside & (cosine > np.float32(_TURNED))
@@ -284,7 +285,6 @@ class PadContacts:
         reaches = out > (upper[:, 0] - np.float32(_ROOM)).take(near.pose)
         farthest = near.greatest(out, -1.0)
         is_last = out > (farthest - np.float32(SAME)).take(near.pose)
-        is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
         for goes_on, left in (
             (reaches, 0.0),
             (is_behind & is_last, 0.0),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray, bounded
 
-__all__ = ["ROOM_ERROR", "SAME", "NearPads"]
+__all__ = ["ROOM_ERROR", "SAME", "SIDES", "NearPads"]
 
 _LEAST_CURVED = 6
 """Fewer points between the fingers don't tell where the hidden side is."""
@@ -26,6 +26,8 @@ _LEAST_RADIUS = 0.005
 _STRIPS = 4
 """The outline of what was seen is told by the farthest point in each of so many strips
 across the fingers."""
+SIDES = (-1.0, 1.0)
+"""Of the closing axis: the thumb's, and the pair's."""
 SAME = 0.01
 """Points whose places along the closing axis differ by less are equally far out [m]."""
 _BLUR = 0.004
@@ -248,7 +250,7 @@ class NearPads:
         straight = self.straightened(np.copysign(askew, high), width)
         middle, radius, _ = straight.curve()
         outline, expected = np.empty((2, 2, self.n_poses))
-        for k, side in enumerate((-1.0, 1.0)):
+        for k, side in enumerate(SIDES):
             outline[k] = straight.greatest(np.float32(side) * straight.x, -1.0)
             hidden = np.fmax(outline[k], side * middle + radius)
             expected[k] = np.where(is_seen[k], outline[k], hidden)

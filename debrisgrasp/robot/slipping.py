@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import hypot
 
@@ -48,7 +48,7 @@ class Slip:
 def slip_of(
     load: Wrench,
     grip: Grip,
-    held_at: Sequence[Vector],
+    held_at: Iterable[Vector],
     friction: float,
     hand: GripperModel,
     config: FakeConfig,
@@ -63,7 +63,7 @@ def slip_of(
     load
         On the body, but for the fingers, in the frame of the hand.
     held_at
-        Where the body leans on others, in that frame [m].
+        Where the body leans on others, in that frame [m]; asked for only if it turns.
     friction
         Of the fingers.
     """

@@ -315,11 +315,11 @@ class Stage:
         if grip.squeeze < _LOOSE or hand.gripper.is_wide_open:
             self._let_go(hand, hold, has_slipped=hold.slipped > _PAST)
             return
-        held_at = [
+        held_at = (
             tuple(((spring.point - hand.p) @ hand.R).tolist())
             for spring in hand.springs
             if spring.owner == HELD
-        ]
+        )
         model = hand.gripper.model
         slip = slip_of(on_body, grip, held_at, self.friction, model, self._config)
         hold.is_slipping = slip is not None
