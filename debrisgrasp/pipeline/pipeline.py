@@ -324,24 +324,31 @@ class Pipeline:
         best, n_tried = BestSoFar(self.config.doubtful, self.config.max_further), 0
         root = np.random.default_rng(seed)
 
-        def search(target: Target, beyond: float, rng: Rng) -> SearchResult:
+        def first_look(target: Target, beyond: float, rng: Rng) -> SearchResult:
             with watch.stage("scene"):
                 scene, obstacles = seen.scene(target), seen.obstacles
-            is_first = best.first_tried is None or best.first_tried is target
-            return planner.plan(
+            return planner.first_look(
                 scene,
                 self.arms,
                 obstacles,
                 rng=rng,
                 watch=watch,
-                mass=mass if is_first else None,  # others weigh something else
+                # Others weigh something else.
+                mass=mass if best.first_tried is None else None,
                 beyond=beyond,
             )
+
+        def search_on() -> None:
+            while not watch.is_late() and best.searched_on():
+                pass
 
         for target in targets:
             (rng,) = root.spawn(1)
             is_enough = n_tried == self.config.max_objects
-            if best.is_sure or (best.is_found and (is_enough or watch.is_late())):
+            is_passed = not best.is_found and not best.is_worth_a_look(target)
+            if best.has_looked or is_enough or is_passed:
+                search_on()
+            if best.is_found and (best.has_looked or is_enough or watch.is_late()):
                 break
             if not best.is_worth_a_look(target):
                 continue
@@ -352,7 +359,8 @@ class Pipeline:
                 best.pass_over(target, reason)
                 continue
             n_tried += 1
-            best.take(search(target, best.worth_beating(target), rng), target)
+            best.take(first_look(target, best.worth_beating(target), rng), target)
+        search_on()
         return best
 
     def _unfit(self, seen: Perception, target: Target) -> str | None:

@@ -1,11 +1,12 @@
-"""Whether to look at further objects, because the first one's grasps are doubtful."""
+"""Which object to grip of those tried, which to look at besides, and where to go on."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
-from debrisgrasp.planning import PassedOver, SearchResult
+from debrisgrasp.planning import SETTLED, PassedOver, SearchResult
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import Segmentation
 
@@ -18,8 +19,28 @@ _BEST = 0.95
 """Hardly any grasp scores higher: where even this would not do, none is sought."""
 
 
+@dataclass(slots=True, eq=False)
+class _Look:
+    """An object, and what came of the search there."""
+
+    target: Target
+    result: SearchResult
+
+    @property
+    def score(self) -> float:
+        """Of the best grasp; 0 without any."""
+        return self.result.grasps[0].score if self.result.grasps else 0.0
+
+    @property
+    def counts(self) -> bool:
+        """Whether there is a grasp, or may be one if the search goes on."""
+        return bool(self.result.grasps) or self.result.further is not None
+
+
 class BestSoFar:
     """The object to grip among those tried, and why the others were passed over.
+
+    A first look at several objects comes before a long one at any.
 
     Parameters
     ----------
@@ -30,74 +51,98 @@ class BestSoFar:
     """
 
     def __init__(self, doubtful: float, further: int) -> None:
-        self.passed_over: list[PassedOver] = []
-        self.result = SearchResult(())
-        self.target: Target | None = None
-        self.tried: list[Target] = []
-        self._doubtful, self._left = doubtful, further
-        self._first: Target | None = None
-        self._worth = 0.0
+        self._doubtful, self._further = doubtful, further
+        self._looks: list[_Look] = []
+        self._unfit: list[tuple[int, PassedOver]] = []
 
     @property
-    def is_found(self) -> bool:
-        """Whether there is a grasp."""
-        return self._first is not None
+    def tried(self) -> list[Target]:
+        """What was searched."""
+        return [look.target for look in self._looks]
 
     @property
     def first_tried(self) -> Target | None:
         """What was searched first."""
-        return self.tried[0] if self.tried else None
+        return self._looks[0].target if self._looks else None
 
     @property
-    def is_sure(self) -> bool:
-        """Whether the search is over: a grasp without doubt, or enough was tried."""
-        return self.is_found and (self._worth >= self._doubtful or self._left <= 0)
+    def result(self) -> SearchResult:
+        """What was found on the best object; on the first, where nothing was found."""
+        best = self._best
+        return SearchResult(()) if best is None else best.result
+
+    @property
+    def target(self) -> Target | None:
+        """The best object; the first one tried, where nothing was found."""
+        best = self._best
+        return None if best is None else best.target
+
+    @property
+    def is_found(self) -> bool:
+        """Whether there is a grasp."""
+        return any(look.result.grasps for look in self._looks)
+
+    @property
+    def has_looked(self) -> bool:
+        """Whether no further object is to be looked at before a longer search.
+
+        There is a grasp without doubt, or enough were looked at.
+        """
+        first = self._first
+        if first is None:
+            return False
+        n_after = len(self._looks) - 1 - self._looks.index(first)
+        return self._most >= self._doubtful or n_after >= self._further
+
+    @property
+    def passed_over(self) -> list[PassedOver]:
+        """Objects that are not the best, and why."""
+        passed, best = [], self._best
+        for n, look in enumerate(self._looks):
+            passed += [one for at, one in self._unfit if at == n]
+            if look is not best or not self.is_found:
+                words = self._why_not(look, best)
+                passed.append(PassedOver(look.target.label, words))
+        return passed + [one for at, one in self._unfit if at == len(self._looks)]
 
     def is_worth_a_look(self, target: Target) -> bool:
         """Whether a good grasp of an object would be worth more than the best so far.
 
         What stands later in the order at a lower cost carries something for certain.
         """
-        if self._first is None:
+        first = self._first
+        if first is None:
             return True
-        gain = math.exp(self._first.cost - target.cost)
-        return gain <= 1.0 and _BEST * gain > self._worth
+        gain = math.exp(first.target.cost - target.cost)
+        return gain <= 1.0 and _BEST * gain > self._most
 
     def worth_beating(self, target: Target) -> float:
         """Score that a grasp of an object must exceed to be the best so far."""
-        if self._first is None:
+        first = self._first
+        if first is None:
             return 0.0
-        return self._worth * math.exp(target.cost - self._first.cost)
+        return self._most * math.exp(target.cost - first.target.cost)
 
     def take(self, result: SearchResult, target: Target) -> None:
-        """Keep the better of what was found and of this."""
-        self.tried.append(target)
-        if not result.grasps:
-            reason = result.why_empty() or ""
-            if self._first is not None and self.target is not None:
-                reason = _no_better(self.target)
-                self._left -= 1
-            self.pass_over(target, reason)
-            if self.target is None:
-                self.result, self.target = result, target
-            return
-        score = result.grasps[0].score
-        if self._first is None:
-            self._first = target
-        else:
-            self._left -= 1
-        # The costs of the order are mostly a probability that something is borne.
-        worth = score * math.exp(self._first.cost - target.cost)
-        if worth > self._worth:
-            if self._worth and self.target is not None:
-                known = self.result.grasps[0].score
-                reason = f"its best grasp is doubtful (score {known:.2f}); object "
-                reason += f"{target.label} has a better one ({score:.2f})"
-                self.pass_over(self.target, reason)
-            self.result, self.target, self._worth = result, target, worth
-        elif self.target is not None:
-            reason = f"{_no_better(self.target)} (score {score:.2f})"
-            self.pass_over(target, reason)
+        """Take note of what was found on an object."""
+        self._looks.append(_Look(target, result))
+
+    def pass_over(self, target: Target, reason: str) -> None:
+        """Note why an object is not searched."""
+        self._unfit.append((len(self._looks), PassedOver(target.label, reason)))
+
+    def searched_on(self) -> bool:
+        """Search on where that promises most; whether there was such an object."""
+        most, best = self._most, self._best
+        if most >= SETTLED:
+            return False
+        looks = [look for look in self._looks if look.result.further is not None]
+        look = max(looks, key=self._promise, default=None)
+        if look is None or look.result.further is None or self._promise(look) < most:
+            return False
+        beyond = 0.0 if look is best else self.worth_beating(look.target)
+        look.result = look.result.further(beyond)
+        return True
 
     def why_empty(
         self, segmentation: Segmentation, hands: Iterable[GripperModel]
@@ -105,9 +150,47 @@ class BestSoFar:
         """Say why a plan with some hands has no grasps."""
         return why_empty(segmentation, self.passed_over, hands)
 
-    def pass_over(self, target: Target, reason: str) -> None:
-        """Note why an object is not the one."""
-        self.passed_over.append(PassedOver(target.label, reason))
+    @property
+    def _first(self) -> _Look | None:
+        """What others are weighed against."""
+        return next((look for look in self._looks if look.counts), None)
+
+    @property
+    def _best(self) -> _Look | None:
+        return max(self._looks, key=self._worth, default=None)
+
+    @property
+    def _most(self) -> float:
+        """What the best grasp is worth."""
+        return max(map(self._worth, self._looks), default=0.0)
+
+    def _worth(self, look: _Look) -> float:
+        """Score of a grasp, less what the object costs more than the first."""
+        return self._discounted(look.score, look)
+
+    def _promise(self, look: _Look) -> float:
+        """Worth of what an object may come to."""
+        return self._discounted(max(look.result.promise, look.score), look)
+
+    def _discounted(self, score: float, look: _Look) -> float:
+        first = self._first
+        if first is None:
+            return score
+        # The costs of the order are mostly a probability that something is borne.
+        return score * math.exp(first.target.cost - look.target.cost)
+
+    def _why_not(self, look: _Look, best: _Look | None) -> str:
+        """Say why another object is better, or why this one is not."""
+        if best is None or not best.result.grasps:
+            return look.result.why_empty() or ""
+        is_later = self._looks.index(look) > self._looks.index(best)
+        if not look.result.grasps:
+            reason = look.result.why_empty() or ""
+            return _no_better(best.target) if is_later else reason
+        if is_later:
+            return f"{_no_better(best.target)} (score {look.score:.2f})"
+        reason = f"its best grasp is doubtful (score {look.score:.2f}); object "
+        return reason + f"{best.target.label} has a better one ({best.score:.2f})"
 
 
 def _no_better(best: Target) -> str:

@@ -4,23 +4,25 @@ from .advice import Advice, Situation
 from .annealing import Schedule
 from .approach import ApproachConfig
 from .clearance import ClearanceConfig
-from .config import PlannerConfig
+from .config import SETTLED, PlannerConfig
 from .inspection import InspectionConfig
 from .ledger import Rejections
 from .load_forecast import LoadForecast
 from .mass import LoadConfig, ObjectMass
 from .obstacles import ObstacleMap
 from .plan import Grasp, GraspPlan, PassedOver, Retreat
-from .planner import GraspPlanner, SearchResult
+from .planner import GraspPlanner
 from .proposals import LocalMove
 from .reach import Arm, ReachAnswer
 from .robustness import PoseUncertainty
 from .scene import GraspScene, SceneConfig
-from .search import Watch
+from .scene_search import Watch
+from .search_result import SearchResult
 from .similarity import SimilarityConfig
 from .success import SUCCESS_TERMS, SuccessForecast, SuccessModel
 
 __all__ = [
+    "SETTLED",
     "SUCCESS_TERMS",
     "Advice",
     "ApproachConfig",

@@ -30,7 +30,7 @@ def test_a_doubtful_search_sets_out_once_more_with_more_walkers(
         set_out.append(args[4].walkers)
         return explore(*args, **kwargs)
 
-    monkeypatch.setattr("debrisgrasp.planning.search.explore", counted)
+    monkeypatch.setattr("debrisgrasp.planning.scene_search.explore", counted)
     scores = [
         floating.plan(pipe_capture, mass=mass).plan.grasps[0].score
         for mass in (1.0, 12.0)
@@ -45,17 +45,17 @@ def test_progress_of_a_search_never_goes_back(floating, pipe_capture):
     floating.plan(
         pipe_capture, mass=12.0, progress=lambda *step: told.append(step)
     )  # it is doubtful, and explores once more
-    begun = told.index(("search", 0.0)) + 1
-    ended = told.index(("search", 1.0), begun + SWEEPS)
     for name in ("search", "wider search"):
-        shares = [share for stage, share in told[begun:ended] if stage == name]
-        assert len(shares) == SWEEPS
+        first = told.index((name, 0.0))
+        shares = [share for stage, share in told[first:] if stage == name]
+        assert len(shares) == SWEEPS + 2  # begun, after every sweep, done
         assert shares == sorted(shares)
         assert shares[-1] == 1.0
+    assert told.index(("search", 1.0)) < told.index(("wider search", 0.0))
 
 
 def test_what_is_hopeless_is_not_searched_on(floating, pipe_capture, monkeypatch):
-    monkeypatch.setattr("debrisgrasp.planning.search._HOPELESS", 1.0)
+    monkeypatch.setattr("debrisgrasp.planning.scene_search._HOPELESS", 1.0)
     stages = set()
     floating.plan(pipe_capture, mass=12.0, progress=lambda stage, _: stages.add(stage))
     assert "search" in stages

@@ -21,14 +21,25 @@ def target(label: int, cost: float = 0.0) -> Target:
     return Target(label, BOX, np.ones(1, dtype=bool), cost)
 
 
-def found(score: float) -> SearchResult:
-    return SearchResult((SimpleNamespace(score=score),))
+def found(score: float, **kwargs) -> SearchResult:
+    return SearchResult((SimpleNamespace(score=score),), **kwargs)
+
+
+def promising(promise: float, *later: SearchResult, told=None) -> SearchResult:
+    """A search without a grasp that goes on to other results, one after the other."""
+
+    def further(beyond: float) -> SearchResult:
+        if told is not None:
+            told.append(beyond)
+        return later[0]
+
+    return SearchResult((), promise=promise, further=further)
 
 
 def test_a_sure_first_grasp_ends_the_search():
     best = BestSoFar(0.25, 2)
     best.take(found(0.3), target(1))
-    assert best.is_sure
+    assert best.has_looked
     assert (best.target.label, best.passed_over) == (1, [])
 
 
@@ -36,9 +47,9 @@ def test_a_doubtful_one_gives_way_to_a_better_one_and_says_so():
     best = BestSoFar(0.25, 2)
     best.take(found(0.1), target(1))
     assert best.is_found
-    assert not best.is_sure
+    assert not best.has_looked
     best.take(found(0.3), target(2, 0.1))
-    assert best.is_sure
+    assert best.has_looked
     assert best.target.label == 2
     (passed,) = best.passed_over
     assert passed.label == 1
@@ -49,7 +60,7 @@ def test_a_doubtful_one_stays_where_nothing_is_better():
     best = BestSoFar(0.25, 1)
     best.take(found(0.2), target(1))
     best.take(found(0.15), target(2))
-    assert best.is_sure
+    assert best.has_looked
     assert best.target.label == 1
     (passed,) = best.passed_over
     assert passed.label == 2
@@ -72,7 +83,7 @@ def test_a_further_object_where_nothing_is_better_says_so_too():
     best = BestSoFar(0.7, 1)
     best.take(found(0.6), target(1))
     best.take(SearchResult((), {"no arm gets there": 3}), target(2))
-    assert best.is_sure
+    assert best.has_looked
     (passed,) = best.passed_over
     assert "object 1 is doubtful, but no better" in passed.reason
 
@@ -103,8 +114,78 @@ def test_objects_without_any_grasp_are_counted_as_tries_only_after_the_first():
     best.take(found(0.1), target(3))
     assert best.target.label == 3
     best.take(SearchResult(()), target(4))
-    assert best.is_sure
+    assert best.has_looked
     assert [passed.label for passed in best.passed_over] == [1, 2, 4]
+
+
+def test_a_first_look_at_others_comes_before_a_longer_search():
+    best = BestSoFar(0.9, 2)
+    best.take(promising(0.3, found(0.5)), target(1))
+    assert not best.is_found
+    assert not best.has_looked
+    best.take(found(0.92), target(2, 0.01))
+    assert best.has_looked
+    assert not best.searched_on()  # the second one needs no help
+    assert best.target.label == 2
+    (passed,) = best.passed_over
+    assert passed.label == 1
+
+
+def test_the_search_goes_on_where_it_promises_most():
+    told = []
+    best = BestSoFar(0.9, 2)
+    best.take(promising(0.3, found(0.5), told=told), target(1))
+    best.take(promising(0.4, SearchResult(()), told=told), target(2))
+    best.take(promising(0.4, found(0.7)), target(3, 0.5))  # it costs more
+    assert best.has_looked
+    assert not best.is_found
+    assert best.searched_on()
+    assert not best.is_found  # the second object came to nothing
+    assert best.searched_on()
+    assert (best.target.label, best.result.grasps[0].score) == (1, 0.5)
+    assert told == [0.0, 0.0]
+    assert not best.searched_on()  # what the third promises is less than that
+    assert {passed.label for passed in best.passed_over} == {2, 3}
+
+
+def test_a_doubtful_grasp_is_searched_on_before_it_is_offered():
+    told = []
+
+    def further(beyond: float) -> SearchResult:
+        told.append(beyond)
+        return found(0.85)
+
+    best = BestSoFar(0.9, 1)
+    best.take(found(0.6, promise=0.6, further=further), target(1))
+    best.take(found(0.5), target(2))
+    assert best.searched_on()
+    assert told == [0.0]
+    assert (best.target.label, best.result.grasps[0].score) == (1, 0.85)
+    assert not best.searched_on()
+
+
+def test_another_object_is_searched_on_for_what_is_better_than_the_best():
+    told = []
+
+    def further(beyond: float) -> SearchResult:
+        told.append(beyond)
+        return SearchResult(())
+
+    best = BestSoFar(0.9, 1)
+    best.take(found(0.5), target(1))
+    best.take(found(0.4, promise=0.7, further=further), target(2, 0.1))
+    assert best.searched_on()
+    assert told == [pytest.approx(0.5 * np.exp(0.1))]
+    assert best.target.label == 1
+    assert not best.searched_on()
+
+
+def test_what_carries_something_waits_until_the_others_came_to_nothing():
+    best = BestSoFar(0.9, 2)
+    best.take(promising(0.3, SearchResult(())), target(1, 0.5))
+    assert not best.is_worth_a_look(target(2, 0.1))
+    assert best.searched_on()
+    assert best.is_worth_a_look(target(2, 0.1))
 
 
 @given(st.lists(st.floats(0.01, 1.0), min_size=1, max_size=6))

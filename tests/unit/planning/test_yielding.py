@@ -199,7 +199,7 @@ def test_the_hand_turned_by_half_is_offered_where_the_better_one_is_stiff(planne
         stiff, T_base_hand=stiff.T_base_hand @ turn, score=0.8, joints={"j": 1.0}
     )
     rng = np.random.default_rng(0)
-    both = Offers([Arm("left")], planner._chosen, approached, lambda _: {}, rng=rng)
+    both = Offers([Arm("left")], planner._ranking._chosen, approached, lambda _: {}, rng=rng)
     both.take([stiff, turned])
     assert [one.score for one in both.offered] == [0.8]
     assert [one.score for one in both.left_out] == [0.9]
@@ -229,7 +229,7 @@ def test_what_is_overloaded_for_certain_comes_after_what_is_not(planner):
             loaded(0.5, 1.3, mass),
             loaded(0.4, 0.9, mass),
         )
-        return [offered[row].score for row in planner._chosen(offered)]
+        return [offered[row].score for row in planner._ranking._chosen(offered)]
 
     assert scores((12.0, 12.0)) == [0.5, 0.6, 0.4]
     # Of a mass that is guessed, the score is all that is known.
@@ -272,7 +272,7 @@ def test_what_is_overloaded_is_eased_where_nothing_else_is():
 
 def test_those_left_out_are_counted_with_their_reason(planner):
     ledger = Ledger()
-    planner._note_stiff(given([0.5, 0.2, 0.1]), ledger)
+    planner._ranking._note_stiff(given([0.5, 0.2, 0.1]), ledger)
     assert ledger.closed().counts() == {
         "left arm: no room to give way to a push": 2,
         "right arm: no room to give way to a push": 1,
