@@ -199,7 +199,9 @@ def test_the_hand_turned_by_half_is_offered_where_the_better_one_is_stiff(planne
         stiff, T_base_hand=stiff.T_base_hand @ turn, score=0.8, joints={"j": 1.0}
     )
     rng = np.random.default_rng(0)
-    both = Offers([Arm("left")], planner._ranking._chosen, approached, lambda _: {}, rng=rng)
+    both = Offers(
+        [Arm("left")], planner._ranking._chosen, approached, lambda _: {}, rng=rng
+    )
     both.take([stiff, turned])
     assert [one.score for one in both.offered] == [0.8]
     assert [one.score for one in both.left_out] == [0.9]
