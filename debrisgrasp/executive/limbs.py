@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def limbs_of(
     ------
     UnknownNameError, InputError
         If an arm is not the robot's, has no drop-off beside the robot and within its
-        reach, or no posture of the name at which it is to rest.
+        reach, or that of another arm, or no posture of the name at which it is to rest.
     """
     names = settings.arms or tuple(robot.limbs)
     for name in names:
@@ -77,7 +78,29 @@ def limbs_of(
             commissioned_bias=np.array(limb.loads.bias),
             is_own_joint=_own_joints(robot, name),
         )
+    for one, other in combinations(limbs.values(), 2):
+        _require_uncrossed(one, other, settings)
     return limbs
+
+
+def _require_uncrossed(
+    one: LimbState, other: LimbState, settings: TaskSettings
+) -> None:
+    """Raise `InputError` if two arms have each the place that is the other's."""
+    hands = [limb.pose(limb.reach.q_present).p[:2] for limb in (one, other)]
+    places = [np.array(settings.drop_off[limb.name]) for limb in (one, other)]
+
+    def far(hand: int, place: int) -> float:
+        return float(np.linalg.norm(hands[hand] - places[place]))
+
+    if far(0, 0) > far(0, 1) and far(1, 1) > far(1, 0):
+        raise InputError(
+            f"drop-off of the {arm_called(one.name)}",
+            got=f"({places[0][0]:g}, {places[0][1]:g}), beside the "
+            f"{arm_called(other.name)}, whose own is beside the {arm_called(one.name)}",
+            expected="the places the other way round",
+            mend="Swap the two: arms that reach across each other get in their way.",
+        )
 
 
 def _own_joints(robot: Robot, name: str) -> BoolArray:

@@ -41,8 +41,11 @@ class Slip:
     """About which it turns [m] ..."""
     turn: Rotation
     """... by this."""
-    distance: float
-    """Length of the way [m]."""
+
+    @property
+    def distance(self) -> float:
+        """Length of the way [m]."""
+        return norm(self.way)
 
 
 def slip_of(
@@ -88,7 +91,7 @@ def slip_of(
         angle = min(most, excess / stiffness) if stiffness > excess / most else most
         turn = added(turn, axis, angle)
     way = (0.0, step * aside / size, step * out / size)
-    return Slip(way, centre, exp3(turn), step)
+    return Slip(way, centre, exp3(turn))
 
 
 def _mean(points: Sequence[Vector]) -> Vector:

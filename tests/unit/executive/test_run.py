@@ -197,6 +197,18 @@ def test_a_drop_off_where_the_robot_stands_is_refused(fake, pipeline):
         Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
+def test_drop_offs_the_wrong_way_round_are_refused(fake, pipeline):
+    usual = TaskSettings().drop_off
+    crossed = {"left": usual["right"], "right": usual["left"]}
+    with pytest.raises(InputError, match=r"beside the left arm.*Swap the two"):
+        Executive(
+            fake.robot,
+            TaskSettings(drop_off=crossed),
+            pipeline=pipeline,
+            rng=np.random.default_rng(0),
+        )
+
+
 def test_a_drop_off_out_of_reach_is_refused_with_the_place(fake, pipeline):
     settings = TaskSettings(drop_off={"right": (-2.0, -2.0), "left": (0.25, 0.75)})
     with pytest.raises(InputError, match=r"right arm: got \(-2, -2\)"):
