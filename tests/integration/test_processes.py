@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import multiprocessing
 import pickle
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
@@ -35,3 +39,20 @@ def test_an_error_in_a_worker_process_arrives_as_it_is():
         with pytest.raises(UnknownNameError, match="no_such_robot") as caught:
             task.result(timeout=120.0)
     assert "roman" in caught.value.known
+
+
+def test_a_service_that_is_ended_ends_as_by_ctrl_c(tmp_path):
+    out = tmp_path / "campaign"
+    command = [sys.executable, "-m", "debrisgrasp", "campaign", "--n", "99"]
+    process = subprocess.Popen(
+        [*command, "--workers", "1", "--out", out], stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 120.0
+    while not list(out.glob("runs/*.json")) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGTERM)
+    _, told = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert told.splitlines()[-1].startswith("interrupted: ")
+    assert "Traceback" not in told
+    assert "semaphore" not in told
