@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control._rigid import Vector
 from debrisgrasp.prototypes import GripperModel
 
 from .shapes import BodyShape
@@ -76,6 +77,8 @@ class Hold:
     is_slipping: bool = False
     slipped: float = 0.0
     """How far it has slipped since it was gripped [m]."""
+    turn: Vector = (0.0, 0.0, 0.0)
+    """By which it turned in the fingers in the last period, frame of the hand [rad]."""
 
     def load(self, wanted: Mapping[int, float], way: float, share: float) -> None:
         """Let weights (body: [N]) come on, and go.

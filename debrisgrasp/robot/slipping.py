@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import hypot
+from typing import NamedTuple
 
 from debrisgrasp.control._rigid import (
     Rotation,
@@ -20,12 +21,15 @@ from debrisgrasp.prototypes import GripperModel
 from .config import FakeConfig
 from .holding import Grip
 
-__all__ = ["Slip", "slip_of"]
+__all__ = ["Leaning", "Slip", "slip_of"]
 
 _SPEED = 0.05
-"""At which a body slips out of fingers that hold it too weakly [m/s] ..."""
+"""At which a body slips out of fingers that hold it too weakly, and no part of it gets
+anywhere faster as it turns in them [m/s] ..."""
 _TURN_SPEED = 0.25
-"""... and at which it turns in them [rad/s]."""
+"""... but out of what bends it [rad/s]."""
+_FASTER = 2.0
+"""A turn that eases it may be so many times the last one."""
 _LEVER = 0.05
 """Contacts of fingers lie so far apart: a body that they keep with a force they keep
 from turning with that force at this lever [m]."""
@@ -39,8 +43,13 @@ class Slip:
     """[m]."""
     centre: Vector
     """About which it turns [m] ..."""
-    turn: Rotation
-    """... by this."""
+    turn: Vector
+    """... by this rotation vector [rad]."""
+
+    @property
+    def rotation(self) -> Rotation:
+        """The turn as a matrix."""
+        return exp3(self.turn)
 
     @property
     def distance(self) -> float:
@@ -48,10 +57,21 @@ class Slip:
         return norm(self.way)
 
 
+class Leaning(NamedTuple):
+    """How a body in the fingers leans on others, frame of the hand."""
+
+    points: Iterable[Vector]
+    """Where [m]; asked for only if it turns."""
+    reach: float
+    """Of the body from the hand [m]."""
+    turn: Vector
+    """By which it turned in the period before [rad]."""
+
+
 def slip_of(
     load: Wrench,
     grip: Grip,
-    held_at: Iterable[Vector],
+    leaning: Leaning,
     friction: float,
     hand: GripperModel,
     config: FakeConfig,
@@ -59,14 +79,13 @@ def slip_of(
     """Motion of a body whose load is more than friction keeps; None if it stays.
 
     It goes where it is pushed, and turns the way it is bent, until what is left is
-    what the fingers keep; no farther, since what it leans on would push it back.
+    what the fingers keep; no farther, since what it leans on would push it back, and
+    slowly at first: it must not strike what it does not lean on yet.
 
     Parameters
     ----------
     load
         On the body, but for the fingers, in the frame of the hand.
-    held_at
-        Where the body leans on others, in that frame [m]; asked for only if it turns.
     friction
         Of the fingers.
     """
@@ -84,14 +103,18 @@ def slip_of(
     turn: Vector = (0.0, 0.0, 0.0)
     if bent > kept * _LEVER:
         axis = added(turn, moment, 1.0 / bent)
-        arms = [norm(cross(axis, added(point, centre, -1.0))) for point in held_at]
-        most = _TURN_SPEED * config.period
+        arms = [norm(cross(axis, added(p, centre, -1.0))) for p in leaning.points]
         stiffness = config.stiffness * sum(arm * arm for arm in arms)
+        most = _SPEED * config.period / max(leaning.reach, _LEVER)
+        if stiffness > 0.0:
+            along = sum(a * b for a, b in zip(leaning.turn, axis, strict=True))
+            most = max(most, _FASTER * along)
+        most = min(most, _TURN_SPEED * config.period)
         excess = bent - kept * _LEVER
         angle = min(most, excess / stiffness) if stiffness > excess / most else most
         turn = added(turn, axis, angle)
     way = (0.0, step * aside / size, step * out / size)
-    return Slip(way, centre, exp3(turn))
+    return Slip(way, centre, turn)
 
 
 def _mean(points: Sequence[Vector]) -> Vector:

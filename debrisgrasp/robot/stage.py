@@ -31,7 +31,7 @@ from .links import LinkSpheres
 from .pushing import Pushes
 from .rubble import Rubble
 from .settling import HandState, Settling
-from .slipping import slip_of
+from .slipping import Leaning, slip_of
 from .springs import GROUND, HELD, PALM, Spring
 from .touch import Touch
 
@@ -315,22 +315,27 @@ class Stage:
         if grip.squeeze < _LOOSE or hand.gripper.is_wide_open:
             self._let_go(hand, hold, has_slipped=hold.slipped > _PAST)
             return
-        held_at = (
-            tuple(((spring.point - hand.p) @ hand.R).tolist())
-            for spring in hand.springs
-            if spring.owner == HELD
+        shape, model = self._rubble.shapes[hold.index], hand.gripper.model
+        leaning = Leaning(
+            (
+                tuple(((spring.point - hand.p) @ hand.R).tolist())
+                for spring in hand.springs
+                if spring.owner == HELD
+            ),
+            dist(shape.middle, hand.p) + shape.radius,
+            hold.turn,
         )
-        model = hand.gripper.model
-        slip = slip_of(on_body, grip, held_at, self.friction, model, self._config)
+        slip = slip_of(on_body, grip, leaning, self.friction, model, self._config)
         hold.is_slipping = slip is not None
+        hold.turn = (0.0, 0.0, 0.0) if slip is None else slip.turn
         if slip is None:
             return
-        turn = np.reshape(slip.turn, (3, 3))
+        turn = np.reshape(slip.rotation, (3, 3))
         hold.R = turn @ hold.R
         hold.p = turn @ (hold.p - slip.centre) + slip.centre + slip.way
         n_before = hold.slipped // _SLIP_CHECK
         hold.slipped += slip.distance
-        hand.touch.hold(hold.index, self._rubble.shapes[hold.index], hold.R, hold.p)
+        hand.touch.hold(hold.index, shape, hold.R, hold.p)
         is_due = hold.slipped // _SLIP_CHECK > n_before
         if is_due and not is_enclosed(*grip.sides, self.friction):
             self._let_go(hand, hold, has_slipped=True)

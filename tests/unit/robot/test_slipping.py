@@ -11,7 +11,7 @@ from debrisgrasp.control import GripCommand
 from debrisgrasp.geometry import so3
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.holding import Grip
-from debrisgrasp.robot.slipping import slip_of
+from debrisgrasp.robot.slipping import Leaning, slip_of
 from debrisgrasp.robot.springs import Spring
 from tests.unit.robot.rigs import GRIPPERS, PERIOD, Rig, beam
 
@@ -36,9 +36,9 @@ def grip_of(squeeze: float) -> Grip:
     return Grip(contacts, sides, squeeze, 0.0, [squeeze, squeeze, 0.0])
 
 
-def slipped(force, moment, squeeze, held_at):
-    load = (*force, *moment)
-    return slip_of(load, grip_of(squeeze), held_at, FRICTION, HAND, CONFIG)
+def slipped(force, moment, squeeze, held_at, *, before=(0.0, 0.0, 0.0)):
+    load, leaning = (*force, *moment), Leaning(held_at, 1.0, before)
+    return slip_of(load, grip_of(squeeze), leaning, FRICTION, HAND, CONFIG)
 
 
 @given(forces, moments, st.floats(0.5, 60.0), places)
@@ -56,7 +56,7 @@ def test_what_friction_keeps_stays_and_all_else_gives_way(
     assert np.dot(slip.way, force) >= 0.0
     # It never goes past where friction would hold it.
     assert slip.distance * CONFIG.stiffness <= aside - kept + 1e-6
-    turn = so3.log(np.reshape(slip.turn, (3, 3)))
+    turn = np.array(slip.turn)
     angle = float(np.linalg.norm(turn))
     bent = np.array(moment) - np.cross(CENTRE, force)
     assert turn @ bent >= -1e-12
@@ -66,14 +66,25 @@ def test_what_friction_keeps_stays_and_all_else_gives_way(
         assert eased <= np.linalg.norm(bent) * (1.0 + 1e-6) + 1e-6
 
 
+FAR = [(0.0, 0.5, 0.1)]
+BENT = ((0.0, 0.0, 60.0), (8.0, 0.0, 0.0), 10.0)
+"""Force, moment and squeeze of a body that leans far out."""
+
+
 def test_what_leans_far_out_turns_until_the_fingers_keep_the_rest():
-    far = (0.0, 0.5, 0.1)
-    slip = slipped((0.0, 0.0, 60.0), (8.0, 0.0, 0.0), 10.0, [far])
+    slip = slipped(*BENT, FAR, before=(1e-3, 0.0, 0.0))
     bent = 8.0 - CENTRE[1] * 60.0
     excess = bent - 2.0 * FRICTION * 10.0 * 0.05
     expected = excess / (CONFIG.stiffness * (0.5 - CENTRE[1]) ** 2)
-    turn = so3.log(np.reshape(slip.turn, (3, 3)))
-    assert turn == pytest.approx([expected, 0.0, 0.0], rel=1e-3)
+    assert slip.turn == pytest.approx([expected, 0.0, 0.0], rel=1e-3)
+
+
+@pytest.mark.parametrize("before", [(0.0, 0.0, 0.0), (-1e-3, 0.0, 0.0)])
+@pytest.mark.parametrize("points", [[], FAR], ids=["free", "leaning"])
+def test_what_begins_to_turn_strikes_nothing(points, before):
+    """Nothing of it gets farther than what slips does."""
+    turn = np.linalg.norm(slipped(*BENT, points, before=before).turn)
+    assert 0.0 < turn * 1.0 <= 0.05 * CONFIG.period * (1.0 + 1e-9)
 
 
 def test_a_bar_that_leans_on_another_turns_in_a_grip_that_eases():
