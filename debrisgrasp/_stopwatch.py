@@ -19,6 +19,8 @@ class Stopwatch:
         self, deadline: float | None, progress: Progress | None = None
     ) -> None:
         self.seconds: dict[str, float] = {}
+        self.has_cut = False
+        """Whether anybody who asked was told that it is late."""
         self._start = time.monotonic()
         self._deadline = deadline
         self._progress = progress or (lambda _stage, _share: None)
@@ -46,4 +48,6 @@ class Stopwatch:
     def is_late(self) -> bool:
         """Whether the deadline has passed."""
         left = self.left()
-        return left is not None and left < 0
+        is_late = left is not None and left < 0
+        self.has_cut |= is_late
+        return is_late

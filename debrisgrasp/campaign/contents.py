@@ -8,9 +8,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from debrisgrasp._files import read_json
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.settings import Settings
+
+from .header import CONTENTS, read_header
 
 __all__ = ["contents_of_site", "digest", "edited", "edited_since"]
 
@@ -39,8 +40,7 @@ def edited_since(folder: str | os.PathLike[str], spec: Mapping[str, Any]) -> lis
     header = Path(folder) / "campaign.json"
     if spec.get("site") is None or not header.is_file():
         return []
-    content = read_json(header)
-    kept = content.get("contents", {}) if isinstance(content, dict) else {}
+    kept = read_header(header).get(CONTENTS, {})
     now = contents_of_site(spec["site"])
     return edited(kept, {**kept, **now}) if kept else []
 

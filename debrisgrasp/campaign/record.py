@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from debrisgrasp import __version__
+from debrisgrasp._arrays import require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp._files import read_json
 from debrisgrasp.control import FaultClass
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.executive import STAGES
 
 __all__ = [
@@ -52,6 +54,7 @@ STAGE_ORDER = tuple(stage.value for stage in STAGES)
 """Stages of a removal, first to last."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRecord:
     """One run, as its file keeps it.
@@ -114,6 +117,8 @@ class RunRecord:
                 got=f"{self.failed_stage!r} with outcome {self.outcome!r}",
                 expected="none after a success, else one of " + ", ".join(STAGE_ORDER),
             )
+        for name in ("n_objects", "n_removed", "seconds"):
+            require_range(f"{name} of run {self.name}", getattr(self, name), 0)
         for name, count in self.checks.items():
             if name not in CHECKS:
                 raise ConfigError(
@@ -165,37 +170,17 @@ class RunRecord:
         try:
             values = {name: content[name] for name in names if name not in _ADDED}
             values |= {name: content.get(name, none) for name, none in _ADDED.items()}
-            for name in ("reached", "faults", "injected"):
-                values[name] = tuple(values[name])
-            _require_kinds(values, where)
             return RunRecord(**values)
         except (KeyError, TypeError) as error:
             raise ConfigError(
                 where, got=f"{type(error).__name__} {error}", expected=f"a {_SCHEMA}"
+            ) from error
+        except InputError as error:
+            raise ConfigError(
+                f"{where}, {error.what}", got=error.got, expected=error.expected
             ) from error
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> RunRecord:
         """Read a record's file, or raise `ConfigError`."""
         return RunRecord.from_json(read_json(path), str(Path(path)))
-
-
-def _require_kinds(values: Mapping[str, Any], where: str) -> None:
-    """Raise `ConfigError` unless the fields that are counted can be counted."""
-    kinds = {
-        "name": str,
-        "n_objects": int,
-        "n_removed": int,
-        "seconds": (int, float),
-        "checks": Mapping,
-        "spec": Mapping,
-    }
-    for name, kind in kinds.items():
-        value = values[name]
-        is_negative = isinstance(value, int | float) and value < 0
-        if not isinstance(value, kind) or is_negative:  # type: ignore[arg-type]
-            raise ConfigError(
-                f"{where}, {name}",
-                got=repr(value),
-                expected="what a campaign writes there",
-            )

@@ -16,6 +16,7 @@ from debrisgrasp.errors import ConfigError
 
 from .accounting import Comparison, Share, Stage, Tables, system_reliability
 from .flights import FlightGroup, flight_of, grouped
+from .header import CONTENTS, RUNS, read_header
 from .record import CHECKS, RunRecord
 from .runner import load_records
 
@@ -75,15 +76,16 @@ def load_header(path: str | os.PathLike[str]) -> dict[str, Any]:
     ``runs`` counts those that were asked for. What an older file lacks is left out.
     """
     place = Path(path)
-    content = read_json(place / "campaign.json" if place.is_dir() else place)
+    is_folder = place.is_dir()
+    content = read_header(place / "campaign.json") if is_folder else read_json(place)
     header = content
-    if isinstance(content, dict) and not place.is_dir():
+    if isinstance(content, dict) and not is_folder:
         header = content.get("campaign")
     if not isinstance(header, dict):
         return {}
-    known = {k: v for k, v in header.items() if k not in ("schema", "contents")}
-    runs = content.get("runs")
-    return {**known, "runs": len(runs)} if isinstance(runs, list) else known
+    known = {k: v for k, v in header.items() if k not in ("schema", CONTENTS)}
+    runs = content.get(RUNS)
+    return {**known, RUNS: len(runs)} if isinstance(runs, list) else known
 
 
 def load_results(path: str | os.PathLike[str]) -> tuple[RunRecord, ...]:

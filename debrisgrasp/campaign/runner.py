@@ -20,6 +20,7 @@ from debrisgrasp._files import read_json, write_atomic
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 
 from .contents import edited
+from .header import CONTENTS, RUNS, SCHEMA, read_header
 from .record import RunRecord
 from .workers import Crew, LocalWorkers, Workers
 
@@ -27,8 +28,6 @@ __all__ = ["Campaign", "Progress", "RunFunction", "Spec", "guarded", "load_recor
 
 _LIVES = 2
 """A run that ends its worker so many times, alone on it, is recorded as such."""
-_SCHEMA = "debrisgrasp/campaign/1"
-_CONTENTS, _RUNS = "contents", "runs"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 
 
@@ -155,16 +154,23 @@ class Campaign:
         return self.folder / "runs" / f"{name}.json"
 
     def _full_header(self) -> Any:
-        return _as_read({"schema": _SCHEMA, **self.header, _CONTENTS: self.contents})
+        return _as_read({"schema": SCHEMA, **self.header, CONTENTS: self.contents})
 
     def _refuse_other_campaign(self) -> None:
         path, header = self.folder / "campaign.json", self._full_header()
-        if path.exists() and (found := _difference(read_json(path), header)):
+        if path.exists() and (found := _difference(read_header(path), header)):
             raise InputError(
                 f"campaign in {self.folder}",
                 got=found,
                 expected="an empty folder, or the same campaign to go on with",
                 mend="Give another folder.",
+            )
+        if not path.exists() and any((self.folder / "runs").glob("*.json")):
+            raise InputError(
+                f"campaign in {self.folder}",
+                got="records of runs, but no campaign.json that says of what",
+                expected="an empty folder, or a campaign to go on with",
+                mend="Put the file back, or give another folder.",
             )
         if (self.folder / "events.jsonl").exists():
             raise InputError(
@@ -180,7 +186,7 @@ class Campaign:
             (self.folder / "runs").mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(self.folder, error.strerror or str(error)) from error
-        content = {**self._full_header(), _RUNS: [spec.name for spec in self.specs]}
+        content = {**self._full_header(), RUNS: [spec.name for spec in self.specs]}
         if not path.exists() or read_json(path) != content:
             write_atomic(path, json.dumps(content, indent=1) + "\n")
 
@@ -240,12 +246,10 @@ def load_records(folder: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
         If the folder holds no campaign.
     """
     place = Path(folder)
-    header = read_json(place / "campaign.json")
-    if not isinstance(header, dict) or header.get("schema") != _SCHEMA:
-        raise ConfigError(str(place), got="another folder", expected="a campaign's")
+    header = read_header(place / "campaign.json")
     records = []
     paths = sorted((place / "runs").glob("*.json"))
-    names = set(header.get(_RUNS, [path.stem for path in paths]))  # none in older ones
+    names = set(header.get(RUNS, [path.stem for path in paths]))  # none in older ones
     for path in paths:
         if path.stem not in names:
             continue
@@ -294,8 +298,8 @@ def _as_read(content: Mapping[str, Any]) -> Any:
 def _difference(there: Any, wanted: Mapping[str, Any]) -> str:
     if not isinstance(there, dict):
         return "another file"
-    before, now = (content.get(_CONTENTS, {}) for content in (there, wanted))
-    names = sorted((there.keys() | wanted.keys()) - {_CONTENTS, _RUNS})
+    before, now = (content.get(CONTENTS, {}) for content in (there, wanted))
+    names = sorted((there.keys() | wanted.keys()) - {CONTENTS, RUNS})
     words = [
         f"{name} {there.get(name)!r} instead of {wanted.get(name)!r}"
         for name in names

@@ -183,12 +183,15 @@ def _context() -> Any:
 
 
 def _serve(context: Any) -> None:
-    """Start the server of processes, out of reach of Ctrl-C, as all that it starts."""
+    """Start the server of processes, out of reach of Ctrl-C, as all that it starts.
+
+    Also of a SIGTERM, which services send to a whole group: the parent ends them.
+    """
     if context.get_start_method() != "forkserver":
         return
     # The tracker lets Ctrl-C through again once it has been started.
     resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         forkserver.ensure_running()
     finally:

@@ -6,7 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
-from debrisgrasp._words import counted
+from debrisgrasp._words import arm_called, counted
 from debrisgrasp.errors import OutputError
 from debrisgrasp.settings import Settings
 
@@ -204,6 +204,9 @@ def _summary(done: Simulated) -> str:
     result = done.result
     lines = [f"left: {name}: {reason}" for name, reason in result.left.items()]
     lines += [f"NOT STOPPED: {words}" for words in result.silent]
+    if result.holding is not None:
+        words = f"the hand of the {arm_called(result.holding)} still holds something"
+        lines.append(f"STILL HELD: {words}; support it before the hand is opened")
     if done.missed:
         missed = ", ".join(done.missed)
         lines.append(f"not injected, for it never came to that: {missed}")

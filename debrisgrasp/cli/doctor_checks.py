@@ -16,7 +16,11 @@ import debrisgrasp
 from debrisgrasp._files import data_path, write_atomic
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DebrisGraspError, InputError
-from debrisgrasp.executive import TaskSettings, require_drop_off
+from debrisgrasp.executive import (
+    TaskSettings,
+    require_drop_off,
+    require_own_sides,
+)
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
@@ -197,6 +201,7 @@ def site(settings: Settings) -> Iterator[Finding]:
     arms_in_use = {arm.name: arm for arm in pipeline.arms}
     for arm_name, place in settings.drop_off.items():
         yield _drop_off(arm_name, place, arms_in_use)
+    yield from _sides(settings, arms_in_use)
     if robot is not None:
         for arm in pipeline.arms:
             limits = robot.limits(arm.name).controller
@@ -228,6 +233,17 @@ def _camera(settings: Settings) -> Iterator[Finding]:
         )
     else:
         yield Finding("camera", "ok", text)
+
+
+def _sides(settings: Settings, arms: Mapping[str, ArmReach]) -> Iterator[Finding]:
+    """Tell if an arm is to put things down beside another one."""
+    if not settings.drop_off:
+        return
+    try:
+        require_own_sides(arms, {**TaskSettings().drop_off, **settings.drop_off})
+    except InputError as error:
+        text = f"{error.got}; expected {error.expected}. {error.mend}"
+        yield Finding(error.what, "fault", text)
 
 
 def _drop_off(

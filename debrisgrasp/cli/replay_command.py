@@ -100,6 +100,7 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
     before = _begun(arguments.run_record)
     lacking = {str(arguments.run_record): before.missing}
     apart: list[str] = []
+    other = None
     if arguments.against:
         other = _begun(arguments.against)
         events, by = other.events, _made_by(other.inputs)
@@ -109,7 +110,7 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
     else:
         events, by = _done_again(before), version()
     versions = {"before": _made_by(before.inputs), "now": by}
-    taken, events = _comparable(before, events)
+    taken, events = _comparable(before, events, other)
     found = differences(taken, events)
     if arguments.json:
         facts = {
@@ -119,7 +120,7 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
             "versions": versions,
             "tasks": apart,
         }
-        if arguments.against:
+        if other is not None:
             facts["missing_against"] = other.missing
         print(json.dumps({**facts, "differences": [str(d) for d in found]}))
     else:
@@ -149,20 +150,29 @@ def _done_again(run: StoredRun) -> list[dict[str, Any]]:
 
 
 def _comparable(
-    run: StoredRun, events: Sequence[Mapping[str, Any]]
+    run: StoredRun, events: Sequence[Mapping[str, Any]], other: StoredRun | None
 ) -> tuple[Sequence[Mapping[str, Any]], Sequence[Mapping[str, Any]]]:
-    """Decisions of a run, and of another's events those that it got to."""
+    """Decisions of a run, and of another's events, as far as both got.
+
+    Parameters
+    ----------
+    other
+        Whose events these are; None: they were not stored.
+    """
     from debrisgrasp.executive.replay import decisions
 
-    taken = decisions(run.events)
-    is_interrupted = run.end is not None and run.end.get("end") == "interrupted"
-    if is_interrupted:
-        # What followed came of the interruption, which is no decision.
-        stops = [i for i, event in enumerate(taken) if event["event"] == "stop"]
-        taken = taken[: stops[-1]] if stops else taken
-    if is_interrupted or not run.is_whole:
-        events = decisions(events)[: len(taken)]
-    return taken, events
+    taken, now = decisions(run.events), decisions(events)
+    for stored, mine in ((run, taken), (other, now)):
+        if stored is None:
+            continue
+        if stored.end is not None and stored.end.get("end") == "interrupted":
+            # What followed came of the interruption, which is no decision.
+            stops = [i for i, event in enumerate(mine) if event["event"] == "stop"]
+            del mine[stops[-1] if stops else len(mine) :]
+        elif stored.is_whole:
+            continue
+        del taken[len(mine) :], now[len(mine) :]
+    return taken, now
 
 
 def _begun(folder: Path) -> StoredRun:
@@ -172,7 +182,7 @@ def _begun(folder: Path) -> StoredRun:
 
     run = load_run(folder)
     if not decisions(run.events):
-        raise ConfigError(f"{folder}", got="no decision", expected="a run that began")
+        raise ConfigError(f"{folder}", got="no decision", expected="at least one")
     return run
 
 

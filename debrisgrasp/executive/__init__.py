@@ -1,7 +1,7 @@
 """Layer 9: the whole task. States, faults and their answers, and what became of it."""
 
 from .faults import FAULTS, Action, FaultSpec, fault_named
-from .limbs import require_drop_off
+from .limbs import require_drop_off, require_own_sides
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
 from .record import MemoryRecord, RunRecord, StoredRun, load_run
 from .replay import Difference, differences
@@ -33,6 +33,7 @@ __all__ = [
     "fault_named",
     "load_run",
     "require_drop_off",
+    "require_own_sides",
     "simulate",
     "state_named",
 ]

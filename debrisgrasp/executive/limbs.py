@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
+from itertools import permutations
 
 import numpy as np
 
@@ -20,8 +20,10 @@ from .context import LimbState
 from .grasping import require_room
 from .settings import TaskSettings
 
-__all__ = ["limbs_of", "require_drop_off"]
+__all__ = ["limbs_of", "require_drop_off", "require_own_sides"]
 
+_BESIDE_ANOTHER = 0.2
+"""What is so much nearer to another hand than to the own is on the other's side [m]."""
 _HEIGHT = 0.35
 """Of the palm over a drop-off at which it must be able to be [m]."""
 _TILTS, _YAWS = (0.0, np.pi / 4.0), 8
@@ -78,29 +80,42 @@ def limbs_of(
             commissioned_bias=np.array(limb.loads.bias),
             is_own_joint=_own_joints(robot, name),
         )
-    for one, other in combinations(limbs.values(), 2):
-        _require_uncrossed(one, other, settings)
+    require_own_sides({n: limb.reach for n, limb in limbs.items()}, settings.drop_off)
     return limbs
 
 
-def _require_uncrossed(
-    one: LimbState, other: LimbState, settings: TaskSettings
+def require_own_sides(
+    reaches: Mapping[str, ArmReach], drop_off: Mapping[str, tuple[float, float]]
 ) -> None:
-    """Raise `InputError` if two arms have each the place that is the other's."""
-    hands = [limb.pose(limb.reach.q_present).p[:2] for limb in (one, other)]
-    places = [np.array(settings.drop_off[limb.name]) for limb in (one, other)]
+    """Raise `InputError` if an arm is to put things down beside another one.
 
-    def far(hand: int, place: int) -> float:
-        return float(np.linalg.norm(hands[hand] - places[place]))
+    Arms that reach across each other get in their way.
 
-    if far(0, 0) > far(0, 1) and far(1, 1) > far(1, 0):
-        raise InputError(
-            f"drop-off of the {arm_called(one.name)}",
-            got=f"({places[0][0]:g}, {places[0][1]:g}), beside the "
-            f"{arm_called(other.name)}, whose own is beside the {arm_called(one.name)}",
-            expected="the places the other way round",
-            mend="Swap the two: arms that reach across each other get in their way.",
+    Parameters
+    ----------
+    reaches
+        Arms in use by name, as they stand.
+    drop_off
+        Places (x, y) by arm [m]; an arm without one is left out.
+    """
+    hands = {
+        name: arm.chain.fk(arm.q_present).p[:2]
+        for name, arm in reaches.items()
+        if name in drop_off
+    }
+    for name, other in permutations(hands, 2):
+        place = np.array(drop_off[name])
+        own, others = (
+            float(np.linalg.norm(hands[each] - place)) for each in (name, other)
         )
+        if own > others + _BESIDE_ANOTHER:
+            raise InputError(
+                f"drop-off of the {arm_called(name)}",
+                got=f"({place[0]:g}, {place[1]:g}), beside the {arm_called(other)}",
+                expected=f"a place on the side of the {arm_called(name)}",
+                mend="Were left and right confused? Arms that reach across each other "
+                "get in their way; else use one arm only.",
+            )
 
 
 def _own_joints(robot: Robot, name: str) -> BoolArray:

@@ -114,6 +114,8 @@ class RunResult:
     silent: tuple[str, ...] = ()
     """Arms, or the base, that were told to stop and did not, in words: somebody must
     press the emergency stop."""
+    holding: str | None = None
+    """Arm whose hand still holds something, which falls as it is opened."""
 
     @property
     def n_removed(self) -> int:

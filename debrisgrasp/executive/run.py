@@ -367,6 +367,7 @@ class Executive:
             left=dict(self.context.left),
             duration=self.context.now(),
             silent=self._silent,
+            holding=held.arm if (held := self.context.held) else None,
         )
         first = result.first_fault
         self._write(

@@ -10,7 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, frozen, require_metres, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp._words import arm_called
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import DeflectionLimits
@@ -145,6 +145,10 @@ class TaskSettings:
         for part in self.compliance:
             require_range("TaskSettings.compliance", part, 0.0, 1.0)
         for arm, place in self.drop_off.items():
+            if not isinstance(arm, str):
+                raise InputError(
+                    "TaskSettings.drop_off", got=f"{arm!r}", expected="names of arms"
+                )
             self._require_place(arm, place)
 
     def _require_place(self, arm: str, place: tuple[float, float]) -> None:

@@ -37,7 +37,7 @@ from debrisgrasp.worlds import named_scene as scene_named
 
 from .context import Recorder
 from .faults import LISTED_BY
-from .limbs import require_drop_off
+from .limbs import require_drop_off, require_own_sides
 from .marking import StaysMarked
 from .outcome import RunResult
 from .run import Executive, Observer
@@ -228,9 +228,13 @@ class SimulatedTask:
                 TaskSettings(drop_off={name: place})
                 if name in names and name in reaches:
                     require_drop_off(reaches[name], place)
+        drop_off = {**usual.drop_off, **site.drop_off}
+        with site.in_field("drop_off"):
+            used = {name: reaches[name] for name in names if name in reaches}
+            require_own_sides(used, drop_off)
         return TaskSettings(
             arms=names,
-            drop_off={**usual.drop_off, **site.drop_off},
+            drop_off=drop_off,
             approach_speed=min(usual.approach_speed, site.limits.hand_speed),
             lift_speed=min(usual.lift_speed, site.limits.hand_speed),
             max_removals=self.max_removals,

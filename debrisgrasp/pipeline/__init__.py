@@ -1,12 +1,13 @@
 """The stages chained: from a capture to ranked grasps, from a grasp to its motions."""
 
+from .config import PipelineConfig
 from .executable import GraspMotions, first_executable
 from .grasp_chain import GraspMotion, MotionsConfig
 from .inputs import with_hands
 from .notes import mask_notes, pose_notes
 from .passage import Passage
 from .perception import Perception, motion_space
-from .pipeline import Pipeline, PipelineConfig, Progress
+from .pipeline import Pipeline, Progress
 from .reasons import is_ground, too_small
 from .recall import recall_plan
 from .result import PlanningResult

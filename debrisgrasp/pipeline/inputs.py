@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from math import inf
 
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.kinematics import ArmReach, RobotModel, with_hand
+from debrisgrasp.planning import LoadConfig
 from debrisgrasp.prototypes import FURTHER_HANDS, GripperModel, PrototypeLibrary
 
 __all__ = [
@@ -15,6 +17,7 @@ __all__ = [
     "MOST_MASS",
     "arms_of",
     "library_of",
+    "liftable",
     "require_limits",
     "robot_of",
     "with_hands",
@@ -60,6 +63,11 @@ def require_limits(seed: int, deadline: float | None, mass: float | None) -> Non
             got=f"{mass} kg",
             expected=f"{LEAST_MASS:g} to {MOST_MASS:g} kg, or none if not known",
         )
+
+
+def liftable(arms: Sequence[ArmReach], config: LoadConfig) -> float:
+    """Find what the strongest of some arms lifts [kg]; infinite for none."""
+    return max((arm.wrench_limits[0] for arm in arms), default=inf) / config.gravity
 
 
 def arms_of(

@@ -15,9 +15,9 @@ _LIGHT = 0.05
 """Debris is hardly ever lighter: a tenth of what most pieces weigh at least [kg]."""
 
 
-def deadline_notes(deadline: float | None, *, is_late: bool) -> tuple[str, ...]:
+def deadline_notes(deadline: float | None, *, is_cut: bool) -> tuple[str, ...]:
     """Say that a deadline [s] cut the search short, if it did."""
-    if deadline is None or not is_late:
+    if deadline is None or not is_cut:
         return ()
     return (
         f"the deadline of {deadline:g} s cut the search short; "

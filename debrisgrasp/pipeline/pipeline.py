@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import Rng, require_range
-from debrisgrasp._checked import checked, checked_fields
+from debrisgrasp._arrays import Rng
+from debrisgrasp._checked import checked
 from debrisgrasp._stopwatch import Progress, Stopwatch
+from debrisgrasp._words import counted
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import RobotModel
@@ -20,19 +21,25 @@ from debrisgrasp.planning import (
     Grasp,
     GraspPlan,
     GraspPlanner,
-    PlannerConfig,
     SearchResult,
 )
 from debrisgrasp.prototypes import GripperModel, load_grippers
 from debrisgrasp.segmentation import (
-    SegmentationConfig,
     SelectionPolicy,
     SupportAware,
 )
 from debrisgrasp.settings import Settings
 
 from .advice import advice_on
-from .inputs import arms_of, library_of, require_limits, robot_of, with_hands
+from .config import PipelineConfig
+from .inputs import (
+    arms_of,
+    library_of,
+    liftable,
+    require_limits,
+    robot_of,
+    with_hands,
+)
 from .notes import deadline_notes, mass_notes
 from .perception import Perception
 from .reasons import unfit
@@ -41,37 +48,7 @@ from .retreat import Retreats
 from .second_look import BestSoFar
 from .targets import Target, choose_targets
 
-__all__ = ["Pipeline", "PipelineConfig", "Progress"]
-
-
-@checked_fields
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PipelineConfig:
-    """Settings of the whole chain; each stage has its own."""
-
-    segmentation: SegmentationConfig = SegmentationConfig()
-    planner: PlannerConfig = PlannerConfig()
-    region_margin: float = 0.05
-    """How far the region V reaches beyond the visible points of the object [m]."""
-    max_objects: int = 5
-    """How many objects to try before giving up."""
-    doubtful: float = 0.9
-    """Below this score, objects whose turn is nearly as due are tried too; 0: none."""
-    max_further: int = 2
-    """How many of them at most."""
-    min_object_points: int = 80
-    """Fewer thinned points (one per cell of the planner's grid) than this are a crumb
-    of segmentation, not an object to grip."""
-    workers: int = 2
-    """Threads that prepare a scene side by side; more than two find nothing to do. The
-    plan is the same with one."""
-
-    def __post_init__(self) -> None:
-        require_range("PipelineConfig.max_objects", self.max_objects, 1)
-        require_range("PipelineConfig.region_margin [m]", self.region_margin, 0.0)
-        require_range("PipelineConfig.doubtful", self.doubtful, 0.0, 1.0)
-        require_range("PipelineConfig.max_further", self.max_further, 0)
-        require_range("PipelineConfig.workers", self.workers, 1)
+__all__ = ["Pipeline", "Progress"]
 
 
 class Pipeline:
@@ -250,8 +227,8 @@ class Pipeline:
         planner = self._specific if is_specific else self._generic
         best = self._first_success(planner, seen, targets, seed, watch, mass)
         result, target = best.result, best.target
-        notes = deadline_notes(deadline, is_late=watch.is_late())
-        notes += mass_notes(mass, best, self._liftable())
+        notes = deadline_notes(deadline, is_cut=watch.has_cut)
+        notes += mass_notes(mass, best, liftable(self.arms, self.config.planner.load))
         notes += seen.notes(target if is_specific else None)
         grasps: tuple[Grasp, ...] = ()
         advice: tuple[Advice, ...] = ()
@@ -287,11 +264,6 @@ class Pipeline:
             grippers=self.grippers,
             dictionary=planner.prototypes,
         )
-
-    def _liftable(self) -> float:
-        """Find what the strongest arm lifts [kg]; infinite for a floating hand."""
-        forces = [arm.wrench_limits[0] for arm in self.arms]
-        return max(forces, default=np.inf) / self.config.planner.load.gravity
 
     @cached_property
     def _specific(self) -> GraspPlanner:
@@ -339,8 +311,8 @@ class Pipeline:
             )
 
         def search_on() -> None:
-            while not watch.is_late() and best.searched_on():
-                pass
+            while best.promises_more and not watch.is_late():
+                best.search_on()
 
         for target in targets:
             (rng,) = root.spawn(1)
@@ -354,7 +326,9 @@ class Pipeline:
                 continue
             reason = self._unfit(seen, target)
             if reason is None and is_enough:
-                reason = f"not tried: the limit of {n_tried} objects was reached"
+                reason = (
+                    f"not tried: the limit of {counted(n_tried, 'object')} was reached"
+                )
             if reason is not None:
                 best.pass_over(target, reason)
                 continue

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import counted
 from debrisgrasp.geometry import MAX_CELLS, Bounds, voxel_count
 from debrisgrasp.kinematics import KinematicChain
 from debrisgrasp.planning import PassedOver, SceneConfig
@@ -43,7 +44,7 @@ def too_small(points: FloatArray, spacing: float, least: int) -> str | None:
     n_cells = voxel_count(points, spacing)
     if n_cells >= least:
         return None
-    return f"too small: {n_cells} cells of surface seen, {least} are needed"
+    return f"too small: {counted(n_cells, 'cell')} of surface seen, {least} are needed"
 
 
 def too_large(region: Bounds, config: SceneConfig) -> str | None:
@@ -125,9 +126,13 @@ def why_empty(
     for passed in passed_over:
         labels.setdefault(passed.reason, []).append(str(passed.label))
     reasons = "; ".join(
-        reason if names == ["0"] else f"object {', '.join(names)}: {reason}"
+        reason if names == ["0"] else f"{_objects(names)}: {reason}"
         for reason, names in labels.items()
     )
     doubts = dict.fromkeys(hand.palm_doubt for hand in hands if hand.palm_doubt)
     said = f"no object offers a grasp: {reasons}"
     return ". ".join([said, *(doubt[0].upper() + doubt[1:] for doubt in doubts)])
+
+
+def _objects(labels: Sequence[str]) -> str:
+    return f"object{'s' if len(labels) > 1 else ''} {', '.join(labels)}"

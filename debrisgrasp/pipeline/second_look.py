@@ -131,18 +131,18 @@ class BestSoFar:
         """Note why an object is not searched."""
         self._unfit.append((len(self._looks), PassedOver(target.label, reason)))
 
-    def searched_on(self) -> bool:
-        """Search on where that promises most; whether there was such an object."""
-        most, best = self._most, self._best
-        if most >= SETTLED:
-            return False
-        looks = [look for look in self._looks if look.result.further is not None]
-        look = max(looks, key=self._promise, default=None)
-        if look is None or look.result.further is None or self._promise(look) < most:
-            return False
-        beyond = 0.0 if look is best else self.worth_beating(look.target)
-        look.result = look.result.further(beyond)
-        return True
+    @property
+    def promises_more(self) -> bool:
+        """Whether there is no good grasp yet, and to search on may lead to one."""
+        return self._next is not None
+
+    def search_on(self) -> None:
+        """Search on where that promises most, if anywhere."""
+        look = self._next
+        if look is not None and look.result.further is not None:
+            is_best = look is self._best
+            beyond = 0.0 if is_best else self.worth_beating(look.target)
+            look.result = look.result.further(beyond)
 
     def why_empty(
         self, segmentation: Segmentation, hands: Iterable[GripperModel]
@@ -163,6 +163,15 @@ class BestSoFar:
     def _most(self) -> float:
         """What the best grasp is worth."""
         return max(map(self._worth, self._looks), default=0.0)
+
+    @property
+    def _next(self) -> _Look | None:
+        """Where to search on."""
+        looks = [look for look in self._looks if look.result.further is not None]
+        look = max(looks, key=self._promise, default=None)
+        if look is None or self._most >= SETTLED or self._promise(look) < self._most:
+            return None
+        return look
 
     def _worth(self, look: _Look) -> float:
         """Score of a grasp, less what the object costs more than the first."""

@@ -138,6 +138,10 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
     other = run(*words[:-1], out, "--seed", 5)
     assert other.status == 2
     assert "another folder" in other.err
+    (out / "campaign.json").unlink()
+    orphans = run(*words)
+    assert orphans.status == 2
+    assert "no campaign.json" in orphans.err
 
 
 def test_a_run_of_a_campaign_is_done_again_from_its_record(run, tmp_path):

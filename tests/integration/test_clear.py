@@ -331,6 +331,21 @@ def test_replayed_records_of_different_tasks_are_not_the_same(tmp_path, capsys):
     assert f"{nothing}: got no decision" in capsys.readouterr().err
 
 
+def test_an_interrupted_record_is_compared_as_far_as_it_got(tmp_path, capsys):
+    for name, end in (("whole", "cleared"), ("short", "interrupted")):
+        record = RunRecord(tmp_path / name, {"seed": 3, "faults": ()})
+        record.write("done", {"state": "select"})
+        if end == "interrupted":
+            record.write("stop", {"why": end})
+        else:
+            record.write("done", {"state": "plan_grasp"})
+        record.write("end", {"end": end})
+    places = [str(tmp_path / name) for name in ("whole", "short")]
+    for one, other in (places, places[::-1]):
+        assert debrisgrasp(["replay", one, "--against", other]) == 0
+        assert "the same 1 decision\n" in capsys.readouterr().out
+
+
 def test_a_record_from_python_has_the_version(tmp_path, pipeline):
     task = SimulatedTask(objects=1, seed=3, faults=("limit_mismatch",))
     api.clear(task, record=tmp_path / "run", pipeline=pipeline)

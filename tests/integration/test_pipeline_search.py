@@ -100,6 +100,22 @@ def test_a_deadline_ends_the_search_and_offers_what_was_found(
     assert result.plan.grasps
 
 
+def test_a_deadline_that_passes_after_the_search_cut_nothing_short(
+    floating, pipe_capture, fake_time
+):
+    told = [
+        floating.plan(
+            pipe_capture, deadline=fake_time.now + most, progress=fake_time.progress
+        ).plan.notes
+        for most in (SWEEPS - 0.5, SWEEPS + 0.5)
+    ]
+    assert ["cut the search short" in " ".join(notes) for notes in told] == [
+        True,
+        False,
+    ]
+    assert fake_time.sweeps == 2 * (SWEEPS + 1)
+
+
 def test_after_the_deadline_objects_are_tried_until_one_offers_a_grasp(
     dictionary, block_capture, fake_time
 ):

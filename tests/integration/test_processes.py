@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import pickle
 import signal
 import subprocess
@@ -41,16 +42,20 @@ def test_an_error_in_a_worker_process_arrives_as_it_is():
     assert "roman" in caught.value.known
 
 
-def test_a_service_that_is_ended_ends_as_by_ctrl_c(tmp_path):
+@pytest.mark.parametrize("begun", ["campaign.json", "runs/*.json"])
+def test_a_service_that_is_ended_ends_as_by_ctrl_c(tmp_path, begun):
     out = tmp_path / "campaign"
     command = [sys.executable, "-m", "debrisgrasp", "campaign", "--n", "99"]
     process = subprocess.Popen(
-        [*command, "--workers", "1", "--out", out], stderr=subprocess.PIPE, text=True
+        [*command, "--workers", "1", "--out", out],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
     deadline = time.monotonic() + 120.0
-    while not list(out.glob("runs/*.json")) and time.monotonic() < deadline:
+    while not list(out.glob(begun)) and time.monotonic() < deadline:
         time.sleep(0.1)
-    process.send_signal(signal.SIGTERM)
+    os.killpg(process.pid, signal.SIGTERM)  # as services are ended
     _, told = process.communicate(timeout=60.0)
     assert process.returncode == 130
     assert told.splitlines()[-1].startswith("interrupted: ")

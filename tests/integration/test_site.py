@@ -195,6 +195,22 @@ def test_clear_names_the_field_of_a_drop_off_before_it_writes(refused, tmp_path,
 
 
 @pytest.mark.usefixtures("quick")
+def test_a_drop_off_on_the_other_side_is_no_surprise_to_the_doctor(
+    run, refused, tmp_path
+):
+    path = tmp_path / "site.yaml"
+    path.write_text(
+        "schema: debrisgrasp/site/1\ndrop_off: {right: [0.25, 0.75]}\n",
+        encoding="utf-8",
+    )
+    message = refused("clear", "--objects", 1, "--site", path)
+    assert "beside the left arm" in message
+    ended = run("doctor", "--site", path)
+    assert ended.status == 1
+    assert "beside the left arm" in ended.out
+
+
+@pytest.mark.usefixtures("quick")
 def test_the_doctor_names_what_must_be_mended(run, tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text(

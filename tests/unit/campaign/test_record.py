@@ -49,7 +49,18 @@ def test_a_damaged_file_is_named(tmp_path, content):
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("n_objects", "3"), ("n_removed", -1), ("seconds", None), ("checks", [1])],
+    [
+        ("n_objects", "3"),
+        ("n_removed", -1),
+        ("seconds", None),
+        ("checks", [1]),
+        ("error", [{}]),
+        ("faults", [{}]),
+        ("injected", [3]),
+        ("first_fault", [{}]),
+        ("details", "zz"),
+        ("end", {}),
+    ],
 )
 def test_a_field_of_another_kind_is_refused(field, value):
     content = json.loads(record("x").to_json()) | {field: value}

@@ -197,13 +197,22 @@ def test_a_drop_off_where_the_robot_stands_is_refused(fake, pipeline):
         Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
-def test_drop_offs_the_wrong_way_round_are_refused(fake, pipeline):
-    usual = TaskSettings().drop_off
-    crossed = {"left": usual["right"], "right": usual["left"]}
-    with pytest.raises(InputError, match=r"beside the left arm.*Swap the two"):
+LEFT, RIGHT = TaskSettings().drop_off["left"], TaskSettings().drop_off["right"]
+
+
+@pytest.mark.parametrize(
+    "places",
+    [
+        {"left": RIGHT, "right": LEFT},
+        {"left": LEFT, "right": LEFT},
+        {"left": RIGHT, "right": RIGHT},
+    ],
+)
+def test_a_drop_off_beside_the_other_arm_is_refused(fake, pipeline, places):
+    with pytest.raises(InputError, match="a place on the side of the"):
         Executive(
             fake.robot,
-            TaskSettings(drop_off=crossed),
+            TaskSettings(drop_off=places),
             pipeline=pipeline,
             rng=np.random.default_rng(0),
         )

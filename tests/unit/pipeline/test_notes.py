@@ -29,9 +29,9 @@ def tried(*results: tuple[int, SearchResult]) -> BestSoFar:
 
 
 def test_a_deadline_is_told_of_where_it_cut_something_short():
-    assert deadline_notes(None, is_late=False) == ()
-    assert deadline_notes(0.5, is_late=False) == ()
-    (note,) = deadline_notes(0.5, is_late=True)
+    assert deadline_notes(None, is_cut=False) == ()
+    assert deadline_notes(0.5, is_cut=False) == ()
+    (note,) = deadline_notes(0.5, is_cut=True)
     assert "0.5 s" in note
 
 

@@ -125,7 +125,7 @@ def test_a_first_look_at_others_comes_before_a_longer_search():
     assert not best.has_looked
     best.take(found(0.92), target(2, 0.01))
     assert best.has_looked
-    assert not best.searched_on()  # the second one needs no help
+    assert not best.promises_more  # the second one needs no help
     assert best.target.label == 2
     (passed,) = best.passed_over
     assert passed.label == 1
@@ -139,12 +139,14 @@ def test_the_search_goes_on_where_it_promises_most():
     best.take(promising(0.4, found(0.7)), target(3, 0.5))  # it costs more
     assert best.has_looked
     assert not best.is_found
-    assert best.searched_on()
+    assert best.promises_more
+    best.search_on()
     assert not best.is_found  # the second object came to nothing
-    assert best.searched_on()
+    assert best.promises_more
+    best.search_on()
     assert (best.target.label, best.result.grasps[0].score) == (1, 0.5)
     assert told == [0.0, 0.0]
-    assert not best.searched_on()  # what the third promises is less than that
+    assert not best.promises_more  # what the third promises is less than that
     assert {passed.label for passed in best.passed_over} == {2, 3}
 
 
@@ -158,10 +160,11 @@ def test_a_doubtful_grasp_is_searched_on_before_it_is_offered():
     best = BestSoFar(0.9, 1)
     best.take(found(0.6, promise=0.6, further=further), target(1))
     best.take(found(0.5), target(2))
-    assert best.searched_on()
+    assert best.promises_more
+    best.search_on()
     assert told == [0.0]
     assert (best.target.label, best.result.grasps[0].score) == (1, 0.85)
-    assert not best.searched_on()
+    assert not best.promises_more
 
 
 def test_another_object_is_searched_on_for_what_is_better_than_the_best():
@@ -174,17 +177,19 @@ def test_another_object_is_searched_on_for_what_is_better_than_the_best():
     best = BestSoFar(0.9, 1)
     best.take(found(0.5), target(1))
     best.take(found(0.4, promise=0.7, further=further), target(2, 0.1))
-    assert best.searched_on()
+    assert best.promises_more
+    best.search_on()
     assert told == [pytest.approx(0.5 * np.exp(0.1))]
     assert best.target.label == 1
-    assert not best.searched_on()
+    assert not best.promises_more
 
 
 def test_what_carries_something_waits_until_the_others_came_to_nothing():
     best = BestSoFar(0.9, 2)
     best.take(promising(0.3, SearchResult(())), target(1, 0.5))
     assert not best.is_worth_a_look(target(2, 0.1))
-    assert best.searched_on()
+    assert best.promises_more
+    best.search_on()
     assert best.is_worth_a_look(target(2, 0.1))
 
 
