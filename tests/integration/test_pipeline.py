@@ -128,7 +128,7 @@ def test_no_more_objects_are_tried_than_allowed(dictionary, block_capture):
     assert not plan.grasps
     first, *others = [passed.reason for passed in plan.passed_over]
     assert "not tried" not in first
-    assert "not tried: the limit of 1 objects was reached" in others
+    assert "not tried: the limit of 1 object was reached" in others
 
 
 def test_a_chosen_object_is_the_only_one_tried(pipes_only, block_capture):
