@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from debrisgrasp._files import read_json
+from debrisgrasp._files import read_schema
 from debrisgrasp.errors import ConfigError
 
 __all__ = ["CONTENTS", "RUNS", "SCHEMA", "read_header"]
@@ -23,9 +23,7 @@ def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:
     ConfigError
         If it is of another kind, or its names of runs or digests are not texts.
     """
-    header = read_json(path)
-    if not isinstance(header, dict) or header.get("schema") != SCHEMA:
-        raise ConfigError(str(path), got="something else", expected=f"a {SCHEMA}")
+    header = read_schema(path, SCHEMA)
     runs, contents = header.get(RUNS, []), header.get(CONTENTS, {})
     if not isinstance(runs, list) or not all(isinstance(name, str) for name in runs):
         raise ConfigError(f"{path}, {RUNS}", got=repr(runs), expected="names of runs")

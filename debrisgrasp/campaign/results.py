@@ -76,11 +76,12 @@ def load_header(path: str | os.PathLike[str]) -> dict[str, Any]:
     ``runs`` counts those that were asked for. What an older file lacks is left out.
     """
     place = Path(path)
-    is_folder = place.is_dir()
-    content = read_header(place / "campaign.json") if is_folder else read_json(place)
-    header = content
-    if isinstance(content, dict) and not is_folder:
-        header = content.get("campaign")
+    header: Any
+    if place.is_dir():
+        header = content = read_header(place / "campaign.json")
+    else:
+        content = read_json(place)
+        header = content.get("campaign") if isinstance(content, dict) else None
     if not isinstance(header, dict):
         return {}
     known = {k: v for k, v in header.items() if k not in ("schema", CONTENTS)}

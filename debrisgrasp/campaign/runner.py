@@ -295,9 +295,7 @@ def _as_read(content: Mapping[str, Any]) -> Any:
     return json.loads(json.dumps(content, allow_nan=False))
 
 
-def _difference(there: Any, wanted: Mapping[str, Any]) -> str:
-    if not isinstance(there, dict):
-        return "another file"
+def _difference(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
     before, now = (content.get(CONTENTS, {}) for content in (there, wanted))
     names = sorted((there.keys() | wanted.keys()) - {CONTENTS, RUNS})
     words = [
