@@ -44,6 +44,14 @@ _END_ERROR = 0.008
 _SLANT_ERROR = 0.08
 """Standard deviation of the slant of a round side, but for that of the hand's place
 [rad]."""
+_UNTOLD = 0.025
+"""Normals of what is thinner than twice that are smoothed over its sides: if it is
+round they don't tell [m]. Where leaning fingers meet it they squeeze it out all the
+same."""
+_THINNEST = 0.005
+"""Half of it; what is thinner bends, or was not seen well [m]."""
+_FARTHEST = 1.0
+"""Nothing between fingers is farther from the palm [m]."""
 _DEEP = 0.01
 """So much of a face lies deeper than where fingers press on it: at its end they would
 hook rather than squeeze [m]."""
@@ -243,14 +251,20 @@ class PadContacts:
         to_hand = Ts[:, :3, 3] - self._viewpoint
         sight = np.einsum("ki,kij->kj", to_hand, Ts[:, :3, :3])
         extents, outlines = near.extents(slopes, seen, open_, width, sight)
-        middle, radius, is_round = near.bulge(0.5 * extents.sum(axis=0))
+        half = np.maximum(0.5 * extents.sum(axis=0), _THINNEST)
+        middle, radius, is_round = near.bulge(half)
+        is_thin = (half < _UNTOLD) & (near.n_each >= self._config.min_points)
+        top = -near.greatest(-near.z, -_FARTHEST)
+        middle, radius = np.where(is_thin, [top + half, half], [middle, radius])
         # Fingertips that end before the middle of what is round press on what is turned
         # to the palm; on a box they get past that of its sides.
         short = np.arcsin(bounded((middle - upper[:, 2]) / radius, 0.0, 1.0))
         lean = self._zones.faces.lean(prototype, middle, radius)
-        lean[deep > middle + radius] = 0.0  # a wall, which goes on to the fingertips
-        rounds = np.where(is_round, [short, lean], 0.0)
+        # A wall goes on to the fingertips.
+        lean[deep > middle + radius + np.where(is_thin, _DEEP, 0.0)] = 0.0
+        rounds = np.where(is_round | is_thin, [short, lean], 0.0)
         error = np.hypot(_SLANT_ERROR, ROOM_ERROR / radius)
+        error[is_thin] = self._config.angle_error
         wide = meets_both(extents, outlines, self._least_gap(near, deep, prototype))
         wide[near.n_each < self._config.min_points] = 1.0
         columns = [*angles, *rooms, *leaning, over, *rounds, error, wide]

@@ -102,6 +102,31 @@ def test_a_claw_closes_over_a_thin_bar_that_it_has_too_near_to_its_palm(askew, n
     assert squeezed(0.075) > 0.8
 
 
+@pytest.mark.parametrize("smoothed", [0.0, 0.5])
+@pytest.mark.parametrize(
+    ("height", "least", "most"), [(0.055, 0.0, 0.4), (0.075, 0.8, 1.0)]
+)
+def test_normals_that_are_smoothed_over_a_thin_bar_do_not_hide_leaning_fingers(
+    smoothed, height, least, most
+):
+    """Seen from the side; their normals turn less than the bar does."""
+    claw = PrototypeLibrary.load().select(names=["claw_bar_2x4_flat"])
+    zones = PadZones.of(claw, CONFIG)
+    turn = np.linspace(-1.2, 2.4, 19)
+    beside = (zones.lower[0] + zones.upper[0])[1] / 2
+    rows = np.stack([np.sin(turn), 0.0 * turn, -np.cos(turn)], axis=1)
+    turn = 0.6 + (1.0 - smoothed) * (turn - 0.6)
+    normals = np.stack([np.sin(turn), 0.0 * turn, -np.cos(turn)], axis=1)
+    cloud = PointCloud(
+        extruded([0.0, beside, height] + 0.015 * rows),
+        np.tile(normals, (5, 1)),
+        np.array([0.0, 0.0, -2.0]),
+    )
+    found = PadContacts(scene_of(cloud), zones, CONFIG)
+    squeezed = float(found.look(np.eye(4)[None], FIRST).squeezed[0])
+    assert least <= squeezed <= most
+
+
 @pytest.mark.parametrize(
     ("off", "least", "most"), [(0.0, 0.95, 1.0), (0.008, 0.9, 1.0), (0.035, 0.0, 0.1)]
 )
