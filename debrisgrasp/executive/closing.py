@@ -42,8 +42,9 @@ _MORE = 15.0
 """By so much more it is pushed off while it only squeezes on [N]."""
 _SHIFTS = 2
 """So often a hand that met something with one side only is shifted ..."""
-_TOUCHED = 12.0
-"""... until the other side feels it [N]."""
+_TOUCHED = 30.0
+"""... until the fingers of the other side feel enough to stop there; the wrist, no more
+than that [N]."""
 _RESISTANCE = 10.0
 """A finger that feels its share of so much on its side stops until the others do, too
 [N]."""
@@ -128,7 +129,13 @@ def _shifted(
         x for x, is_met in zip(openings, held.state.is_stopped, strict=True) if is_met
     ]
     way = 0.5 * side * max(met) * limb.pose(context.posture(limb)).R[:, 0]
-    fault = _nudged(context, drive, way, until=lambda load: -side * load[0] > _TOUCHED)
+    enough = held.grip.config.resistance
+
+    def is_met(load: Wrench) -> bool:
+        felt = min(held.grip.pressed(drive.fingers().forces))
+        return felt >= enough or -side * load[0] > _TOUCHED
+
+    fault = _nudged(context, drive, way, until=is_met)
     if fault is not None:
         return fault
     held.state = held.state._replace(
