@@ -20,8 +20,11 @@ _SKIN = 0.015
 """What is so near to the object at the start is taken for the object itself [m]."""
 _DEPTH = 0.006
 """A point so deep inside a solid is hit [m]; shallower ones are noise."""
+_COMPANY, _WITHIN, _SPACINGS = 3, 0.025, 3.0
+"""Points with fewer others within that distance [m], or within so many times the usual
+one of neighbours if that is larger, are flying pixels of the sensor, as are ..."""
 _MAX_HITS = 1
-"""Single points in the air are flying pixels of the sensor."""
+"""... so many points in the air."""
 _NEAR = 0.006
 """A point of the held object so near to a neighbour touches it [m]."""
 _MOST_TOUCHING = 12
@@ -52,7 +55,7 @@ class Passage:
         away = np.full(len(points), np.inf)
         if len(self._own) and len(points):
             away = np.asarray(cKDTree(self._own).query(points)[0])
-        self._others = points[away > _SKIN]
+        self._others = _surfaces(points[away > _SKIN])
         self._tree = cKDTree(self._others)
         self._grippers = grippers
 
@@ -107,6 +110,15 @@ class Passage:
             if np.count_nonzero(depth < -_DEPTH) > _MAX_HITS:
                 return row / last
         return None
+
+
+def _surfaces(points: FloatArray) -> FloatArray:
+    """Leave out points (n, 3) that stand alone; a thin rod is a row of points."""
+    if len(points) <= _COMPANY:
+        return points
+    apart = np.asarray(cKDTree(points).query(points, k=_COMPANY + 1)[0])
+    within = max(_WITHIN, _SPACINGS * float(np.median(apart[:, 1])))
+    return points[apart[:, _COMPANY] < within]
 
 
 def _ball(solids: Sequence[Solid]) -> tuple[FloatArray, float]:

@@ -78,6 +78,26 @@ def test_single_points_in_the_air_are_forgiven():
     assert passage.approach_fault(GRASP, coming_in()) == ""
 
 
+def test_points_that_stand_alone_stop_no_object_but_a_rod_of_them_does(rng):
+    """Flying pixels over the ends of a bar of 50 cm, and as many in rows along it."""
+    half = np.arange(0.12, 0.251, 0.01)
+    along = np.concatenate([-half, half])
+    zero, floor = 0.0 * along, block([0.0, 0.0, 0.0], (0.5, 0.5, 0.0))
+    rod = np.stack([zero, along, zero + 0.3], axis=1)
+    heights = 0.27 + 0.04 * (np.arange(len(along)) % 3)
+    strays = np.stack([zero, along, heights + rng.uniform(0.0, 0.005, len(along))], 1)
+
+    def fault(points: np.ndarray, spacing: float) -> str:
+        far = spacing / 0.01 * floor + [5.0, 0.0, 0.0]
+        passage = Passage(np.concatenate([BAR, points, far]), BAR, GRIPPERS)
+        return passage.lift_fault(GRASP, way([0.0, 0.0, 0.2], n=101))
+
+    assert fault(strays, 0.01) == ""
+    assert "the held object hits" in fault(rod, 0.01)
+    # Seen from farther away, all is as sparse.
+    assert "the held object hits" in fault(rod[::2], 0.02)
+
+
 @pytest.mark.parametrize("points", [BAR, np.zeros((0, 3))])
 def test_an_unknown_object_and_an_empty_scene_are_no_trouble(points):
     passage = Passage(points, np.zeros((0, 3)), GRIPPERS)
