@@ -50,8 +50,6 @@ round they don't tell [m]. Where leaning fingers meet it they squeeze it out all
 same."""
 _THINNEST = 0.005
 """Half of it; what is thinner bends, or was not seen well [m]."""
-_FARTHEST = 1.0
-"""Nothing between fingers is farther from the palm [m]."""
 _DEEP = 0.01
 """So much of a face lies deeper than where fingers press on it: at its end they would
 hook rather than squeeze [m]."""
@@ -254,7 +252,7 @@ class PadContacts:
         half = np.maximum(0.5 * extents.sum(axis=0), _THINNEST)
         middle, radius, is_round = near.bulge(half)
         is_thin = (half < _UNTOLD) & (near.n_each >= self._config.min_points)
-        top = -near.greatest(-near.z, -_FARTHEST)
+        top = -near.greatest(-near.z, -np.inf)
         middle, radius = np.where(is_thin, [top + half, half], [middle, radius])
         # Fingertips that end before the middle of what is round press on what is turned
         # to the palm; on a box they get past that of its sides.
@@ -265,7 +263,7 @@ class PadContacts:
         rounds = np.where(is_round | is_thin, [short, lean], 0.0)
         error = np.hypot(_SLANT_ERROR, ROOM_ERROR / radius)
         error[is_thin] = self._config.angle_error
-        wide = meets_both(extents, outlines, self._least_gap(near, deep, prototype))
+        wide = meets_both(extents, outlines, self._least_gap(top, deep, prototype))
         wide[near.n_each < self._config.min_points] = 1.0
         columns = [*angles, *rooms, *leaning, over, *rounds, error, wide]
         return np.stack(columns, axis=1)
@@ -315,12 +313,12 @@ class PadContacts:
         return angle, np.where(is_seen, np.inf, room), slope, is_seen, is_open
 
     def _least_gap(
-        self, near: NearPads, deep: Float32Array, prototype: IntArray
+        self, top: Float32Array, deep: Float32Array, prototype: IntArray
     ) -> FloatArray:
         """Least gap of closed fingers at the heights of what was seen [m], (k,)."""
         half = 0.5 * (HEIGHTS[1] - HEIGHTS[0])
         last = bounded(deep - _DEEP, half, HEIGHTS[-1])[:, None]
-        first = np.minimum(-near.greatest(-near.z, -np.inf)[:, None], last)
+        first = np.minimum(top[:, None], last)
         is_level = (HEIGHTS + half >= first) & (HEIGHTS - half < last)
         gaps = np.where(is_level, self._zones.faces.gaps[prototype], np.inf)
         least: FloatArray = gaps.min(axis=1)
