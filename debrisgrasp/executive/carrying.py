@@ -30,7 +30,7 @@ from .senses import mean_wrench
 from .stopping import reset_stops
 from .triage import Way
 
-__all__ = ["lift", "taken_back", "transport", "verify_hold"]
+__all__ = ["MET", "lift", "taken_back", "transport", "verify_hold"]
 
 _STANDING = 0.4
 """How long the arm stands while the load is averaged [s]."""
@@ -51,7 +51,7 @@ _FREE = 0.6
 _BORNE = 0.6
 """With less than this share of its weight on the hand, an object stands on something.
 """
-_MET = ("plan_collision", "too_heavy", "ratchet")
+MET = ("plan_collision", "too_heavy", "ratchet")
 """How a motion ends that meets something."""
 _LOOKS_UP = 0.2
 """Upward part of a palm's axis from which on what it holds lies on it."""
@@ -69,8 +69,9 @@ def lift(context: Context) -> StepResult:
     limb, settings = context.limbs[held.arm], context.settings
     translation, rotation = settings.compliance
     drive = Drive(context, held.arm)
-    z0 = float(limb.pose(context.posture(limb)).p[2])
-    height = _height_to_go(context, limb, held, z0)
+    p0 = limb.pose(context.posture(limb)).p
+    held.begun = p0 if held.begun is None else held.begun
+    height = _height_to_go(context, limb, held, float(p0[2]))
     if height < _LEAST:
         return Done({"share": 1.0})  # higher it can't be
     end = drive.leg(
@@ -251,7 +252,7 @@ def taken_back(context: Context) -> FaultFound | None:
         pace=_CAREFUL * context.settings.carry_speed * context.cycle.speed,
         points=held.points_hand,
     )
-    if fault is None or fault.fault not in _MET:
+    if fault is None or fault.fault not in MET:
         return fault
     reset_stops(context)  # what it touched may bear it
     return None

@@ -27,6 +27,8 @@ _ASIDE = 0.03
 _ON = 0.01
 """It came on if it got so much farther [m]; then all sides are worth another try."""
 _LEGS = 16
+_AGREES = 0.2
+"""A wrist that is off by less than this share of what the fingers feel does not lie."""
 _LEAST = 2e-3
 """A shorter leg is none [m]."""
 
@@ -88,11 +90,18 @@ def _eased_by(context: Context, drive: Drive, way: FloatArray) -> LegEnd | Fault
 def _wedged(drive: Drive) -> FaultFound | None:
     """Notice that the fingers of an open hand bear more than the whole hand may.
 
-    Whatever the wrist says: its sensor may lie by just as much as the hand is pushed.
+    The wrist is believed then only if it tells of what they add up to: its sensor may
+    lie by just as much as the hand is pushed.
     """
-    felt = sum(abs(force) for force in drive.fingers().forces)
+    forces = drive.fingers().forces
+    felt = sum(abs(force) for force in forces)
     if felt <= drive.limits.force:
         return None
+    fingers = zip(drive.limb.hand.fingers, forces, strict=False)
+    aside = sum(force if finger.side > 0 else -force for finger, force in fingers)
+    told = drive.weighed()
+    if abs(told[0] - aside) < _AGREES * felt:
+        return None
     words = f"the fingers of an open hand bear {felt:.0f} N, and the wrist tells of "
-    words += f"{hypot(*drive.weighed()[:3]):.0f} N: nothing is known that eases it"
+    words += f"{hypot(*told[:3]):.0f} N: nothing is known that eases it"
     return FaultFound("ratchet", words, drive.limb.name, {"force": felt})

@@ -139,6 +139,8 @@ class Held:
     watch: GripController
     """The same, ticked every `FINGER_TICKS`, while it moves."""
     state: GripState
+    begun: FloatArray | None = None
+    """Where the hand was when it began to lift, base frame [m], shape (3,)."""
     is_lifted: bool = False
     is_watched: bool = True
     """Whether a loss counts as a fault; not while it is put back for one."""

@@ -26,12 +26,13 @@ from debrisgrasp.control import (
 )
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.errors import ConfigError, InputError
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .along import taken_along
+from .lingering import Lingering
 from .noticed import OUTSIDE, misplaced, refused
-from .pacing import careful, paced, widest_corners
+from .pacing import careful, left_of, paced, widest_corners
 from .result import FaultFound
 from .senses import SAFETY, Senses
 
@@ -49,6 +50,9 @@ _STILL = 0.02
 """... as often [s] ..."""
 _CREEP = 0.01
 """... until its joints are slower than this [rad/s or m/s]."""
+_SLOW, _SLID = 0.3, 0.5
+"""Share of its planned speed at which a hand pushes something on, and how far around it
+that may have slid [m]."""
 _LOOKS = 300
 """So many times on its way at most it is noted where the hand is."""
 _STRIDE = 25
@@ -134,6 +138,19 @@ class Drive(Senses):
             Of what moves with the hand, its frame [m], shape (n, 3): slow where they
             may touch something. None: they are where they can't.
         """
+        found = self._followed(trajectory, pace, points)
+        if not isinstance(found, Trajectory):
+            return found
+        T = self.limb.pose(self.context.posture(self.limb))
+        self.context.known.stirred(Bounds.around(T.p[None], _SLID))
+        left = self._followed(found, _SLOW * pace, points)
+        assert not isinstance(left, Trajectory)
+        return left
+
+    def _followed(
+        self, trajectory: Trajectory, pace: float, points: FloatArray | None
+    ) -> FaultFound | Trajectory | None:
+        """Follow a motion; give what is left of it where it pushes something along."""
         limits = self.limb.limits.planner
         try:
             limits.require_same(trajectory.limits_hash, "a trajectory")
@@ -162,6 +179,8 @@ class Drive(Senses):
         start = self._stands_at(now)
         path = paced(trajectory, paces, start, self.period, limits.acceleration)
         rows, along = path.tolist(), taken_along(self, trajectory.q)
+        is_slow = not is_free or pace <= _SLOW
+        lingering = None if is_slow else Lingering(self.load, self.period)
         for i, q in enumerate(rows):
             self._send(q)
             fault, state, _ = self.ticked(supervisor, state, q, is_moving=True)
@@ -171,6 +190,10 @@ class Drive(Senses):
                 self._halt()
                 self.limb.went(path[: i + 1 : _STRIDE])
                 return fault
+            if lingering is not None and lingering.is_met(self.load):
+                self._brake()
+                self.limb.went(path[: i + 1 : _STRIDE])
+                return left_of(trajectory, self.context.posture(self.limb))
         self.limb.went(np.concatenate([path[::_STRIDE], path[-1:]]))
         if points is not None:
             T = self.limb.reach.chain.fk(path[:: len(path) // _LOOKS + 1])

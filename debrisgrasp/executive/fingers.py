@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import hypot, isfinite
+from collections.abc import Sequence
+from math import hypot, inf, isfinite
 
 import numpy as np
 
@@ -24,7 +25,9 @@ _MORE = 15.0
 """... and by so much more than it was [N]."""
 _FELT = 2.0
 """A finger that feels more still holds [N]."""
-_CREEP, _STALLED = 5e-4, 0.4
+_EASES = 3e-4
+"""Step in which the finger opens that squeezes hardest [m]."""
+_CREEP, _STALLED = 1.5e-4, 0.4
 """Fingers that move by less [m] for so long [s] have met something."""
 _SILENT = 0.04
 """For longer no finger goes on where the sensor gives no number [s]."""
@@ -128,14 +131,19 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
     pressed = _Pressed(drive)
     most_force = max(_PRESSED * drive.limits.force, pressed.force() + _MORE)
     while drive.clock.now() < end:
-        ahead = tuple(min(x + step, g) for x, g in zip(last, goals, strict=True))
+        squeeze = gripper.read().forces
+        steps = _in_balance(drive, squeeze)
+        ahead = tuple(
+            min(x + min(step, most), goal)
+            for x, most, goal in zip(last, steps, goals, strict=True)
+        )
         gripper.command(GripCommand(ahead, _OPENING_FORCE))
         drive.context.wait(FINGER_TICKS * drive.period)
         now = gripper.read().openings
         force = pressed.force()
         if pressed.fault is not None:
             return pressed.fault
-        if force > most_force:
+        if force > most_force and not _is_less(gripper.read().forces, squeeze):
             # Wedged: from here on the arm must give way.
             gripper.command(GripCommand(tuple(now), _OPENING_FORCE))
             return None
@@ -159,3 +167,23 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
         words = f"finger {stuck[0] + 1} opened by {1e3 * gone[stuck[0]]:.1f} mm"
         return FaultFound("finger_jammed", words, drive.limb.name)
     return None
+
+
+def _in_balance(drive: Drive, forces: Sequence[float]) -> list[float]:
+    """Longest steps of fingers that squeeze so hard [N] and are to open [m].
+
+    Those of both sides come off at once: else the hand bears what one side still exerts
+    when the other is off.
+    """
+    squeezing = [max(force, 0.0) for force in forces]
+    fingers = zip(drive.limb.hand.fingers, squeezing, strict=False)
+    sides = {finger.side > 0 for finger, force in fingers if force > _FELT}
+    if len(sides) < 2:
+        return [inf] * len(squeezing)
+    hardest = max(squeezing)
+    return [_EASES * f / hardest if f > _FELT else inf for f in squeezing]
+
+
+def _is_less(forces: Sequence[float], before: Sequence[float]) -> bool:
+    """Whether fingers squeeze less than before [N]; those that feel nothing, no."""
+    return sum(max(f, 0.0) for f in forces) < sum(max(f, 0.0) for f in before) - _FELT

@@ -13,7 +13,10 @@ from .drive import Drive, LegEnd
 from .obstacles import BARE
 from .result import FaultFound
 
-__all__ = ["free_share", "is_folded", "straight"]
+__all__ = ["free_share", "is_folded", "straight", "unfolds"]
+
+_LOOKS = 20
+"""On a way between two postures."""
 
 
 def straight(
@@ -59,6 +62,14 @@ def free_share(limb: LimbState, q: FloatArray, way: FloatArray) -> float:
 def is_folded(limb: LimbState, q: FloatArray) -> bool:
     """Whether an arm is nearer to itself, or to the robot, than plans may be."""
     return not _alone(limb).is_free(q[None])[0]
+
+
+def unfolds(limb: LimbState, q: FloatArray, goal: FloatArray) -> bool:
+    """Whether an arm touches no more of the robot on its way from q (d,) to a goal."""
+    test = _alone(limb)
+    touching = set(test.contacts(q))
+    way = q + np.linspace(0.0, 1.0, _LOOKS)[:, None] * (goal - q)
+    return all(touching.issuperset(test.contacts(row)) for row in way)
 
 
 def _alone(limb: LimbState) -> ExactTest:

@@ -55,6 +55,9 @@ class Mark:
     """... and why."""
     is_heavy: bool = False
     """Whether it is too heavy to carry: by the scales, or because it never comes."""
+    promise: float | None = None
+    """How likely it was to be held when it was put off; None: it was not, or something
+    has changed since."""
     failed: list[Grasp] = field(default_factory=list)
     """Grasps that were tried on it."""
     unreached: Memo[object, list[Grasp]] = field(default_factory=Memo)
@@ -97,14 +100,7 @@ class Marks:
 
         What goes wrong again in the same try is not counted again.
         """
-        mark = self.of(centroid)
-        place = np.array(centroid, dtype=np.float64)
-        if mark is None:
-            mark = Mark(place, found.message, found.fault)
-            self.marks.append(mark)
-        if mark.n_changes < n_changes:
-            mark.searches = 0
-        mark.centroid, mark.n_changes = place, n_changes
+        mark = self._at(centroid, n_changes)
         mark.reason, mark.fault = found.message, found.fault
         if is_search:
             mark.searches += 1
@@ -114,6 +110,21 @@ class Marks:
         mark.n_stuck += found.fault == "too_heavy"
         is_weighed = found.fault == "too_heavy" and "mass" in found.values
         mark.is_heavy |= is_weighed or mark.n_stuck >= _STUCK
+        return mark
+
+    def put_off(self, centroid: ArrayLike, promise: float, n_changes: int) -> None:
+        """Leave an object for last that is hardly likely to be held."""
+        self._at(centroid, n_changes).promise = promise
+
+    def _at(self, centroid: ArrayLike, n_changes: int) -> Mark:
+        """Mark of the object at a place, as things lie now; a new one if need be."""
+        mark, place = self.of(centroid), np.array(centroid, dtype=np.float64)
+        if mark is None:
+            mark = Mark(place, "", "")
+            self.marks.append(mark)
+        if mark.n_changes < n_changes:
+            mark.searches, mark.promise = 0, None
+        mark.centroid, mark.n_changes = place, n_changes
         return mark
 
     def moved(self, T_now_before: SE3) -> None:
@@ -128,10 +139,20 @@ class Marks:
             mark.unreached.clear()
             mark.n_stayed = 0
 
-    def failures(self, centroid: ArrayLike) -> int:
-        """Tell how much came to nothing at a place."""
+    def promise(self, centroid: ArrayLike, n_changes: int) -> float | None:
+        """Tell how likely what lies at a place is to be held, if it was put off."""
         mark = self.of(centroid)
-        return 0 if mark is None else mark.tries + mark.searches
+        return None if mark is None or mark.n_changes < n_changes else mark.promise
+
+    def turn(self, centroid: ArrayLike, n_changes: int) -> tuple[float, float]:
+        """Order of what lies at a place, for sorting: it comes after what is less.
+
+        What failed has another turn after all that did not, and what was put off after
+        all else, the likeliest first.
+        """
+        mark, promise = self.of(centroid), self.promise(centroid, n_changes)
+        n_failed = 0.0 if mark is None else float(mark.tries + mark.searches)
+        return (0.0, n_failed) if promise is None else (1.0, n_failed - promise)
 
     def why_left(self, centroid: ArrayLike, n_changes: int, tries: int) -> str:
         """Say why not to try again what lies there, or nothing.

@@ -15,6 +15,7 @@ __all__ = [
     "careful",
     "feasible",
     "hand_corners",
+    "left_of",
     "met_safely",
     "paced",
     "times_at",
@@ -42,8 +43,8 @@ _STIFFNESS = 3e4
 _FELT_AFTER = 0.02
 """From a touch until the arm begins to brake [s]: the lag of the sensor, the median of
 three samples, and a tick."""
-_LEAST = 0.02
-"""Of the pace."""
+_LEAST, _CREEP = 0.02, 1e-3
+"""Of the pace; and where it begins on a way."""
 _MOST_POINTS = 400
 _GROUND = 0.02
 """Points no higher are the ground, which bounds the gap by itself [m]."""
@@ -124,6 +125,11 @@ def paced(
     period
         Of a tick [s].
     """
+    if trajectory.dq[0].any():  # it is what was left of one: its begin is at rest, too
+        n = max(int(np.ceil(trajectory.duration / _KNOT)) + 1, 2, len(paces))
+        knots = np.linspace(0.0, 1.0, n)
+        paces = np.interp(knots, np.linspace(0.0, 1.0, len(paces)), paces)
+        paces[0] = _CREEP
     paces = feasible(trajectory, paces, acceleration)
     path = trajectory.at(times_at(trajectory, _SPARE * paces, period))[0]
     share = np.minimum(period * np.arange(1, len(path) + 1) / _BLEND, 1.0)
@@ -131,6 +137,14 @@ def paced(
     path = path + fade[:, None] * (q_start - trajectory.q[0])
     # Where it stands first: speeds count from the tick of the last command.
     return np.concatenate([[q_start], path])
+
+
+def left_of(trajectory: Trajectory, q: FloatArray) -> Trajectory:
+    """Give what is left of a motion that was stopped near a posture (d,)."""
+    n = int(np.ceil(trajectory.duration / _GRAIN)) + 2
+    times = np.linspace(0.0, trajectory.duration, n)[:-1]
+    away = np.abs(trajectory.at(times)[0] - q).max(axis=1)
+    return trajectory.after(float(times[away.argmin()]))
 
 
 def hand_corners(limb: LimbState, preshape: str, opening: float) -> FloatArray:

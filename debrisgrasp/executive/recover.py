@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import TarePolicy
 from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3, Bounds
 
-from .carrying import taken_back
+from .carrying import MET, taken_back
 from .caught import felt_out
 from .context import Context, Held
 from .drive import Drive
@@ -18,7 +19,7 @@ from .folding import free_share
 from .inside import moved_inside
 from .moves import back_out, let_go, lower, put_down
 from .outcome import FaultEvent
-from .relief import doubted, heaviest, relieve
+from .relief import doubted, heaviest, relieve, standing_load, with_room
 from .resting import put_away
 from .result import Done, FaultFound, StepResult
 from .states import State
@@ -84,7 +85,7 @@ def clear_up(context: Context) -> FaultFound | None:
     elif busy is not None:
         # What presses on a hand that has lifted nothing is its own squeeze first.
         if held is not None:
-            fault = let_go(context)
+            fault = _gone_back(context, held) or let_go(context)
         elif context.is_closed:
             fault = _opened(context, busy)
         fault = fault or relieve(context, busy)
@@ -115,6 +116,32 @@ def clear_up(context: Context) -> FaultFound | None:
         if fault is not None:
             return fault
     context.is_in_pile = None
+    return None
+
+
+def _gone_back(context: Context, held: Held) -> FaultFound | None:
+    """Go back to where a lift began that came to nothing, as far as that goes.
+
+    Opened under the load that ended it, the fingers would be caught in it.
+    """
+    drive = Drive(context, held.arm)
+    if held.begun is None:
+        return None
+    way = held.begun - drive.limb.pose(context.posture(drive.limb)).p
+    load = standing_load(context, drive)
+    if isinstance(load, FaultFound) or float(np.linalg.norm(way)) < _LOW:
+        return load if isinstance(load, FaultFound) else None
+    end = drive.leg(
+        way,
+        speed=context.settings.lift_speed,
+        tare=TarePolicy.SESSION,
+        limits=with_room(drive.limits, load),
+    )
+    if not isinstance(end, FaultFound):
+        return None
+    if end.fault not in MET:
+        return end
+    reset_stops(context)  # as far as it goes
     return None
 
 

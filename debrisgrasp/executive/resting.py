@@ -16,8 +16,9 @@ from debrisgrasp.motion import MotionPlan, UnknownSpace
 from .context import Context, LimbState
 from .drag import drive_back
 from .drive import Drive
-from .folding import is_folded, straight
+from .folding import is_folded, straight, unfolds
 from .hanging import looked_after, looked_again
+from .inside import led
 from .moves import LAST_RESORT, planned, pull_of, reversed_motion
 from .obstacles import space_of
 from .pacing import widest_corners
@@ -32,6 +33,8 @@ _RISES = 3
 """... and so often ..."""
 _LEAST, _AS_BEFORE = 5e-3, 2e-3
 """... if it can by so much [m], and the arm is not as before then [rad or m]."""
+_AT_REST = 0.01
+"""So near to its posture of rest an arm is there [rad or m]."""
 _STEP, _NEXT = 0.03, 0.5
 """Between two postures of a way gone others are filled in, so far apart, if they follow
 each other as near as that [rad or m]."""
@@ -73,15 +76,13 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     limb, drive = context.limbs[arm], Drive(context, arm)
     rest = context.settings.rest or limb.rest_of
     q_rest = limb.reach.chain.vector(context.model.posture(arm, rest))
-    q = context.posture(limb)
-    if np.abs(q - q_rest).max() < 0.01:
-        limb.trail.clear()
+    if _is_at(context, limb, q_rest):
         return None
     eased = relieve(context, arm, _PRESSED) if limb.trail else None
     if eased is None and context.cycle.speed <= _GUARDED:
         eased = _risen(drive)  # it touched something: over that
     eased = eased or _unfolded(drive)
-    if eased is not None:
+    if eased is not None or _is_at(context, limb, q_rest):
         return eased
     q = context.posture(limb)
     limb.went(q[None])
@@ -89,8 +90,8 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     if motion is not None and motion.arm == arm and context.dragged is None:
         reach = motion.reach.trajectory
         assert reach is not None
-        is_there = np.abs(q - reach.q[-1]).max() < 0.01
-        is_from_rest = np.abs(reach.q[0] - q_rest).max() < 0.01
+        is_there = np.abs(q - reach.q[-1]).max() < _AT_REST
+        is_from_rest = np.abs(reach.q[0] - q_rest).max() < _AT_REST
         if is_there and is_from_rest:
             return _back(drive, reversed_motion(reach))
     found = _way_to(context, limb, q_rest)
@@ -108,18 +109,29 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     return _back(drive, found.trajectory)
 
 
+def _is_at(context: Context, limb: LimbState, q_rest: FloatArray) -> bool:
+    """Whether an arm is back at rest (d,): then it remembers no way any more."""
+    is_back = bool(np.abs(context.posture(limb) - q_rest).max() < _AT_REST)
+    if is_back:
+        limb.trail.clear()
+    return is_back
+
+
 def _unfolded(drive: Drive) -> FaultFound | None:
-    """Lead a hand straight back to where its arm last was not folded onto the robot.
+    """Lead an arm back to where it last was not folded onto the robot.
 
     What pushes an arm aside brings it nearer to itself than its leg was to, and no
-    motion begins there. It stays where that is as far as it remembers, and stops where
-    it would touch more of the robot.
+    motion begins there. Where its joints can't go straight back its hand does, as far
+    as the arm would not touch more of the robot.
     """
-    limb, q = drive.limb, drive.context.posture(drive.limb)
+    context, limb, trail = drive.context, drive.limb, drive.limb.trail
+    q = context.posture(limb)
     if not is_folded(limb, q):
         return None
-    free = next((row for row in reversed(limb.trail) if not is_folded(limb, row)), q)
-    way, speed = limb.pose(free).p - limb.pose(q).p, drive.context.settings.lift_speed
+    free = next((row for row in reversed(trail) if not is_folded(limb, row)), q)
+    if unfolds(limb, q, free):
+        return led(context, limb, free, free, "on its way back")
+    way, speed = limb.pose(free).p - limb.pose(q).p, context.settings.lift_speed
     end = straight(drive, way, pull_of(drive), speed=speed, least=_LEAST)
     return end if isinstance(end, FaultFound) else None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Protocol
@@ -17,8 +17,6 @@ from debrisgrasp.pipeline import Pipeline, with_hands
 from debrisgrasp.prototypes import load_grippers
 from debrisgrasp.robot import Robot
 
-from . import aside, carrying, choose, closing, grasping, perceive, prepare, releasing
-from .calibrated import calib_check
 from .context import Context, Cycle, Recorder
 from .faults import Action, fault_named
 from .guarded import guarded
@@ -30,33 +28,12 @@ from .result import Done, FaultFound, StepResult
 from .settings import TaskSettings
 from .states import State
 from .steady import SteadyClock
+from .steps import STEPS
 from .stopping import reset_stops, stop_all
 from .table import FOLLOWING, Answer, answer_to
 
-__all__ = ["STEPS", "Executive", "Observer"]
+__all__ = ["Executive", "Observer"]
 
-STEPS: Mapping[State, Callable[[Context], StepResult]] = {
-    State.SELF_TEST: prepare.self_test,
-    State.CALIB_CHECK: calib_check,
-    State.CAPTURE: perceive.capture,
-    State.SEGMENT: perceive.segment,
-    State.SELECT: choose.select,
-    State.PLAN_GRASP: choose.plan_grasp,
-    State.PLAN_MOTION: choose.plan_motion,
-    State.PREGRASP: grasping.pregrasp,
-    State.SWITCH: grasping.switch,
-    State.APPROACH: grasping.approach,
-    State.CLOSE: closing.close,
-    State.VERIFY_GRASP: closing.verify_grasp,
-    State.LIFT: carrying.lift,
-    State.VERIFY_HOLD: carrying.verify_hold,
-    State.TRANSPORT: carrying.transport,
-    State.RELEASE: releasing.release,
-    State.VERIFY_RELEASE: releasing.verify_release,
-    State.RETREAT: releasing.retreat,
-    State.PUSH: aside.push_aside,
-}
-"""What each state does."""
 _RECOVERIES = 4
 """So many times an arm is brought out of the pile and to rest, before the run ends."""
 _OF_THE_PILE = (FaultClass.BAD_GRASP, FaultClass.PLANNING)

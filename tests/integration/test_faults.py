@@ -7,7 +7,7 @@ import pytest
 
 from debrisgrasp.control import FaultClass
 from debrisgrasp.executive import RunEnd, State, TaskSettings
-from debrisgrasp.executive import run as executive
+from debrisgrasp.executive import steps as executive
 from debrisgrasp.executive.perceive import look_around
 from debrisgrasp.executive.result import Done
 from debrisgrasp.executive.simulated import injections_of

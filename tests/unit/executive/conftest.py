@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.executive import STAGES, Executive, MemoryRecord, State, TaskSettings
-from debrisgrasp.executive import run as module
+from debrisgrasp.executive import steps as module
 from debrisgrasp.executive.result import Done
 from debrisgrasp.pipeline import Pipeline
 from tests.unit.executive.rigs import brick_at, task_before

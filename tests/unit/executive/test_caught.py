@@ -87,6 +87,21 @@ def test_fingers_that_bear_more_than_the_hand_may_are_believed_and_nothing_moves
     assert not bars.place.any()
 
 
+def test_a_wrist_that_tells_what_the_fingers_add_up_to_is_believed(
+    caught_by, monkeypatch
+):
+    context, bars = caught_by((0, 0, 0))
+    forces = (140.0, 5.0, 5.0)
+    read = HandReading(0.0, (0.1,) * 3, forces)
+    monkeypatch.setattr(FakeGripper, "read", lambda _: read)
+    fingers = context.limbs["right"].hand.fingers
+    aside = sum(f.side * force for f, force in zip(fingers, forces, strict=True))
+    load = (aside, 10.0, 0.0, 0.0, 0.0, 0.0)
+    monkeypatch.setattr(Drive, "weighed", lambda _: load)
+    assert caught.felt_out(context, "right") is None
+    assert bars.place @ bars.back == pytest.approx(0.12, abs=0.02)
+
+
 @pytest.mark.parametrize("fault", ["too_heavy", "ratchet"])
 def test_only_a_hand_that_is_stopped_by_a_load_on_its_way_out_feels_for_another(
     pipeline, monkeypatch, fault

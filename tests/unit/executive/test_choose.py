@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from debrisgrasp.executive import choose
+from debrisgrasp.executive import choose, choose_grasp
 from debrisgrasp.executive.choose import _not_in_the_way, _triage
 from debrisgrasp.executive.context import Context
+from debrisgrasp.executive.marks import Marks
+from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.states import State
+from debrisgrasp.executive.triage import Triage, Way
+from debrisgrasp.geometry import SE3
+from debrisgrasp.pipeline import PlanningResult
+from debrisgrasp.planning import GraspPlan
 from tests.unit.executive.rigs import before_a_brick, look
 
 
@@ -34,3 +44,65 @@ def test_what_lies_across_the_border_of_the_workspace_is_in_the_way(
     triage = _triage(context, seen, segment)
     reason = _not_in_the_way(context, seen, points, triage)
     assert (reason != "outside the workspace") is is_in_way
+
+
+def before_a_chosen_brick(pipeline):
+    """What a task knows that has chosen the one object before it."""
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    look(context)
+    segment = context.cycle.seen.segmentation.segment(1)
+    triage = Triage(Way.PINCH, "", ("right", "left"))
+    assert isinstance(choose._chosen(context, segment, triage, ""), Done)
+    return context
+
+
+def grasp(rank):
+    """One as far as it is asked here."""
+    return SimpleNamespace(
+        rank=rank, score=rank, arm="right", prototype="bar", width=0.05, opening=0.1,
+        gripper="robotiq_3f", preshape="basic", T_base_hand=SE3.identity(),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("rank", "is_put_off"), [(0.2, True), (0.8, False)])
+def test_what_hardly_holds_is_put_off_once_until_something_changes(
+    pipeline, monkeypatch, rank, is_put_off
+):
+    context = before_a_chosen_brick(pipeline)
+    plan = blank(GraspPlan, grasps=(grasp(rank),))
+    found = blank(PlanningResult, plan=plan)
+    monkeypatch.setattr(type(context.pipeline), "plan", lambda *_, **__: found)
+    for n_before in range(4):
+        if n_before == 2:
+            context.n_removed += 1
+        done = choose_grasp.plan_grasp(context)
+        is_first = n_before % 2 == 0
+        assert done.next is (State.SELECT if is_put_off and is_first else None)
+
+
+def blank(kind, **values):
+    """One of a kind that holds these values, and nothing else."""
+    names = [field.name for field in fields(kind) if field.init]
+    return kind(**(dict.fromkeys(names) | values))
+
+
+def test_what_was_put_off_comes_last_and_the_likeliest_of_it_first():
+    marks, places = Marks(), np.eye(4, 3) * 2.0
+    marks.put_off(places[0], 0.2, n_changes=0)
+    marks.put_off(places[1], 0.4, n_changes=0)
+    marks.add(places[2], FaultFound("empty_grip", "nothing there"), n_changes=0)
+
+    def order(n_changes):
+        turns = [marks.turn(place, n_changes) for place in places]
+        return sorted(range(4), key=turns.__getitem__)
+
+    assert order(0) == [3, 2, 1, 0]
+    assert order(1) == [0, 1, 3, 2]
+    assert not marks.why_left(places[0], 0, tries=1)
+
+
+def test_an_object_that_is_the_only_one_sought_is_never_put_off(pipeline, monkeypatch):
+    context = before_a_chosen_brick(pipeline)
+    monkeypatch.setattr(context.cycle, "seen", SimpleNamespace(is_marked=np.ones(1)))
+    assert not choose_grasp._is_put_off(context, grasp(0.01))

@@ -12,7 +12,7 @@ from debrisgrasp.executive.faults import Action
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
-from tests.unit.executive.rigs import before_a_brick, gripped_below
+from tests.unit.executive.rigs import before_a_brick, gripped_below, holding
 
 
 def test_a_hand_that_was_stopped_on_its_way_back_gives_way_first(pipeline, monkeypatch):
@@ -59,3 +59,25 @@ def test_an_arm_that_met_something_is_away_before_the_trunk_turns(
     monkeypatch.setattr(recovery, "put_away", lambda _, arm, *__: order.append(arm))
     assert recovery.clear_up(context) is None
     assert order == ["left", "right"]
+
+
+def test_a_hand_whose_lift_came_to_nothing_goes_back_before_it_opens(
+    pipeline, monkeypatch
+):
+    """Up there its fingers would be caught in what held it."""
+    _, task = before_a_brick(pipeline)
+    context, opened = task.context, []
+    limb, drive = context.limbs["right"], Drive(context, "right")
+
+    def height():
+        return limb.pose(context.posture(limb)).p[2]
+
+    begun = limb.pose(context.posture(limb)).p
+    drive.leg([0.0, 0.0, 0.04], speed=0.05)
+    assert height() == pytest.approx(begun[2] + 0.04, abs=2e-3)
+    context.held, context.is_in_pile = holding(begun=begun), "right"
+    monkeypatch.setattr(recovery, "let_go", lambda _: opened.append(height()))
+    monkeypatch.setattr(recovery, "back_out", lambda *_: None)
+    monkeypatch.setattr(recovery, "put_away", lambda *_: None)
+    assert recovery.clear_up(context) is None
+    assert opened == [pytest.approx(begun[2], abs=2e-3)]

@@ -10,6 +10,7 @@ import pytest
 from debrisgrasp.control import GripCommand
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.fingers import loosen, open_hand
+from debrisgrasp.robot import HandReading
 from tests.unit.executive.rigs import before_a_brick
 
 
@@ -54,3 +55,54 @@ def test_fingers_do_not_go_on_where_the_sensor_gives_no_number(
         before = limb.limb.gripper.read().openings
         task.context.wait(0.5)
         assert limb.limb.gripper.read().openings == pytest.approx(before, abs=2e-3)
+
+
+class Springs:
+    """Fingers that squeeze a stiff thing, those of one side harder than the others."""
+
+    def __init__(self, sides, deep):
+        self.sides, self.deep = sides, deep
+        self.openings, self.pushes = [0.03] * len(sides), []
+        self.begun = self.push()
+
+    def forces(self):
+        pressed = zip(self.deep, self.openings, strict=True)
+        return tuple(max(2e5 * (deep - (x - 0.03)), 0.0) for deep, x in pressed)
+
+    def push(self):
+        """Force on the hand along its axis x [N]."""
+        return sum(s * f for s, f in zip(self.sides, self.forces(), strict=True))
+
+    def command(self, command):
+        self.openings = list(command.openings)
+        self.pushes.append(abs(self.push()))
+
+    def read(self):
+        return HandReading(0.0, tuple(self.openings), self.forces())
+
+
+@pytest.mark.parametrize("deep", [(2e-3, 6e-4, 6e-4), (5e-4, 8e-4, 8e-4)])
+def test_fingers_that_squeeze_come_off_together(pipeline, monkeypatch, deep):
+    """Else the hand bears alone what one side still exerts."""
+    _, task = before_a_brick(pipeline)
+    limb = task.context.limbs["right"]
+    springs = Springs([finger.side for finger in limb.hand.fingers], deep)
+    limb.limb = replace(limb.limb, gripper=springs)
+    monkeypatch.setattr(
+        Drive, "weighed", lambda _: (springs.push(), *[0.0] * 5), raising=True
+    )
+    assert abs(springs.begun) > 50.0
+    assert loosen(Drive(task.context, "right"), 0.1) is None
+    assert max(springs.pushes) < abs(springs.begun) + 1.0
+    assert min(springs.openings) > 0.095
+
+
+def test_fingers_that_only_press_the_hand_harder_stop(pipeline, monkeypatch):
+    _, task = before_a_brick(pipeline)
+    limb = task.context.limbs["right"]
+    springs = Springs([finger.side for finger in limb.hand.fingers], (0.0,) * 3)
+    limb.limb = replace(limb.limb, gripper=springs)
+    outside = lambda _: (2e4 * (max(springs.openings) - 0.03), *[0.0] * 5)  # noqa: E731
+    monkeypatch.setattr(Drive, "weighed", outside)
+    loosen(Drive(task.context, "right"), 0.1)
+    assert max(springs.openings) < 0.04

@@ -17,7 +17,9 @@ from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.pacing import (
     careful,
     feasible,
+    left_of,
     met_safely,
+    paced,
     times_at,
     widest_corners,
 )
@@ -28,6 +30,17 @@ from debrisgrasp.worlds import make_body
 from tests.unit.executive.rigs import before_a_brick
 
 PERIOD, GAIN = 0.004, 0.4
+
+
+MOST, FASTEST = 2.0, 1.5
+
+
+def slide():
+    """Motion of one joint: as fast as it can."""
+    times = np.array([0.0, 0.75, 2.0, 2.75])
+    dq = np.array([0.0, FASTEST, FASTEST, 0.0])[:, None]
+    q = np.array([0.0, 0.5625, 2.4375, 3.0])[:, None]
+    return Trajectory(joint_names=("slide",), times=times, q=q, dq=dq, limits_hash="")
 
 
 def run(duration, paces):
@@ -72,18 +85,27 @@ def test_the_pace_changes_no_faster_than_the_arm_can(duration, paces):
 )
 @example(np.array([0.8, 0.87, 0.94, *[1.0] * 9]))
 def test_a_pace_that_changes_asks_no_more_than_the_arm_can(paces):
-    most, fastest = 2.0, 1.5
-    times = np.array([0.0, 0.75, 2.0, 2.75])
-    dq = np.array([0.0, fastest, fastest, 0.0])[:, None]
-    q = np.array([0.0, 0.5625, 2.4375, 3.0])[:, None]
-    trajectory = Trajectory(
-        joint_names=("slide",), times=times, q=q, dq=dq, limits_hash=""
-    )
-    limit = np.array([most])
+    trajectory, limit = slide(), np.array([MOST])
     assert (feasible(trajectory, paces[:1], limit) == paces[:1]).all()
     ticks = times_at(trajectory, feasible(trajectory, paces, limit), PERIOD)
     path = trajectory.at(np.append(0.0, ticks))[0][:-1, 0]
-    assert np.abs(np.diff(path, 2)).max(initial=0.0) / PERIOD**2 < 1.02 * most
+    assert np.abs(np.diff(path, 2)).max(initial=0.0) / PERIOD**2 < 1.02 * MOST
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.0, 0.99), st.floats(-1e-3, 1e-3), st.floats(0.05, 1.0))
+def test_what_is_left_of_a_motion_begins_at_rest(share, beside, pace):
+    whole = slide()
+    stopped = whole.at(share * whole.duration)[0] + beside
+    path = paced(
+        left_of(whole, stopped), np.array([pace]), stopped, PERIOD, np.array([MOST])
+    )[:, 0]
+    assert path[0] == stopped[0]
+    assert path[-1] == pytest.approx(whole.q[-1, 0], abs=2e-3)
+    speed = np.diff(path) / PERIOD
+    assert np.abs(speed[:1]).max(initial=0.0) < 0.02 * FASTEST
+    assert np.abs(speed).max(initial=0.0) < 1.01 * FASTEST
+    assert np.abs(np.diff(speed[:-1])).max(initial=0.0) / PERIOD < 1.02 * MOST
 
 
 @pytest.mark.parametrize(

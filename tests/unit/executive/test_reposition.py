@@ -29,7 +29,7 @@ def test_a_base_drives_to_where_the_arms_reach_and_takes_along_what_it_knows(pip
     assert moved == pytest.approx(0.35, abs=0.03)
     assert fake.base.T_odom_base.p[0] == pytest.approx(moved, abs=1e-6)
     shift = np.array([moved, 0.0, 0.0])
-    assert context.marks.failures(place - shift) == 1
+    assert context.marks.of(place - shift).searches == 1
     assert not context.marks.why_left(place - shift, context.n_changes, tries=1)
     np.testing.assert_allclose(context.dropped[0][0], beside - shift, atol=1e-6)
     assert not context.is_in_way(border)

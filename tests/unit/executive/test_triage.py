@@ -10,7 +10,7 @@ import pytest
 
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.executive import SimulatedTask, TaskSettings
-from debrisgrasp.executive.choose import _ordered
+from debrisgrasp.executive.choose_grasp import _ordered
 from debrisgrasp.executive.marks import Mark, Marks
 from debrisgrasp.executive.outcome import RunEnd, RunResult
 from debrisgrasp.executive.result import FaultFound

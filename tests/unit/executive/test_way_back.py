@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from debrisgrasp.control import LegOutcome
 from debrisgrasp.errors import DriverError
@@ -63,9 +64,11 @@ def test_an_arm_remembers_its_way_until_it_is_back_at_rest(pipeline):
     assert np.abs(context.posture(limb) - q).max() < 0.01
 
 
+@pytest.mark.parametrize("unfolds", [True, False])
 def test_an_arm_that_was_pushed_onto_itself_goes_back_to_where_it_was_free(
-    pipeline, monkeypatch
+    pipeline, monkeypatch, unfolds
 ):
+    """By its joints, or where they would fold it more, as its hand came."""
     _, task = before_a_brick(pipeline)
     context, folded = task.context, []
     limb, drive = context.limbs["right"], Drive(context, "right")
@@ -83,9 +86,21 @@ def test_an_arm_that_was_pushed_onto_itself_goes_back_to_where_it_was_free(
         ways.append(way)
         return straight(drive, way, *_, **more)
 
+    led, goals = resting.led, []
+
+    def noted_too(context, limb, lower, *rest):
+        goals.append(lower)
+        return led(context, limb, lower, *rest)
+
     monkeypatch.setattr(resting, "straight", noted)
+    monkeypatch.setattr(resting, "led", noted_too)
+    monkeypatch.setattr(resting, "unfolds", lambda *_: unfolds)
     assert to_rest(context, "right") is None
-    np.testing.assert_allclose(ways, [[0.0, 0.0, -0.1]], atol=5e-3)
+    if unfolds:
+        np.testing.assert_allclose(limb.pose(goals[0]).p, begin, atol=5e-3)
+    else:
+        np.testing.assert_allclose(ways, [[0.0, 0.0, -0.1]], atol=5e-3)
+    assert len(goals) == unfolds
     assert folded == [True, False]
 
 
