@@ -83,6 +83,8 @@ ANSWERS: Mapping[tuple[State, str], Answer] = {
     # ended, and what the sensor is worth is seen by a new baseline.
     **{(state, fault): _SHAKEN for state in (State.CLOSE, State.VERIFY_GRASP, *HOLDING)
        for fault in ("bias_jump", "oscillation")},
+    # So is what others hold down: it is too heavy, once the zero was right thrice.
+    (State.LIFT, "oscillation"): replace(_SHAKEN, then=Action.NEXT),
     # What a plan could not foresee may be otherwise after another look.
     (State.PREGRASP, "plan_collision"): replace(_AGAIN, budget=3),
     (State.TRANSPORT, "plan_collision"): Answer(
