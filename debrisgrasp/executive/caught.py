@@ -10,11 +10,11 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import LegOutcome
 
 from .context import Context
-from .drive import Drive, LegEnd
+from .drive import Drive
 from .folding import straight
 from .moves import pull_of
 from .relief import relieve
-from .result import FaultFound
+from .result import FaultFound, LegEnd
 
 __all__ = ["felt_out", "nudged", "pushed_to"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import (
     CartesianLeg,
+    Command,
     Compliance,
     ContactGuard,
     ControllerConfig,
@@ -33,10 +34,10 @@ from .along import taken_along
 from .lingering import Lingering
 from .noticed import OUTSIDE, misplaced, refused
 from .pacing import careful, left_of, paced, widest_corners
-from .result import FaultFound
+from .result import FaultFound, LegEnd
 from .senses import SAFETY, Senses
 
-__all__ = ["Drive", "LegEnd"]
+__all__ = ["Drive"]
 
 _TRUNK_STILL = ServoConfig(shared_cost=1e6)
 """Turned on, an arm that touches something would be pressed harder."""
@@ -64,22 +65,6 @@ _ENGAGES_WITHIN = 0.5
 
 
 _Begun = tuple[LegController, LegState]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LegEnd:
-    """How a leg ended."""
-
-    outcome: LegOutcome
-    share: float
-    """How much of it was done, in [0, 1]."""
-    length: float
-    """Of the whole leg [m]."""
-
-    @property
-    def left(self) -> float:
-        """What was not done [m]."""
-        return (1.0 - self.share) * self.length
 
 
 class Drive(Senses):
@@ -251,20 +236,15 @@ class Drive(Senses):
         if isinstance(found, FaultFound):
             return found
         controller, state = found
-        clock, sent = self.clock, self.limb.sent
-        if sent is None or clock.now() > sent[0]:
+        sent = self.limb.sent
+        if sent is None or self.clock.now() > sent[0]:
             self._send(state.servo.q)  # speeds count from the tick of the last command
         self.limb.went(np.array([state.servo.q]))
         while True:
-            clock.wait_until(clock.now() + self.period)
-            reading = self.read()
-            if self.limb.doubt is not None:
-                return self._doubted(self.limb.doubt)
-            state, command = controller.step(state, reading)
-            self._note(reading.time, command.load)
-            if command.stop is not None:
-                return self._stopped(command.stop, reading)
-            self._send(command.q)
+            done = self._stepped(controller, state)
+            if isinstance(done, FaultFound):
+                return done
+            state, command = done
             fault = self._watched_fingers(command.load)
             for other in along:
                 fault = fault or other.met()
@@ -280,20 +260,30 @@ class Drive(Senses):
         for _ in range(int(_RUN_OUT / self.period)):
             if not state.servo.is_moving:
                 break
-            clock.wait_until(clock.now() + self.period)
-            reading = self.read()
-            if self.limb.doubt is not None:
-                return self._doubted(self.limb.doubt)
-            state, command = controller.step(state, reading)
-            self._note(reading.time, command.load)
-            if command.stop is not None:
-                return self._stopped(command.stop, reading)
-            self._send(command.q)
+            done = self._stepped(controller, state)
+            if isinstance(done, FaultFound):
+                return done
+            state, command = done
             if until is not None:
                 until(command.load)  # it may have more to stop than this arm
         else:
             self._brake()
         return LegEnd(state.outcome, state.share, controller.leg.length)
+
+    def _stepped(
+        self, controller: LegController, state: LegState
+    ) -> tuple[LegState, Command] | FaultFound:
+        """Wait one period, read, judge, and command the next step of a leg."""
+        self.clock.wait_until(self.clock.now() + self.period)
+        reading = self.read()
+        if self.limb.doubt is not None:
+            return self._doubted(self.limb.doubt)
+        state, command = controller.step(state, reading)
+        self._note(reading.time, command.load)
+        if command.stop is not None:
+            return self._stopped(command.stop, reading)
+        self._send(command.q)
+        return state, command
 
     def _brake(self) -> None:
         """Let the drives brake by themselves, and wait until they have."""

@@ -9,9 +9,9 @@ from debrisgrasp.control import CartesianLeg, LegOutcome, LegPlanner, TarePolicy
 from debrisgrasp.motion import ExactTest, MotionSpace
 
 from .context import LimbState
-from .drive import Drive, LegEnd
+from .drive import Drive
 from .obstacles import BARE
-from .result import FaultFound
+from .result import FaultFound, LegEnd
 
 __all__ = ["free_share", "is_folded", "straight", "unfolds"]
 

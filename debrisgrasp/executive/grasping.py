@@ -22,12 +22,12 @@ from debrisgrasp.pipeline import GraspMotion
 from debrisgrasp.planning import Grasp
 
 from .context import Context, LimbState
-from .drive import Drive, LegEnd
+from .drive import Drive
 from .fingers import open_hand
 from .moves import planned
 from .obstacles import room_for
 from .pacing import hand_corners
-from .result import Done, FaultFound, StepResult
+from .result import Done, FaultFound, LegEnd, StepResult
 
 __all__ = [
     "STANDING",

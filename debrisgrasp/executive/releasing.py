@@ -11,13 +11,13 @@ from debrisgrasp.control import LegOutcome
 
 from .caught import felt_out, nudged, pushed_to
 from .context import Context
-from .drive import Drive, LegEnd
+from .drive import Drive
 from .grasping import STANDING, aside_of
 from .moves import CAUGHT, back_out, let_go, put_down
 from .obstacles import lying
 from .relief import relieve
 from .resting import put_away
-from .result import Done, FaultFound, StepResult
+from .result import Done, FaultFound, LegEnd, StepResult
 
 __all__ = ["release", "retreat", "verify_release"]
 

@@ -1,13 +1,15 @@
-"""What a step of the task returns: it is done, or it met a fault."""
+"""What a step of the task returns, or a leg: it is done, or it met a fault."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from debrisgrasp.control import LegOutcome
+
 from .states import State
 
-__all__ = ["Done", "FaultFound", "FaultRaised", "StepResult"]
+__all__ = ["Done", "FaultFound", "FaultRaised", "LegEnd", "StepResult"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,3 +44,19 @@ class FaultRaised(Exception):
 
 
 StepResult = Done | FaultFound
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegEnd:
+    """How a leg ended."""
+
+    outcome: LegOutcome
+    share: float
+    """How much of it was done, in [0, 1]."""
+    length: float
+    """Of the whole leg [m]."""
+
+    @property
+    def left(self) -> float:
+        """What was not done [m]."""
+        return (1.0 - self.share) * self.length

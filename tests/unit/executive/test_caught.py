@@ -8,8 +8,8 @@ import pytest
 from debrisgrasp.control import LegOutcome
 from debrisgrasp.executive import caught, folding, relief
 from debrisgrasp.executive import recover as recovery
-from debrisgrasp.executive.drive import Drive, LegEnd
-from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.executive.drive import Drive
+from debrisgrasp.executive.result import FaultFound, LegEnd
 from debrisgrasp.executive.states import State
 from debrisgrasp.robot import HandReading
 from debrisgrasp.robot.fake_hand import FakeGripper

@@ -16,7 +16,7 @@ from debrisgrasp.control import (
     LegOutcome,
 )
 from debrisgrasp.executive.context import Held
-from debrisgrasp.executive.drive import Drive, LegEnd
+from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.fingers import open_hand
 from debrisgrasp.executive.moves import (
     _inside,
@@ -24,6 +24,7 @@ from debrisgrasp.executive.moves import (
     reversed_motion,
 )
 from debrisgrasp.executive.obstacles import space_of
+from debrisgrasp.executive.result import LegEnd
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import Trajectory

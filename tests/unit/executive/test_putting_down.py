@@ -8,7 +8,7 @@ import pytest
 from debrisgrasp.control import LegOutcome
 from debrisgrasp.executive import moves
 from debrisgrasp.executive.carrying import _is_beside
-from debrisgrasp.executive.drive import Drive, LegEnd
+from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.dropoff import (
     _at_rest,
     _is_met,
@@ -22,7 +22,7 @@ from debrisgrasp.executive.dropoff import (
 from debrisgrasp.executive.moves import lower
 from debrisgrasp.executive.obstacles import lying
 from debrisgrasp.executive.releasing import verify_release
-from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.executive.result import FaultFound, LegEnd
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3, so3
 from tests.unit.executive.rigs import before_a_brick, holding, look

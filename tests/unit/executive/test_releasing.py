@@ -11,8 +11,7 @@ from debrisgrasp.control import LegOutcome
 from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import TaskSettings, folding, moves, releasing
 from debrisgrasp.executive.context import Context
-from debrisgrasp.executive.drive import LegEnd
-from debrisgrasp.executive.result import Done
+from debrisgrasp.executive.result import Done, LegEnd
 from debrisgrasp.executive.states import State
 from tests.unit.executive.rigs import POINTS, before_a_brick, holding
 
