@@ -11,6 +11,7 @@ from debrisgrasp.control import LegOutcome
 
 from .context import Context
 from .drive import Drive
+from .fingers import give_way
 from .folding import straight
 from .moves import pull_of
 from .relief import relieve
@@ -82,17 +83,20 @@ def _sides(R: FloatArray) -> list[FloatArray]:
 
 def _eased_by(context: Context, drive: Drive, way: FloatArray) -> LegEnd | FaultFound:
     """Give way to what presses, then move by an offset (3,) [m] as far as that goes."""
-    fault = _wedged(drive) or relieve(context, drive.limb.name, _EASED)
-    fault = fault or _wedged(drive)
+    fault = _yielded(drive) or relieve(context, drive.limb.name, _EASED)
+    fault = fault or _yielded(drive)
     return nudged(drive, way) if fault is None else fault
 
 
-def _wedged(drive: Drive) -> FaultFound | None:
-    """Notice that the fingers of an open hand bear more than the whole hand may.
+def _yielded(drive: Drive) -> FaultFound | None:
+    """Let fingers yield, and notice that they still bear more than the hand may.
 
     The wrist is believed then only if it tells of what they add up to: its sensor may
     lie by just as much as the hand is pushed.
     """
+    fault = give_way(drive)
+    if fault is not None:
+        return fault
     forces = drive.fingers().forces
     felt = sum(abs(force) for force in forces)
     if felt <= drive.limits.force:

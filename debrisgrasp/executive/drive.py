@@ -71,6 +71,16 @@ class Drive(Senses):
     """Moves one limb; each method returns the fault that ended it, or what it did."""
 
     def engage(self) -> FaultFound | None:
+        """Have the drives follow, and see that the arm may move from where it is."""
+        fault = self.switch_on()
+        if fault is not None:
+            return fault
+        q = np.asarray(self.read().q, dtype=np.float64)
+        if self.limb.doubt is not None:
+            return self._doubted(self.limb.doubt)
+        return misplaced(q, self.limb.limits.controller, self.limb.name)
+
+    def switch_on(self) -> FaultFound | None:
         """Have the drives follow, as a transaction: read back, or else undone."""
         arm, name = self.devices.arm, self.limb.name
         if arm.is_stopped:
@@ -84,10 +94,7 @@ class Drive(Senses):
             arm.disengage()
             words = f"not engaged after {_ENGAGES_WITHIN:g} s; rolled back"
             return FaultFound("controller_refuses", words, name)
-        q = np.asarray(self.read().q, dtype=np.float64)
-        if self.limb.doubt is not None:
-            return self._doubted(self.limb.doubt)
-        return misplaced(q, self.limb.limits.controller, name)
+        return None
 
     def stand(
         self, seconds: float, until: Callable[[Wrench], bool] | None = None
@@ -283,6 +290,8 @@ class Drive(Senses):
         if command.stop is not None:
             return self._stopped(command.stop, reading)
         self._send(command.q)
+        if not self._tick % _STRIDE:
+            self.limb.went(np.array([command.q]))
         return state, command
 
     def _brake(self) -> None:

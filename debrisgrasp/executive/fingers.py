@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot, inf, isfinite
+from itertools import zip_longest
+from math import copysign, hypot, isfinite
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from .context import FINGER_TICKS, Held
 from .drive import Drive
 from .result import FaultFound
 
-__all__ = ["loosen", "open_hand", "run_grip"]
+__all__ = ["give_way", "loosen", "open_hand", "run_grip"]
 
 _OPENING_FORCE = 30.0
 """With which fingers open among other things [N]."""
@@ -25,8 +26,16 @@ _MORE = 15.0
 """... and by so much more than it was [N]."""
 _FELT = 2.0
 """A finger that feels more still holds [N]."""
-_EASES = 3e-4
-"""Step in which the finger opens that squeezes hardest [m]."""
+_SHORT = 4e-3
+"""A finger that is so near to where it was sent is there [m]."""
+_SOFT, _YIELD, _YIELDS = 15.0, 1e-3, 25
+"""Fingers of an open hand that are pressed harder [N] yield by so much [m] at a time,
+so many times at most."""
+_SQUEEZES, _EASES = 5.0, 3e-4
+"""A finger that feels more squeezes [N]; step in which the one opens that squeezes
+hardest [m]."""
+_AHEAD = 3e-3
+"""A finger is sent no farther ahead of where it is [m]."""
 _CREEP, _STALLED = 1.5e-4, 0.4
 """Fingers that move by less [m] for so long [s] have met something."""
 _SILENT = 0.04
@@ -127,17 +136,19 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
     before = gripper.read().openings
     goals = tuple(max(x, most) for x in before)
     end, last, since = drive.clock.now() + 8.0, before, drive.clock.now()
+    sent = before
     step = _LOOSENING * FINGER_TICKS * drive.period
     pressed = _Pressed(drive)
     most_force = max(_PRESSED * drive.limits.force, pressed.force() + _MORE)
     while drive.clock.now() < end:
         squeeze = gripper.read().forces
         steps = _in_balance(drive, squeeze)
-        ahead = tuple(
-            min(x + min(step, most), goal)
-            for x, most, goal in zip(last, steps, goals, strict=True)
+        # On from where they were sent: a hand may know larger steps only.
+        sent = tuple(
+            min(max(x, was_sent) + min(step, steps.get(i, step)), x + _AHEAD, goal)
+            for i, (x, was_sent, goal) in enumerate(zip(last, sent, goals, strict=True))
         )
-        gripper.command(GripCommand(ahead, _OPENING_FORCE))
+        gripper.command(GripCommand(sent, _OPENING_FORCE))
         drive.context.wait(FINGER_TICKS * drive.period)
         now = gripper.read().openings
         force = pressed.force()
@@ -147,7 +158,7 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
             # Wedged: from here on the arm must give way.
             gripper.command(GripCommand(tuple(now), _OPENING_FORCE))
             return None
-        if all(x > goal - 0.004 for x, goal in zip(now, goals, strict=True)):
+        if all(x > goal - _SHORT for x, goal in zip(now, goals, strict=True)):
             break
         if max(abs(x - y) for x, y in zip(now, last, strict=True)) > _CREEP:
             since = drive.clock.now()
@@ -155,33 +166,58 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
         if drive.clock.now() - since > _STALLED:
             break
     hand = gripper.read()
-    gone = [x - y for x, y in zip(hand.openings, before, strict=True)]
-    wanted = [x - y for x, y in zip(goals, before, strict=True)]
-    # One that something outside keeps from opening more holds nothing, either.
-    stuck = [
-        i
-        for i, (x, y, force) in enumerate(zip(gone, wanted, hand.forces, strict=True))
-        if x < min(0.004, 0.5 * y) and force > _FELT
-    ]
-    if stuck:
-        words = f"finger {stuck[0] + 1} opened by {1e3 * gone[stuck[0]]:.1f} mm"
-        return FaultFound("finger_jammed", words, drive.limb.name)
+    fingers = zip(hand.openings, before, goals, hand.forces, strict=False)
+    for i, (now_open, was_open, goal, force) in enumerate(fingers):
+        gone, wanted = now_open - was_open, goal - was_open
+        # One that something outside keeps from opening more holds nothing, either.
+        if wanted > _SHORT and gone < min(_SHORT, 0.5 * wanted) and force > _FELT:
+            words = f"finger {i + 1} opened by {1e3 * gone:.1f} mm"
+            return FaultFound("finger_jammed", words, drive.limb.name)
     return None
 
 
-def _in_balance(drive: Drive, forces: Sequence[float]) -> list[float]:
-    """Longest steps of fingers that squeeze so hard [N] and are to open [m].
+def give_way(drive: Drive) -> FaultFound | None:
+    """Let fingers of an open hand yield to what presses them, from inside or outside.
+
+    As far as they go, or until none is pressed hard any more.
+    """
+    gripper, pressed = drive.devices.gripper, _Pressed(drive)
+    shape = drive.limb.hand.preshape(drive.context.preshape_of(drive.limb))
+    for _ in range(_YIELDS):
+        hand = gripper.read()
+        steps = [_yielding(force) for force in hand.forces]
+        if not any(steps):
+            break
+        goals = tuple(
+            min(max(x + step, shape.narrowest), shape.widest)
+            for x, step in zip_longest(hand.openings, steps, fillvalue=0.0)
+        )
+        gripper.command(GripCommand(goals, _OPENING_FORCE))
+        drive.context.wait(FINGER_TICKS * drive.period)
+        pressed.force()
+        if pressed.fault is not None:
+            return pressed.fault
+    return None
+
+
+def _yielding(force: float) -> float:
+    """Step of a finger that is pressed from inside, or below zero from outside [m]."""
+    return copysign(_YIELD, force) if abs(force) > _SOFT else 0.0
+
+
+def _in_balance(drive: Drive, forces: Sequence[float]) -> dict[int, float]:
+    """Longest steps of those fingers, by number, that squeeze so hard [N] and open [m].
 
     Those of both sides come off at once: else the hand bears what one side still exerts
     when the other is off.
     """
-    squeezing = [max(force, 0.0) for force in forces]
-    fingers = zip(drive.limb.hand.fingers, squeezing, strict=False)
-    sides = {finger.side > 0 for finger, force in fingers if force > _FELT}
+    squeezing = {i: force for i, force in enumerate(forces) if force > _SQUEEZES}
+    fingers = drive.limb.hand.fingers
+    sides = {fingers[i].side > 0 for i in squeezing if i < len(fingers)}
     if len(sides) < 2:
-        return [inf] * len(squeezing)
-    hardest = max(squeezing)
-    return [_EASES * f / hardest if f > _FELT else inf for f in squeezing]
+        return {}
+    hardest = max(squeezing.values())
+    return {i: _EASES * force / hardest for i, force in squeezing.items()}
 
 
 def _is_less(forces: Sequence[float], before: Sequence[float]) -> bool:

@@ -56,8 +56,9 @@ class Mark:
     is_heavy: bool = False
     """Whether it is too heavy to carry: by the scales, or because it never comes."""
     promise: float | None = None
-    """How likely it was to be held when it was put off; None: it was not, or something
-    has changed since."""
+    """How likely it was to be held when it was put off; None: it never was ..."""
+    n_promised: int = 0
+    """... and how often something had changed by then: it is put off until the next."""
     failed: list[Grasp] = field(default_factory=list)
     """Grasps that were tried on it."""
     unreached: Memo[object, list[Grasp]] = field(default_factory=Memo)
@@ -100,7 +101,11 @@ class Marks:
 
         What goes wrong again in the same try is not counted again.
         """
-        mark = self._at(centroid, n_changes)
+        mark = self._at(centroid)
+        if mark.n_changes < n_changes:
+            mark.searches = 0
+        mark.centroid = np.array(centroid, dtype=np.float64)
+        mark.n_changes = n_changes
         mark.reason, mark.fault = found.message, found.fault
         if is_search:
             mark.searches += 1
@@ -114,17 +119,15 @@ class Marks:
 
     def put_off(self, centroid: ArrayLike, promise: float, n_changes: int) -> None:
         """Leave an object for last that is hardly likely to be held."""
-        self._at(centroid, n_changes).promise = promise
+        mark = self._at(centroid)
+        mark.promise, mark.n_promised = promise, n_changes
 
-    def _at(self, centroid: ArrayLike, n_changes: int) -> Mark:
-        """Mark of the object at a place, as things lie now; a new one if need be."""
-        mark, place = self.of(centroid), np.array(centroid, dtype=np.float64)
+    def _at(self, centroid: ArrayLike) -> Mark:
+        """Mark of the object at a place, or a new one."""
+        mark = self.of(centroid)
         if mark is None:
-            mark = Mark(place, "", "")
+            mark = Mark(np.array(centroid, dtype=np.float64), "", "")
             self.marks.append(mark)
-        if mark.n_changes < n_changes:
-            mark.searches, mark.promise = 0, None
-        mark.centroid, mark.n_changes = place, n_changes
         return mark
 
     def moved(self, T_now_before: SE3) -> None:
@@ -142,7 +145,7 @@ class Marks:
     def promise(self, centroid: ArrayLike, n_changes: int) -> float | None:
         """Tell how likely what lies at a place is to be held, if it was put off."""
         mark = self.of(centroid)
-        return None if mark is None or mark.n_changes < n_changes else mark.promise
+        return None if mark is None or mark.n_promised < n_changes else mark.promise
 
     def turn(self, centroid: ArrayLike, n_changes: int) -> tuple[float, float]:
         """Order of what lies at a place, for sorting: it comes after what is less.

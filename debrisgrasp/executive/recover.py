@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
@@ -40,6 +42,8 @@ _STIRRED = 0.2
 """So far around a hand things may have slid or rolled [m]."""
 _LOW = 5e-3
 """What hangs no higher than it lay falls no way [m]."""
+_GOES_ON = (*MET, "oscillation", "bias_jump")
+"""However it goes back, it is opened then, unless nobody knows what it bears."""
 _LOWERED = 0.3
 """What is put back is lowered so far, or to the ground, until it lies [m]."""
 
@@ -127,19 +131,23 @@ def _gone_back(context: Context, held: Held) -> FaultFound | None:
     drive = Drive(context, held.arm)
     if held.begun is None:
         return None
-    way = held.begun - drive.limb.pose(context.posture(drive.limb)).p
     load = standing_load(context, drive)
-    if isinstance(load, FaultFound) or float(np.linalg.norm(way)) < _LOW:
-        return load if isinstance(load, FaultFound) else None
+    if isinstance(load, FaultFound):
+        return load
+    way = held.begun - drive.limb.pose(context.posture(drive.limb)).p
+    limits = drive.limits
+    is_over = hypot(*load[:3]) > limits.force or hypot(*load[3:]) > limits.torque
+    if is_over or float(np.linalg.norm(way)) < _LOW:
+        return None
     end = drive.leg(
         way,
         speed=context.settings.lift_speed,
         tare=TarePolicy.SESSION,
-        limits=with_room(drive.limits, load),
+        limits=with_room(limits, load),
     )
     if not isinstance(end, FaultFound):
         return None
-    if end.fault not in MET:
+    if end.fault not in _GOES_ON:
         return end
     reset_stops(context)  # as far as it goes
     return None

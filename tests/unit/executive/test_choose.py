@@ -102,6 +102,22 @@ def test_what_was_put_off_comes_last_and_the_likeliest_of_it_first():
     assert not marks.why_left(places[0], 0, tries=1)
 
 
+@pytest.mark.parametrize(
+    ("fault", "is_search", "values"),
+    [("slip", False, {}), ("no_grasp", True, {"candidates": 0.0})],
+)
+def test_what_is_put_off_keeps_its_try_after_a_removal(fault, is_search, values):
+    marks, place = Marks(), np.zeros(3)
+    found = FaultFound(fault, "in vain", None, values)
+    marks.add(place, found, n_changes=0, is_search=is_search)
+    assert marks.why_left(place, 0, tries=1)
+    assert not marks.why_left(place, 1, tries=1)
+    marks.put_off(place, 0.3, n_changes=1)
+    assert not marks.why_left(place, 1, tries=1)
+    assert marks.promise(place, 1) == 0.3
+    assert marks.promise(place, 2) is None
+
+
 def test_an_object_that_is_the_only_one_sought_is_never_put_off(pipeline, monkeypatch):
     context = before_a_chosen_brick(pipeline)
     monkeypatch.setattr(context.cycle, "seen", SimpleNamespace(is_marked=np.ones(1)))

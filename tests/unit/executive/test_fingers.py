@@ -9,7 +9,7 @@ import pytest
 
 from debrisgrasp.control import GripCommand
 from debrisgrasp.executive.drive import Drive
-from debrisgrasp.executive.fingers import loosen, open_hand
+from debrisgrasp.executive.fingers import give_way, loosen, open_hand
 from debrisgrasp.robot import HandReading
 from tests.unit.executive.rigs import before_a_brick
 
@@ -97,6 +97,34 @@ def test_fingers_that_squeeze_come_off_together(pipeline, monkeypatch, deep):
     assert min(springs.openings) > 0.095
 
 
+@pytest.mark.parametrize("step", [0.4e-3, 0.61e-3])
+def test_fingers_that_know_large_steps_only_open_too(pipeline, monkeypatch, step):
+    _, task = before_a_brick(pipeline)
+    limb = task.context.limbs["right"]
+
+    class Stepped(Springs):
+        def command(self, command):
+            rounded = np.round(np.array(command.openings) / step) * step
+            super().command(command._replace(openings=tuple(rounded.tolist())))
+
+    springs = Stepped([finger.side for finger in limb.hand.fingers], (1e-4,) * 3)
+    limb.limb = replace(limb.limb, gripper=springs)
+    monkeypatch.setattr(Drive, "weighed", lambda _: (springs.push(), *[0.0] * 5))
+    assert loosen(Drive(task.context, "right"), 0.1) is None
+    assert min(springs.openings) > 0.095
+
+
+@pytest.mark.parametrize("forces", [(9.0,), (), (np.nan, 9.0, 9.0)])
+def test_a_gripper_that_tells_too_few_forces_opens(pipeline, forces):
+    _, task = before_a_brick(pipeline)
+    limb = task.context.limbs["right"]
+    springs = Springs([finger.side for finger in limb.hand.fingers], (0.0,) * 3)
+    springs.forces, springs.push = lambda: forces, lambda: 0.0
+    limb.limb = replace(limb.limb, gripper=springs)
+    loosen(Drive(task.context, "right"), 0.1)
+    assert min(springs.openings) > 0.095
+
+
 def test_fingers_that_only_press_the_hand_harder_stop(pipeline, monkeypatch):
     _, task = before_a_brick(pipeline)
     limb = task.context.limbs["right"]
@@ -106,3 +134,37 @@ def test_fingers_that_only_press_the_hand_harder_stop(pipeline, monkeypatch):
     monkeypatch.setattr(Drive, "weighed", outside)
     loosen(Drive(task.context, "right"), 0.1)
     assert max(springs.openings) < 0.04
+
+
+@pytest.mark.parametrize("outward", [1.0, -1.0])
+def test_fingers_that_are_pressed_yield(pipeline, outward):
+    """From inside they open, and from outside they close."""
+    _, task = before_a_brick(pipeline)
+    limb = task.context.limbs["right"]
+    begun = np.array([0.05, 0.06, 0.07])
+
+    class Pressed(Springs):
+        def forces(self):
+            yielded = outward * (np.array(self.openings) - begun)
+            soft = np.array([5e4, 2e4, 1e3])
+            return tuple(outward * soft * np.maximum(0.008 - yielded, 0.0))
+
+    springs = Pressed([finger.side for finger in limb.hand.fingers], (0.0,) * 3)
+    springs.openings = list(begun)
+    limb.limb = replace(limb.limb, gripper=springs)
+    assert max(np.abs(springs.forces())) > 300.0
+    assert give_way(Drive(task.context, "right")) is None
+    assert max(np.abs(springs.forces())) < 20.0
+    gone = np.abs(np.array(springs.openings) - begun)
+    assert gone[0] > 5e-3
+    assert gone[2] == 0.0
+
+
+def test_a_finger_that_is_nearly_where_it_was_sent_is_not_jammed(pipeline):
+    _, task = before_a_brick(pipeline)
+    limb = task.context.limbs["right"]
+    springs = Springs([finger.side for finger in limb.hand.fingers], (0.0,) * 3)
+    springs.openings = [0.097, 0.1, 0.1]
+    springs.forces = lambda: (5.0, 0.0, 0.0)
+    limb.limb = replace(limb.limb, gripper=springs)
+    assert loosen(Drive(task.context, "right"), 0.1) is None
