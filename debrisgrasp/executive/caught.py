@@ -11,7 +11,7 @@ from debrisgrasp.control import LegOutcome
 
 from .context import Context
 from .drive import Drive
-from .fingers import give_way
+from .fingers import draw_in, give_way
 from .folding import straight
 from .moves import pull_of
 from .relief import relieve
@@ -49,13 +49,14 @@ def felt_out(context: Context, arm: str) -> FaultFound | None:
     """Draw an open hand back; where something is in the way, around that.
 
     A touch ends each way. Then the hand gives way, goes to one side after the other,
-    and tries again from there.
+    and tries again from there. At last its fingers are drawn in, for they may have
+    opened behind something.
     """
     limb, drive = context.limbs[arm], Drive(context, arm)
     R = limb.pose(context.posture(limb)).R
     back, sides = -R[:, 2], _sides(R)
-    left, shift = _OUT, np.zeros(3)
-    for _ in range(_LEGS):
+    left, shift, is_drawn_in = _OUT, np.zeros(3), False
+    for _ in range(2 * _LEGS):
         end = _eased_by(context, drive, left * back)
         if isinstance(end, FaultFound):
             return end
@@ -65,8 +66,14 @@ def felt_out(context: Context, arm: str) -> FaultFound | None:
         left -= done
         if done > _ON:
             sides, shift = _sides(R), np.zeros(3)
-        if not sides:
+        if not sides and is_drawn_in:
             break
+        if not sides:
+            fault = draw_in(drive)
+            if fault is not None:
+                return fault
+            sides, shift, is_drawn_in = _sides(R), np.zeros(3), True
+            continue
         goal = sides.pop(0) - shift
         end = _eased_by(context, drive, goal)
         if isinstance(end, FaultFound):

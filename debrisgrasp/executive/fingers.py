@@ -14,7 +14,7 @@ from .context import FINGER_TICKS, Held
 from .drive import Drive
 from .result import FaultFound
 
-__all__ = ["give_way", "loosen", "open_hand", "run_grip"]
+__all__ = ["draw_in", "give_way", "loosen", "open_hand", "run_grip"]
 
 _OPENING_FORCE = 30.0
 """With which fingers open among other things [N]."""
@@ -193,6 +193,30 @@ def give_way(drive: Drive) -> FaultFound | None:
             for x, step in zip_longest(hand.openings, steps, fillvalue=0.0)
         )
         gripper.command(GripCommand(goals, _OPENING_FORCE))
+        drive.context.wait(FINGER_TICKS * drive.period)
+        pressed.force()
+        if pressed.fault is not None:
+            return pressed.fault
+    return None
+
+
+def draw_in(drive: Drive) -> FaultFound | None:
+    """Close the fingers of an open hand half-way, or until they touch what is between.
+
+    Gently: they are to hold nothing.
+    """
+    gripper, pressed = drive.devices.gripper, _Pressed(drive)
+    halves = [0.5 * x for x in gripper.read().openings]
+    for _ in range(round(max(halves, default=0.0) / _YIELD)):
+        hand = gripper.read()
+        free = [force <= _FELT for force in hand.forces]
+        goals = tuple(
+            max(x - _YIELD, half) if is_free else x
+            for x, half, is_free in zip_longest(
+                hand.openings, halves, free, fillvalue=0.0
+            )
+        )
+        gripper.command(GripCommand(goals, _SQUEEZES))
         drive.context.wait(FINGER_TICKS * drive.period)
         pressed.force()
         if pressed.fault is not None:

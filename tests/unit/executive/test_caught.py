@@ -68,8 +68,26 @@ def test_a_hand_that_no_side_frees_is_told_and_not_pulled_harder(caught_by):
     found = caught.felt_out(context, "right")
     assert isinstance(found, FaultFound)
     assert found.fault == "not_released"
-    assert len(bars.pulled) == 5
+    assert len(bars.pulled) == 10  # straight and to four sides, and so drawn in
     assert all(force <= 41 for force in bars.pulled)
+
+
+def test_fingers_that_opened_behind_something_are_drawn_in(caught_by, monkeypatch):
+    context, bars = caught_by((1.0, 1.0, 0.0))
+    draw_in, drawn = caught.draw_in, []
+
+    def frees(drive):
+        drawn.append(drive.fingers().openings)
+        fault = draw_in(drive)
+        drawn.append(drive.fingers().openings)
+        bars.needed = np.zeros(3)
+        return fault
+
+    monkeypatch.setattr(caught, "draw_in", frees)
+    assert caught.felt_out(context, "right") is None
+    wide, narrow = np.array(drawn)
+    np.testing.assert_allclose(narrow, 0.5 * wide, atol=2e-3)
+    assert bars.place @ bars.back == pytest.approx(0.12, abs=0.02)
 
 
 @pytest.mark.parametrize("forces", [(60.0, 50.0, 50.0), (0.0, np.nan, 0.0)])
