@@ -11,7 +11,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.errors import DriverError
 from debrisgrasp.kinematics import Trajectory
-from debrisgrasp.motion import MotionPlan, UnknownSpace
+from debrisgrasp.motion import MotionPlan, MotionSpace, UnknownSpace
 
 from .context import Context, LimbState
 from .drag import drive_back
@@ -42,6 +42,8 @@ _STEP, _NEXT = 0.03, 0.5
 each other as near as that [rad or m]."""
 _PRESSED = 0.3
 """Share of a limit above which a hand gives way before it is taken elsewhere."""
+_SUNK = (0.02, 0.04, 0.08)
+"""A hand that stands on the ground is planned from as if that lay so much lower [m]."""
 _GUARDED = 0.25
 """Share of the planned speed that is left after a touch, or where one is likely."""
 
@@ -203,7 +205,23 @@ def _way_to(
         found = planned(context, limb, goal, space, known=known, max_rounds=rounds)
         if not isinstance(found, FaultFound):
             return found if with_guesses else _slowed(found)
-    return found
+    return _way_off_ground(context, limb, goal, space) or found
+
+
+def _way_off_ground(
+    context: Context, limb: LimbState, goal: FloatArray, space: MotionSpace
+) -> MotionPlan | None:
+    """Plan from where a hand stands on the ground, as if that were a little lower."""
+    q, plane = context.posture(limb), space.ground_plane
+    if plane is None or limb.planner.stands_free(q, space):
+        return None
+    for depth in _SUNK:
+        lower = replace(space, ground_plane=plane + np.array([0.0, 0.0, 0.0, depth]))
+        if not limb.planner.stands_free(q, lower):
+            continue
+        found = planned(context, limb, goal, lower, max_rounds=LAST_RESORT)
+        return None if isinstance(found, FaultFound) else _slowed(found)
+    return None
 
 
 def _slowed(plan: MotionPlan) -> MotionPlan:

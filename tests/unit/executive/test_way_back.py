@@ -10,13 +10,14 @@ import pytest
 from debrisgrasp.control import LegOutcome
 from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import releasing, resting
+from debrisgrasp.executive.context import Context
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.moves import planned
 from debrisgrasp.executive.obstacles import room_for, space_of
 from debrisgrasp.executive.resting import to_rest
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3, so3
-from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.motion import MotionSpace, UnknownSpace
 from tests.unit.executive.rigs import before_a_brick, look
 
 
@@ -104,6 +105,36 @@ def test_an_arm_that_was_pushed_onto_itself_goes_back_to_where_it_was_free(
     else:
         assert -0.105 < ways[0][2] < -0.045
     assert fake.truth().violations == ()
+
+
+@pytest.mark.parametrize(("deep", "is_found"), [(0.01, True), (0.3, False)])
+def test_a_hand_that_stands_on_the_ground_finds_a_way_off_it(
+    pipeline, monkeypatch, deep, is_found
+):
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    goal, limits = context.posture(limb), limb.limits.planner
+    turns = np.random.default_rng(0).uniform(-1.2, 1.2, (300, len(goal)))
+    others = np.clip(goal + turns, limits.lower, limits.upper)
+    low = others[np.argsort([limb.pose(row).p[2] for row in others])]
+
+    def over(height):
+        plane = np.array([0.0, 0.0, 1.0, -height])
+        return MotionSpace(measured=None, unknown=None, ground_plane=plane)
+
+    q = next(row for row in low if limb.planner.stands_free(row, over(-2.0)))
+    monkeypatch.setattr(Context, "posture", lambda *_: q)
+    heights = np.arange(-2.0, 1.0, 0.005)
+    lowest = next(h for h in heights if not limb.planner.stands_free(q, over(h)))
+    free = over(lowest - 0.05)
+    assert resting._way_off_ground(context, limb, goal, free) is None
+    found = resting._way_off_ground(context, limb, goal, over(lowest + deep))
+    assert (found is not None) is is_found
+    if found is not None:
+        np.testing.assert_allclose(found.trajectory.q[-1], goal, atol=1e-3)
+        quick = planned(context, limb, goal, over(lowest - 0.05))
+        assert found.trajectory.duration > 2.0 * quick.trajectory.duration
 
 
 def test_at_last_nothing_but_what_was_seen_is_in_the_way(pipeline):
