@@ -50,6 +50,13 @@ class _Pressed:
         self.fault: FaultFound | None = None
         """Why nobody knows any more; then arm and fingers are stopped."""
 
+    def moved(self, openings: tuple[float, ...], force: float) -> FaultFound | None:
+        """Send the fingers somewhere [m], and measure it a little later."""
+        self._drive.devices.gripper.command(GripCommand(openings, force))
+        self._drive.context.wait(FINGER_TICKS * self._drive.period)
+        self.force()
+        return self.fault
+
     def force(self) -> float:
         """Measure it [N]; NaN where the sensor gives none."""
         drive = self._drive
@@ -192,11 +199,9 @@ def give_way(drive: Drive) -> FaultFound | None:
             min(max(x + step, shape.narrowest), shape.widest)
             for x, step in zip_longest(hand.openings, steps, fillvalue=0.0)
         )
-        gripper.command(GripCommand(goals, _OPENING_FORCE))
-        drive.context.wait(FINGER_TICKS * drive.period)
-        pressed.force()
-        if pressed.fault is not None:
-            return pressed.fault
+        fault = pressed.moved(goals, _OPENING_FORCE)
+        if fault is not None:
+            return fault
     return None
 
 
@@ -216,11 +221,9 @@ def draw_in(drive: Drive) -> FaultFound | None:
                 hand.openings, halves, free, fillvalue=0.0
             )
         )
-        gripper.command(GripCommand(goals, _SQUEEZES))
-        drive.context.wait(FINGER_TICKS * drive.period)
-        pressed.force()
-        if pressed.fault is not None:
-            return pressed.fault
+        fault = pressed.moved(goals, _SQUEEZES)
+        if fault is not None:
+            return fault
     return None
 
 
