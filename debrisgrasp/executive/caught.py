@@ -27,7 +27,7 @@ _ASIDE = 0.03
 """Where something is in the way it goes so far aside, and tries again [m]."""
 _ON = 0.01
 """It came on if it got so much farther [m]; then all sides are worth another try."""
-_LEGS = 16
+_LEGS = 32
 _AGREES = 0.2
 """A wrist that is off by less than this share of what the fingers feel does not lie."""
 _LEAST = 2e-3
@@ -56,7 +56,7 @@ def felt_out(context: Context, arm: str) -> FaultFound | None:
     R = limb.pose(context.posture(limb)).R
     back, sides = -R[:, 2], _sides(R)
     left, shift, is_drawn_in = _OUT, np.zeros(3), False
-    for _ in range(2 * _LEGS):
+    for _ in range(_LEGS):
         end = _eased_by(context, drive, left * back)
         if isinstance(end, FaultFound):
             return end
@@ -66,9 +66,9 @@ def felt_out(context: Context, arm: str) -> FaultFound | None:
         left -= done
         if done > _ON:
             sides, shift = _sides(R), np.zeros(3)
-        if not sides and is_drawn_in:
-            break
         if not sides:
+            if is_drawn_in:
+                break
             fault = draw_in(drive)
             if fault is not None:
                 return fault

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import hypot
-
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
@@ -21,7 +19,7 @@ from .folding import free_share
 from .inside import moved_inside
 from .moves import back_out, let_go, lower, put_down
 from .outcome import FaultEvent
-from .relief import doubted, heaviest, relieve, standing_load, with_room
+from .relief import doubted, heaviest, relieve, share_of, standing_load, with_room
 from .resting import put_away
 from .result import Done, FaultFound, StepResult
 from .states import State
@@ -135,15 +133,14 @@ def _gone_back(context: Context, held: Held) -> FaultFound | None:
     if isinstance(load, FaultFound):
         return load
     way = held.begun - drive.limb.pose(context.posture(drive.limb)).p
-    limits = drive.limits
-    is_over = hypot(*load[:3]) > limits.force or hypot(*load[3:]) > limits.torque
+    is_over = share_of(load, drive.limits) > 1.0
     if is_over or float(np.linalg.norm(way)) < _LOW:
         return None
     end = drive.leg(
         way,
         speed=context.settings.lift_speed,
         tare=TarePolicy.SESSION,
-        limits=with_room(limits, load),
+        limits=with_room(drive.limits, load),
     )
     if not isinstance(end, FaultFound):
         return None

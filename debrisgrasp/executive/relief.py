@@ -17,7 +17,7 @@ from .drive import Drive
 from .result import FaultFound
 from .states import State
 
-__all__ = ["doubted", "heaviest", "relieve", "standing_load", "with_room"]
+__all__ = ["doubted", "heaviest", "relieve", "share_of", "standing_load", "with_room"]
 
 _TIGHT = 0.85
 """Share of a limit above which a hand is drawn out before anything else."""
@@ -61,12 +61,9 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
     limb, drive = context.limbs[arm], Drive(context, arm)
     limits = drive.limits
     load = standing_load(context, drive)
-    if (
-        isinstance(load, FaultFound)
-        or _share(load, limits.force, limits.torque) < tight
-    ):
+    if isinstance(load, FaultFound) or share_of(load, limits) < tight:
         return None
-    if _share(load, limits.force, limits.torque) > _MOST:
+    if share_of(load, limits) > _MOST:
         words = f"the force on the hand is {hypot(*load[:3]):.0f} N already"
         return FaultFound("ratchet", words, arm)
     if context.held is None and drive.carried(tuple(load)) > heaviest(context):
@@ -75,7 +72,7 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
             return load
     n_failed = 0
     for _ in range(_STEPS):
-        before = _share(load, limits.force, limits.torque)
+        before = share_of(load, limits)
         if before < _EASED * tight / _TIGHT:
             return None
         T = limb.pose(context.posture(limb))
@@ -86,11 +83,11 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
         if isinstance(after, FaultFound):
             return after
         load = after
-        if _share(load, limits.force, limits.torque) > _FALLS * before:
+        if share_of(load, limits) > _FALLS * before:
             n_failed += 1
         if n_failed > 2:
             break
-    if _share(load, limits.force, limits.torque) < 1.0:
+    if share_of(load, limits) < 1.0:
         return None
     words = f"the force on the hand is {hypot(*load[:3]):.0f} N already, and no way "
     return FaultFound("ratchet", words + "eases it", arm)
@@ -199,5 +196,6 @@ def standing_load(context: Context, drive: Drive) -> FloatArray | FaultFound:
     return load
 
 
-def _share(load: FloatArray, force: float, torque: float) -> float:
-    return max(hypot(*load[:3]) / force, hypot(*load[3:]) / torque)
+def share_of(load: FloatArray, limits: LimitSet) -> float:
+    """Tell which share of its limits a hand bears with a load (6,) [N, N m]."""
+    return max(hypot(*load[:3]) / limits.force, hypot(*load[3:]) / limits.torque)

@@ -81,13 +81,17 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     rest = context.settings.rest or limb.rest_of
     q_rest = limb.reach.chain.vector(context.model.posture(arm, rest))
     if _is_at(context, limb, q_rest):
+        limb.trail.clear()
         return None
     eased = relieve(context, arm, _PRESSED) if limb.trail else None
     if eased is None and context.cycle.speed <= _GUARDED:
         eased = _risen(drive)  # it touched something: over that
     eased = eased or _unfolded(drive)
-    if eased is not None or _is_at(context, limb, q_rest):
+    if eased is not None:
         return eased
+    if _is_at(context, limb, q_rest):
+        limb.trail.clear()
+        return None
     q = context.posture(limb)
     limb.went(q[None])
     motion = context.cycle.motion
@@ -114,11 +118,8 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
 
 
 def _is_at(context: Context, limb: LimbState, q_rest: FloatArray) -> bool:
-    """Whether an arm is back at rest (d,): then it remembers no way any more."""
-    is_back = bool(np.abs(context.posture(limb) - q_rest).max() < _AT_REST)
-    if is_back:
-        limb.trail.clear()
-    return is_back
+    """Whether an arm is back at its posture of rest (d,)."""
+    return bool(np.abs(context.posture(limb) - q_rest).max() < _AT_REST)
 
 
 def _unfolded(drive: Drive) -> FaultFound | None:
