@@ -26,6 +26,7 @@ from .folding import free_share, straight
 from .noticed import OUTSIDE, misplaced
 from .relief import standing_load, with_room
 from .result import FaultFound
+from .states import State
 from .stopping import reset_stops
 
 __all__ = [
@@ -126,7 +127,7 @@ def back_out(context: Context, arm: str) -> FaultFound | None:
     if motion is not None and motion.arm == arm and context.dragged is None:
         # Straight out: aside it would draw its fingers along what they touch.
         far = float((motion.grasp.T_base_pregrasp.p - T.p) @ -T.R[:, 2])
-        if context.cycle.is_removed:
+        if context.cycle.is_removed or State.LIFT in context.cycle.reached:
             # By now it is elsewhere, and what it put down as long as it was.
             grasp = motion.grasp
             way_in = grasp.T_base_hand.p - grasp.T_base_pregrasp.p

@@ -25,7 +25,8 @@ _COLUMN = 0.2
 _ROUNDS = 4
 _OVERLAP = 2e-4
 """Bodies may be so deep in each other and still fall freely [m]."""
-_PUSHES_OUT = 8
+_PUSHES_OUT, _FREED = 8, 2.0
+"""So often, and so many times as far as it overlaps, a body is moved out of others."""
 
 
 class Rubble:
@@ -176,6 +177,33 @@ class Rubble:
             self.version += 1
         return moved
 
+    def push_out(
+        self, body: int, without: Collection[int], obstacles: Sequence[Body]
+    ) -> None:
+        """Move a body out of others that it was pressed into by a hand.
+
+        What overlaps from two sides could not fall. Where there is no short way out of
+        all of them it stays as little pressed in as it comes.
+        """
+        others = [
+            *(self.shapes[i] for i in self.neighbours(body) - set(without)),
+            *(BodyShape(obstacle) for obstacle in obstacles),
+        ]
+        shape, start = self.shapes[body], self.shapes[body].p
+        least, best, farthest = np.inf, start, 0.0
+        for _ in range(_PUSHES_OUT):
+            depth, way = _way_out(shape, others)
+            if depth < least:
+                least, best = depth, shape.p
+            if depth <= _OVERLAP:
+                break
+            farthest = farthest or _FREED * depth
+            if float(np.linalg.norm(shape.p + depth * way - start)) > farthest:
+                break
+            self.shift(body, depth * way)
+        if best is not shape.p:
+            self.shift(body, best - shape.p)
+
     def _sunk(self, loose: set[int], obstacles: Sequence[Body]) -> set[int]:
         """Let some bodies sink, the lowest first, onto those that already lie."""
         waiting = sorted(loose, key=lambda body: self.box(body)[0][2])
@@ -192,7 +220,7 @@ class Rubble:
     ) -> bool:
         """Let one body sink; return whether it moved."""
         start = self.shapes[body].com
-        self._free(body, without)
+        self.push_out(body, without, obstacles)
         low, high = self.box(body)
         near = [
             i
@@ -211,26 +239,19 @@ class Rubble:
             self.place(body, pose.R, pose.p)
         return float(np.linalg.norm(self.shapes[body].com - start)) > _TOUCH
 
-    def _free(self, body: int, without: Collection[int]) -> None:
-        """Move a body out of others that it was pressed into by a hand.
 
-        What overlaps from two sides could not fall.
-        """
-        shape = self.shapes[body]
-        for _ in range(_PUSHES_OUT):
-            deepest, way = _OVERLAP, None
-            for other in self.neighbours(body) - set(without):
-                against = self.shapes[other]
-                for solid, points, sign in (
-                    (against, shape.points, 1.0),
-                    (shape, against.points, -1.0),
-                ):
-                    depth, normal = solid.deepest(points)
-                    if depth > deepest:
-                        deepest, way = depth, sign * normal
-            if way is None:
-                return
-            self.shift(body, deepest * way)
+def _way_out(shape: BodyShape, others: Sequence[BodyShape]) -> tuple[float, FloatArray]:
+    """How deep a body is in one of some others [m], and its way out of it (3,)."""
+    deepest, way = 0.0, np.zeros(3)
+    for other in others:
+        for solid, points, sign in (
+            (other, shape.points, 1.0),
+            (shape, other.points, -1.0),
+        ):
+            depth, normal = solid.deepest(points)
+            if depth > deepest:
+                deepest, way = depth, sign * normal
+    return deepest, way
 
 
 def _bears(shape: BodyShape, points: FloatArray, sign: float) -> bool:

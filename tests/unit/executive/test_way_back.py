@@ -9,16 +9,17 @@ import pytest
 
 from debrisgrasp.control import LegOutcome
 from debrisgrasp.errors import DriverError
-from debrisgrasp.executive import releasing, resting
+from debrisgrasp.executive import moves, releasing, resting
 from debrisgrasp.executive.context import Context
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.moves import planned
 from debrisgrasp.executive.obstacles import room_for, space_of
 from debrisgrasp.executive.resting import to_rest
-from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.result import Done, FaultFound, LegEnd
+from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.motion import MotionSpace, UnknownSpace
-from tests.unit.executive.rigs import before_a_brick, look
+from tests.unit.executive.rigs import before_a_brick, gripped_below, look
 
 
 def test_a_hand_that_was_cleared_up_is_not_drawn_back_once_more(pipeline, monkeypatch):
@@ -275,3 +276,30 @@ def test_the_way_to_a_grasp_is_no_way_back_where_the_base_has_moved(
     monkeypatch.setattr(resting, "_way_to", way_to)
     assert to_rest(context, "right") is None
     assert len(asked) == 1
+
+
+@pytest.mark.parametrize(
+    ("reached", "far"), [([], 0.03), ([State.LIFT], 0.12)], ids=["stopped", "carried"]
+)
+def test_a_hand_that_carried_something_away_is_drawn_out_as_far_as_it_went_in(
+    pipeline, monkeypatch, reached, far
+):
+    """What it put down elsewhere is still around it."""
+    _, task = before_a_brick(pipeline)
+    context, gone = task.context, []
+    limb = context.limbs["right"]
+    T, back = gripped_below(context, "right", 0.09), SE3.from_parts(p=[0, 0, -0.12])
+    # So far back it would be out where it gripped.
+    grasp = context.cycle.motion.grasp
+    grasp.T_base_hand = T @ SE3.from_parts(p=[0, 0, 0.09])
+    grasp.T_base_pregrasp = grasp.T_base_hand @ back
+    context.cycle.reached.extend(reached)
+
+    def straight(_drive, way, *_, **__):
+        gone.append(way)
+        return LegEnd(LegOutcome.DONE, 1.0, float(np.linalg.norm(way)))
+
+    monkeypatch.setattr(moves, "straight", straight)
+    assert moves.back_out(context, "right") is None
+    R = limb.pose(context.posture(limb)).R
+    np.testing.assert_allclose(gone, [-far * R[:, 2]], atol=1e-3)
