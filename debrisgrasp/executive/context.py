@@ -246,6 +246,8 @@ class Context:
     """The same where it was seen since."""
     fallen: list[FloatArray] = field(default_factory=list)
     """The same of what was let go among what the camera sees, until it looks again."""
+    felt: list[FloatArray] = field(default_factory=list)
+    """The same of what empty hands touched on their ways, until then."""
     dragged: SE3 | None = None
     """How far the base has moved with an object, ``T_before_now``; None: not at all, or
     it is back."""
@@ -302,7 +304,7 @@ class Context:
     def stands_elsewhere(self, T_now_before: SE3) -> None:
         """Take note that the base moved: all that is known was seen from elsewhere."""
         self.T_base_way = T_now_before @ self.T_base_way
-        for bodies in (self.dropped, self.lain, self.fallen):
+        for bodies in (self.dropped, self.lain, self.fallen, self.felt):
             bodies[:] = [T_now_before.apply(body) for body in bodies]
         self.marks.moved(T_now_before)
         cycle = self.cycle

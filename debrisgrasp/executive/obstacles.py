@@ -41,7 +41,7 @@ def space_of(
     stands: tuple[MotionPlanner, FloatArray] | None = None,
     with_guesses: bool = True,
 ) -> MotionSpace:
-    """Obstacles by the last look, and what was put down since.
+    """Obstacles by the last look, and what was put down, or touched, since.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def space_of(
     elif seen is not None and without is not None:
         points = points[~without]
     guesses = [*context.dropped, *context.fallen] if with_guesses else []
-    points = np.concatenate([points, *context.lain, *guesses])
+    points = np.concatenate([points, *context.lain, *context.felt, *guesses])
     if stands is not None:
         planner, tree = stands[0], cKDTree(points)
         balls = [planner.balls_at(q, _STANDS_FREE) for q in np.atleast_2d(stands[1])]

@@ -275,6 +275,7 @@ def segment(context: Context) -> StepResult:
         notes = mask_notes(seen.is_marked, seen.segmentation)
     context.cycle.seen = context.last_seen = seen
     context.fallen.clear()
+    context.felt.clear()
     ground = seen.segmentation.ground
     if ground.pose_doubt:
         return FaultFound("calibration_off", ground.pose_doubt)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
+from math import hypot
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from debrisgrasp.motion import MotionPlan, MotionSpace, UnknownSpace
 from .context import Context, LimbState
 from .drag import drive_back
 from .drive import Drive
+from .felt import feel_out
 from .folding import is_folded, straight, unfolds
 from .hanging import looked_after, looked_again
 from .moves import LAST_RESORT, planned, pull_of, reversed_motion
@@ -32,6 +34,8 @@ _RISES = 3
 """... and so often ..."""
 _LEAST, _AS_BEFORE = 5e-3, 2e-3
 """... if it can by so much [m], and the arm is not as before then [rad or m]."""
+_OFF, _FELT = 0.05, 15.0
+"""Off what pushes it harder [N] it is drawn so far [m]."""
 _SLOW, _SPARE = 0.15, 0.8
 """An arm that is folded turns no joint faster, on average [rad/s or m/s]; share of the
 limits that it uses at most."""
@@ -83,9 +87,11 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     if _is_at(context, limb, q_rest):
         limb.trail.clear()
         return None
+    push = drive.push(drive.weighed())
     eased = relieve(context, arm, _PRESSED) if limb.trail else None
     if eased is None and context.cycle.speed <= _GUARDED:
-        eased = _risen(drive)  # it touched something: over that
+        # It touched something: off that, or else over it.
+        eased = _drawn_off(drive, push) or _risen(drive)
     eased = eased or _unfolded(drive)
     if eased is not None:
         return eased
@@ -164,10 +170,23 @@ def _risen(drive: Drive) -> FaultFound | None:
     return end if isinstance(end, FaultFound) else None
 
 
+def _drawn_off(drive: Drive, push: FloatArray) -> FaultFound | None:
+    """Move an open hand on the way on which a force (3,) [N] pushes it.
+
+    Else no way begins there that leads around what it touched.
+    """
+    size, speed = hypot(*push), drive.context.settings.lift_speed
+    if not size > _FELT:
+        return None
+    way = _OFF / size * push
+    end = straight(drive, way, pull_of(drive), speed=speed, least=_LEAST)
+    return end if isinstance(end, FaultFound) else None
+
+
 def _back(drive: Drive, trajectory: Trajectory) -> FaultFound | None:
     """Follow a motion to rest, slowly near all that the empty hand may touch.
 
-    After a touch the next motion is a slower one.
+    After a touch the next motion is a slower one, around what was touched.
     """
     cycle = drive.context.cycle
     corners = widest_corners(drive.limb)
@@ -176,6 +195,8 @@ def _back(drive: Drive, trajectory: Trajectory) -> FaultFound | None:
         drive.limb.trail.clear()
     else:
         cycle.speed = min(cycle.speed, _GUARDED)
+        if fault.fault == "plan_collision":
+            feel_out(drive)
     return fault
 
 

@@ -303,3 +303,24 @@ def test_a_hand_that_carried_something_away_is_drawn_out_as_far_as_it_went_in(
     assert moves.back_out(context, "right") is None
     R = limb.pose(context.posture(limb)).R
     np.testing.assert_allclose(gone, [-far * R[:, 2]], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("push", "ways"),
+    [
+        ((30.0, 0.0, 0.0), [(0.05, 0.0, 0.0)]),
+        ((9.0, 0.0, 0.0), []),
+        ((np.nan,) * 3, []),
+    ],
+    ids=["pushed", "free", "no numbers"],
+)
+def test_a_hand_is_drawn_off_what_it_touched_before_a_way_is_planned(
+    pipeline, monkeypatch, push, ways
+):
+    _, task = before_a_brick(pipeline)
+    gone = []
+    monkeypatch.setattr(
+        resting, "straight", lambda _, way, *__, **___: gone.append(way)
+    )
+    assert resting._drawn_off(Drive(task.context, "right"), np.array(push)) is None
+    np.testing.assert_allclose(gone, np.reshape(ways, (-1, 3)).tolist())
