@@ -9,10 +9,12 @@ import numpy as np
 from debrisgrasp.control import Compliance, LegOutcome, TarePolicy
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import LimitSet
 from debrisgrasp.robot import Base
 
 from .context import Context
 from .drive import Drive
+from .relief import share_of
 from .result import Done, FaultFound, StepResult
 from .states import State
 
@@ -25,7 +27,7 @@ _RATE = 0.03
 _TURN = 0.6
 """By which it turns [rad]."""
 _SHARE = 0.8
-"""Share of the limit of the force at which pulling ends."""
+"""Share of the limits of the hand at which pulling ends."""
 _CREEP = 1e-3
 """Way of the hand meanwhile: a leg of no length would be done at once [m]."""
 _BRAKING = 1.5
@@ -49,7 +51,7 @@ def drag(context: Context) -> StepResult:
     ]
     seconds = sum(phase[2] for phase in phases)
     begun = base.read()
-    pull = _Pull(context, base, phases, _SHARE * drive.limits.force)
+    pull = _Pull(context, base, phases, drive.limits)
     translation, rotation = settings.compliance
     try:
         end = drive.leg(
@@ -74,8 +76,9 @@ def drag(context: Context) -> StepResult:
         "peak_force": round(pull.peak, 1),
     }
     if pull.is_too_much or end.outcome is not LegOutcome.CONTACT:
-        words = f"{pull.peak:.0f} N while it was dragged by "
-        words += f"{np.linalg.norm(context.dragged.p[:2]):.2f} m"
+        way = np.linalg.norm(context.dragged.p[:2])
+        words = f"{pull.peak:.0f} N and {pull.peak_torque:.0f} N m while it was "
+        words += f"dragged by {way:.2f} m"
         return FaultFound("too_heavy", words, held.arm, {"force": pull.peak})
     return Done(facts, State.RELEASE)
 
@@ -88,10 +91,11 @@ class _Pull:
         context: Context,
         base: Base,
         phases: list[tuple[float, float, float]],
-        most: float,
+        limits: LimitSet,
     ) -> None:
-        self.peak, self.is_too_much = 0.0, False
-        self._context, self._base, self._most = context, base, most
+        self.peak = self.peak_torque = 0.0
+        self.is_too_much = False
+        self._context, self._base, self._limits = context, base, limits
         self._phases, self._until = list(phases), context.now()
 
     def __call__(self, load: Wrench) -> bool:
@@ -99,9 +103,10 @@ class _Pull:
 
         Until the arm has come to rest it would pull on.
         """
-        force = hypot(*load[:3])
-        self.peak = max(self.peak, force)
-        self.is_too_much = force > self._most
+        self.peak = max(self.peak, hypot(*load[:3]))
+        self.peak_torque = max(self.peak_torque, hypot(*load[3:]))
+        # What is dragged sideways bends the hand long before it pulls hard.
+        self.is_too_much = share_of(np.array(load), self._limits) > _SHARE
         is_over = self._context.now() >= self._until
         if self.is_too_much or (is_over and not self._phases):
             self._base.stop()

@@ -54,17 +54,23 @@ def test_a_base_stops_when_an_arm_that_drags_answers_no_more(pipeline, monkeypat
     assert np.linalg.norm(base.read().p) < gone + 0.01
 
 
-@pytest.mark.parametrize("force", [20.0, 60.0])
+@pytest.mark.parametrize(
+    ("share", "of_torque"), [(0.3, False), (0.9, False), (0.3, True), (0.9, True)]
+)
 def test_a_base_that_pulls_too_hard_stops_before_the_arm_has_come_to_rest(
-    pipeline, force
+    pipeline, share, of_torque
 ):
+    """What is dragged by its end bends the hand long before it pulls hard."""
     fake, task = before_a_brick(pipeline)
     context, base = task.context, fake.robot.base
-    pull = _Pull(context, base, [(-0.03, 0.0, 10.0)], 50.0)
+    limits = Drive(context, "right").limits
+    pull = _Pull(context, base, [(-0.03, 0.0, 10.0)], limits)
     assert not pull((0.0,) * 6)
     context.wait(0.5)
-    assert pull((0.0, 0.0, force, 0.0, 0.0, 0.0)) is pull.is_too_much is (force > 50.0)
+    load = np.zeros(6)
+    load[4 if of_torque else 2] = share * (limits.torque if of_torque else limits.force)
+    assert pull(tuple(load.tolist())) is pull.is_too_much is (share > 0.8)
     before = base.read().p
     context.wait(0.1)
     gone = np.linalg.norm(base.read().p - before)
-    assert gone < 1e-3 if force > 50.0 else gone > 2e-3
+    assert gone < 1e-3 if pull.is_too_much else gone > 2e-3
