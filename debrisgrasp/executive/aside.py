@@ -329,7 +329,7 @@ def _remember(context: Context, mark: Mark, own: FloatArray, shift: FloatArray) 
 def _left(context: Context, drive: Drive, way: FloatArray) -> FaultFound | None:
     """Draw the hand off what it has pushed, by an offset (3,) [m], and go to rest."""
     limb = drive.limb
-    fault = relieve(context, limb.name, _EASED)
+    fault = relieve(context, limb.name, _EASED, way)
     if fault is not None:
         return fault
     for part in (way, np.array([0.0, 0.0, _UP])):

@@ -32,7 +32,7 @@ _FALLS = 0.99
 """A step that leaves more than this share of the load was the wrong way."""
 _REAL = 0.97
 """A step back that leaves less than this share of a force shows that it is real."""
-_GROWS = 3.0
+_GROWS = 1.5
 """A load that is so much more has grown [N]."""
 _NOISE = (7.0, 0.7)
 """By so much a load may seem to grow [N, N m]."""
@@ -46,7 +46,9 @@ _LOOK = 0.04
 """[s]."""
 
 
-def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | None:
+def relieve(
+    context: Context, arm: str, tight: float = _TIGHT, back: FloatArray | None = None
+) -> FaultFound | None:
     """Give way in small steps while the load on a hand is near or over its limit.
 
     Each step goes where the load pushes, or back out of the pile. It is stopped at once
@@ -57,6 +59,9 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
     ----------
     tight
         Share of a limit above which the hand gives way.
+    back
+        The way by which it came to what it touches, (3,) [m]; None: that from where it
+        gripped, if it did.
     """
     limb, drive = context.limbs[arm], Drive(context, arm)
     limits = drive.limits
@@ -67,7 +72,7 @@ def relieve(context: Context, arm: str, tight: float = _TIGHT) -> FaultFound | N
         words = f"the force on the hand is {hypot(*load[:3]):.0f} N already"
         return FaultFound("ratchet", words, arm)
     if context.held is None and drive.carried(tuple(load)) > heaviest(context):
-        load = _stepped_back(context, drive, load)
+        load = _stepped_back(context, drive, load, _way_back(drive, back))
         if isinstance(load, FaultFound):
             return load
     n_failed = 0
@@ -112,26 +117,34 @@ def _stepped(
     return standing_load(context, drive)
 
 
+def _way_back(drive: Drive, back: FloatArray | None) -> FloatArray:
+    """Way (3,) to where a hand came from [m]; zero if nobody knows."""
+    context, limb = drive.context, drive.limb
+    motion, reached = context.cycle.motion, context.cycle.reached
+    was_there = State.CLOSE in reached and State.TRANSPORT not in reached
+    if back is not None:
+        return back
+    if motion is None or motion.arm != limb.name or not was_there:
+        return np.zeros(3)
+    return motion.grasp.T_base_hand.p - limb.pose(context.posture(limb)).p
+
+
 def _stepped_back(
-    context: Context, drive: Drive, load: FloatArray
+    context: Context, drive: Drive, load: FloatArray, back: FloatArray
 ) -> FloatArray | FaultFound:
-    """Load (6,) after a step back to where the hand gripped, if it hooks something.
+    """Load (6,) after a step back (3,) to where the hand came from, if it is real.
 
     Then the load falls on that step, and grows again on the way on. Else the sensor is
     doubted: what looks like giving way would press the hand into what it stands on.
     """
-    motion, limb, reached = context.cycle.motion, drive.limb, context.cycle.reached
-    was_there = State.CLOSE in reached and State.TRANSPORT not in reached
-    if motion is not None and motion.arm == limb.name and was_there:
-        way = motion.grasp.T_base_hand.p - limb.pose(context.posture(limb)).p
-        size = float(np.linalg.norm(way))
-        if size > _STEP:
-            after = _stepped(context, drive, way / size, load)
-            if isinstance(after, FaultFound):
-                return after
-            if hypot(*after[:3]) < _REAL * hypot(*load[:3]):
-                return _hooked(context, drive, way / size, after, load)
-    return doubted(context, limb.name, drive.carried(tuple(load)))
+    size = float(np.linalg.norm(back))
+    if size > _STEP:
+        after = _stepped(context, drive, back / size, load)
+        if isinstance(after, FaultFound):
+            return after
+        if hypot(*after[:3]) < _REAL * hypot(*load[:3]):
+            return _hooked(context, drive, back / size, after, load)
+    return doubted(context, drive.limb.name, drive.carried(tuple(load)))
 
 
 def _hooked(

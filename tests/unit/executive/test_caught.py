@@ -252,3 +252,24 @@ def test_a_weight_that_falls_on_the_way_back_and_grows_on_the_way_on_is_no_lie(
     # Only what is hooked is eased; else no step leads farther than that.
     lowest = np.cumsum([way[2] for way in ways]).min()
     assert (lowest < -2.5e-3) == (expected is None)
+
+
+@pytest.mark.parametrize(("weighs", "expected"), [(hooked, None), (lies, "ratchet")])
+def test_a_hand_that_pushed_something_is_believed_if_the_load_falls_on_the_way_back(
+    pipeline, monkeypatch, weighs, expected
+):
+    """It gripped nothing, but whoever asks knows where it came from."""
+    _, task = before_a_brick(pipeline)
+    limb = task.context.limbs["right"]
+    T, ways = limb.pose(task.context.posture(limb)), []
+
+    def load(*_):
+        up = sum(way[2] for way in ways)
+        return np.array([*(T.R.T @ [0.0, 0.0, -weighs(up)]), 0.0, 0.0, 0.0])
+
+    monkeypatch.setattr(relief, "standing_load", load)
+    monkeypatch.setattr(Drive, "leg", lambda _, way, **__: ways.append(np.array(way)))
+    back = np.array([0.0, 0.0, -0.06])
+    found = relief.relieve(task.context, "right", tight=0.3, back=back)
+    assert (found and found.fault) == expected
+    np.testing.assert_allclose(ways[0], [0.0, 0.0, -2e-3], atol=1e-9)
