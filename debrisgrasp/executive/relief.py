@@ -167,7 +167,10 @@ def _hooked(
         load = after
         if hypot(*load[:3]) > most + _GROWS:
             return _stepped(context, drive, way, load)
-    return doubted(context, drive.limb.name, drive.carried(tuple(load)))
+    weight = drive.carried(tuple(load))
+    if weight <= heaviest(context):
+        return load  # here a sensor that lies would tell what it told before
+    return doubted(context, drive.limb.name, weight)
 
 
 def heaviest(context: Context) -> float:

@@ -273,3 +273,22 @@ def test_a_hand_that_pushed_something_is_believed_if_the_load_falls_on_the_way_b
     found = relief.relieve(task.context, "right", tight=0.3, back=back)
     assert (found and found.fault) == expected
     np.testing.assert_allclose(ways[0], [0.0, 0.0, -2e-3], atol=1e-9)
+
+
+def test_a_load_that_is_gone_after_the_step_back_and_on_needs_no_more_belief(
+    pipeline, monkeypatch
+):
+    """What the hand hooked has slid off: a sensor that lies would tell it still."""
+    _, task = before_a_brick(pipeline)
+    limb = task.context.limbs["right"]
+    T, ways = limb.pose(task.context.posture(limb)), []
+
+    def load(*_):
+        weight = 20.0 if ways else 112.0
+        return np.array([*(T.R.T @ [0.0, 0.0, -weight]), 0.0, 0.0, 0.0])
+
+    monkeypatch.setattr(relief, "standing_load", load)
+    monkeypatch.setattr(Drive, "leg", lambda _, way, **__: ways.append(np.array(way)))
+    back = np.array([0.0, 0.0, -0.06])
+    assert relief.relieve(task.context, "right", tight=0.3, back=back) is None
+    np.testing.assert_allclose(np.sum(ways, axis=0), [0.0, 0.0, 2e-3], atol=1e-9)
