@@ -11,7 +11,6 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp.control import (
-    Fault,
     FingerReading,
     GripCommand,
     GripPhase,
@@ -124,15 +123,15 @@ class Senses:
         self.devices.gripper.command(command)
 
     def _stopped(self, stop: Stop, reading: Reading) -> FaultFound:
-        """Halt, and name the fault; under too much load the fingers close no more."""
+        """Halt, and name the fault; fingers that hold something close no more.
+
+        Where those of one side have lost it, the others would press the hand off it.
+        """
         self._halt()
         held = self.context.held
-        if (
-            stop.fault is Fault.OVERLOAD
-            and self.context.state not in _CLOSING
-            and held is not None
-            and held.arm == self.limb.name
-        ):
+        is_held = held is not None and held.arm == self.limb.name
+        if is_held and self.context.state not in _CLOSING:
+            assert held is not None
             self._stay(held.grip.config.squeeze)
         return self._fault(stop, reading)
 

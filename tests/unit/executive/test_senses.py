@@ -98,3 +98,15 @@ def test_fingers_that_lose_what_still_lies_close_no_further(
     else:
         assert sent[-1].openings == openings
         assert sent[-1].force < 0.5 * squeeze.force
+
+
+@pytest.mark.parametrize("fault", [Fault.OVERLOAD, Fault.OSCILLATION, Fault.SWING])
+def test_fingers_close_no_more_whatever_stopped_the_arm(pipeline, monkeypatch, fault):
+    """Those of one side would press the hand off what the others have lost."""
+    _, task = before_a_brick(pipeline)
+    context, drive = task.context, Drive(task.context, "right")
+    context.state, context.held, sent = State.LIFT, holding(), []
+    openings = drive.fingers().openings
+    monkeypatch.setattr(drive.devices.gripper, "command", sent.append)
+    drive._stopped(Stop(fault, "as asked", 1.0), drive.read())
+    assert sent == [GripCommand(openings, context.held.grip.config.squeeze)]
