@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import CartesianLeg, LegOutcome, LegPlanner, TarePolicy
+from debrisgrasp.control import (
+    CartesianLeg,
+    CartesianServo,
+    LegOutcome,
+    LegPlanner,
+    LegStatus,
+    TarePolicy,
+)
 from debrisgrasp.motion import ExactTest, MotionSpace
 
 from .context import LimbState
@@ -17,6 +26,11 @@ __all__ = ["free_share", "is_folded", "straight", "unfolds"]
 
 _LOOKS = 20
 """On a way between two postures."""
+_TICK, _PACE, _EVERY = 0.004, 1e-4, 20
+"""Period [s] and way [m] of a tick of a leg that is followed, and how many ticks pass
+between looks at where the arm is."""
+_ASTRAY = 2e-3
+"""A hand so far off its line no longer follows it [m]."""
 
 
 def straight(
@@ -55,8 +69,30 @@ def free_share(limb: LimbState, q: FloatArray, way: FloatArray) -> float:
             return bool(test.is_free(row[None])[0])
         return touching.issuperset(test.contacts(row))
 
-    legs = LegPlanner(limb.reach.chain, limits, is_free=is_free)
-    return legs.plan(start, CartesianLeg.along(limb.pose(start), way).goal).share
+    leg = CartesianLeg.along(limb.pose(start), way)
+    plan = LegPlanner(limb.reach.chain, limits, is_free=is_free).plan(start, leg.goal)
+    if plan.status is not LegStatus.JOINT_LIMIT:
+        return plan.share
+    return max(plan.share, _share_followed(limb, start, leg, is_free))
+
+
+def _share_followed(
+    limb: LimbState,
+    q: FloatArray,
+    leg: CartesianLeg,
+    is_free: Callable[[FloatArray], bool],
+) -> float:
+    """Tell how much of a leg an arm can follow from q (d,), tick by tick.
+
+    There the others do what a joint at its limit can't, which no plan counts on.
+    """
+    servo = CartesianServo(limb.reach.chain, limb.limits.controller, _TICK)
+    state, n = servo.start(q), int(np.ceil(leg.length / _PACE))
+    for i in range(n):
+        state = servo.step(state, *leg.at((i + 1) / n))
+        if state.gap > _ASTRAY or not (i % _EVERY or is_free(np.array(state.q))):
+            return max(i - _EVERY, 0) / n
+    return 1.0
 
 
 def is_folded(limb: LimbState, q: FloatArray) -> bool:
