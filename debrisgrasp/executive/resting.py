@@ -10,6 +10,7 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp.control import LegOutcome
 from debrisgrasp.errors import DriverError
 from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.motion import MotionPlan, MotionSpace, UnknownSpace
@@ -164,10 +165,16 @@ def _turned(limb: LimbState, q: FloatArray, goal: FloatArray) -> Trajectory:
 
 
 def _risen(drive: Drive) -> FaultFound | None:
-    """Let an open hand rise a little, as far as nothing holds it."""
+    """Let an open hand rise a little, as far as nothing holds it.
+
+    Off what that is it goes again, or the next motion would begin pressed to it.
+    """
     up, speed = np.array([0.0, 0.0, _UP]), drive.context.settings.lift_speed
     end = straight(drive, up, pull_of(drive), speed=speed, least=_LEAST)
-    return end if isinstance(end, FaultFound) else None
+    if isinstance(end, FaultFound) or end.outcome is not LegOutcome.CONTACT:
+        return end if isinstance(end, FaultFound) else None
+    feel_out(drive)
+    return _drawn_off(drive, drive.push(drive.weighed()))
 
 
 def _drawn_off(drive: Drive, push: FloatArray) -> FaultFound | None:

@@ -324,3 +324,26 @@ def test_a_hand_is_drawn_off_what_it_touched_before_a_way_is_planned(
     )
     assert resting._drawn_off(Drive(task.context, "right"), np.array(push)) is None
     np.testing.assert_allclose(gone, np.reshape(ways, (-1, 3)).tolist())
+
+
+@pytest.mark.parametrize("outcome", [LegOutcome.DONE, LegOutcome.CONTACT])
+def test_a_hand_that_rises_into_something_goes_off_it_again(
+    pipeline, monkeypatch, outcome
+):
+    _, task = before_a_brick(pipeline)
+    context, gone = task.context, []
+    limb, drive = context.limbs["right"], Drive(context, "right")
+    down = limb.pose(context.posture(limb)).R.T @ np.array([0.0, 0.0, -41.0])
+
+    def straight(_drive, way, *_, **__):
+        gone.append(np.asarray(way))
+        drive.load = (*down.tolist(), 0.0, 0.0, 0.0)
+        return LegEnd(outcome if len(gone) == 1 else LegOutcome.DONE, 0.5, 0.12)
+
+    monkeypatch.setattr(resting, "straight", straight)
+    monkeypatch.setattr(Drive, "weighed", lambda self: self.load)
+    assert resting._risen(drive) is None
+    ways = [(0.0, 0.0, 0.12), (0.0, 0.0, -0.05)]
+    is_met = outcome is LegOutcome.CONTACT
+    np.testing.assert_allclose(gone, ways[: 1 + is_met], atol=1e-9)
+    assert len(context.felt) == is_met
