@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -28,9 +29,10 @@ def feel_out(drive: Drive) -> None:
     context, limb = drive.context, drive.limb
     if context.held is not None:
         return
-    opening = max(limb.limb.gripper.read().openings, default=0.0)
     preshape = context.preshape_of(limb)
     shape = limb.hand.preshape(preshape)
+    openings = [x for x in limb.limb.gripper.read().openings if isfinite(x)]
+    opening = max(openings, default=shape.widest)
     opening = min(max(opening, shape.narrowest), shape.widest)
     found = touched_at(np.array(drive.load), limb.hand.solids(preshape, opening))
     if found is not None:

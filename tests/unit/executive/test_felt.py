@@ -16,6 +16,8 @@ from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.geometry import SE3, Box
 from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.robot import HandReading
+from debrisgrasp.robot.fake_hand import FakeGripper
 from tests.unit.executive.rigs import before_a_brick, holding
 
 BOX = Box(np.array([0.1, 0.06, 0.2]), SE3.from_parts(p=[0.01, -0.02, 0.05]))
@@ -99,3 +101,15 @@ def test_what_presses_on_a_load_is_not_taken_for_a_touch_of_the_hand(pipeline):
     context.held = holding()
     feel_out(drive)
     assert context.felt == []
+
+
+def test_fingers_that_tell_no_numbers_do_not_keep_a_touch_from_being_felt(
+    pipeline, monkeypatch
+):
+    _, task = before_a_brick(pipeline)
+    drive = Drive(task.context, "right")
+    drive.load = (0.0, 0.0, 40.0, 0.0, 0.0, 0.0)
+    read = HandReading(0.0, (np.nan,) * 3, (0.0,) * 3)
+    monkeypatch.setattr(FakeGripper, "read", lambda _: read)
+    feel_out(drive)
+    assert len(task.context.felt) == 1
