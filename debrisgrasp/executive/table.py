@@ -97,7 +97,10 @@ ANSWERS: Mapping[tuple[State, str], Answer] = {
     # Objects are left, and none is worth another try.
     (State.SELECT, "no_grasp"): Answer(Action.ABORT),
     (State.SELF_TEST, "plan_collision"): Answer(Action.ABORT),
-    (State.CALIB_CHECK, "plan_collision"): Answer(Action.ABORT),
+    # The hand shows itself elsewhere once it is clear of what it met.
+    (State.CALIB_CHECK, "plan_collision"): replace(
+        _AGAIN, budget=2, then=Action.ABORT, resume=State.CALIB_CHECK
+    ),
     (State.SELF_TEST, "unreachable"): Answer(Action.ABORT),
     (State.RETREAT, "plan_collision"): Answer(Action.RETRY, 2, Action.NEXT),
     # Felt out and seen to be empty, the hand takes the next; else that is a fault.

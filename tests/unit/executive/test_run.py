@@ -228,3 +228,17 @@ def test_every_state_is_recorded(run):
     _, record = run({})
     states = [e["state"] for e in record.events if e["event"] == "state"]
     assert states[: len(STAGES)] == [state.value for state in STAGES]
+
+
+@pytest.mark.parametrize(
+    ("n_touches", "end"), [(2, RunEnd.FINISHED), (3, RunEnd.ABORTED)]
+)
+def test_a_hand_that_met_something_before_the_camera_is_checked_again(
+    run, n_touches, end
+):
+    touches = iter([FaultFound("plan_collision", "touched", "right")] * n_touches)
+    settings = TaskSettings(max_removals=1)
+    result, _ = run({State.CALIB_CHECK: lambda _c: next(touches, Done())}, settings)
+    assert result.end is end
+    actions = [Action.RETRY, Action.RETRY, Action.ABORT]
+    assert [fault.action for fault in result.faults] == actions[:n_touches]
