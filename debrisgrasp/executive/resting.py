@@ -171,8 +171,10 @@ def _risen(drive: Drive) -> FaultFound | None:
     """
     up, speed = np.array([0.0, 0.0, _UP]), drive.context.settings.lift_speed
     end = straight(drive, up, pull_of(drive), speed=speed, least=_LEAST)
-    if isinstance(end, FaultFound) or end.outcome is not LegOutcome.CONTACT:
-        return end if isinstance(end, FaultFound) else None
+    if isinstance(end, FaultFound):
+        return end
+    if end.outcome is not LegOutcome.CONTACT:
+        return None
     feel_out(drive)
     return _drawn_off(drive, drive.push(drive.weighed()))
 

@@ -129,9 +129,8 @@ class Senses:
         """
         self._halt()
         held = self.context.held
-        is_held = held is not None and held.arm == self.limb.name
-        if is_held and self.context.state not in _CLOSING:
-            assert held is not None
+        is_closing = self.context.state in _CLOSING
+        if held is not None and held.arm == self.limb.name and not is_closing:
             self._stay(held.grip.config.squeeze)
         return self._fault(stop, reading)
 
