@@ -99,7 +99,8 @@ class Push:
             return None
         forces = -np.array([spring.force for spring in springs])
         sizes = np.linalg.norm(forces, axis=1)
-        stiffness = sizes / np.array([spring.depth for spring in springs])
+        depths = np.array([spring.depth for spring in springs])
+        stiffness = sizes / np.maximum(depths, sizes / config.contact_stiffness)
         x, y, up = forces.sum(axis=0).tolist()
         most, carried = _SPEED * config.period, self.weight + self.on_top
         if up > carried:

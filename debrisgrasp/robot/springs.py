@@ -8,6 +8,7 @@ from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
@@ -15,12 +16,12 @@ __all__ = [
     "GROUND",
     "HELD",
     "PALM",
+    "REACH",
     "Guard",
+    "Near",
     "Spring",
     "Stand",
     "Watch",
-    "blended",
-    "shifting",
     "yielded",
 ]
 
@@ -30,11 +31,8 @@ PALM = 0
 """Owner of the points of the palm; fingers follow from 1."""
 HELD = -1
 """Owner of the points of what the hand holds."""
-_EDGE = 3e-4
-"""So near to an edge both of its sides push: nothing jumps on the way around it [m]."""
-_SHIFTS = 0.004
-"""So far does the middle of a contact go from one look to the next at most [m]: from
-one part of a body to another the load goes over bit by bit."""
+REACH = 0.004
+"""So far at most is a hand bent against what it would not reach [m]."""
 
 
 class Stand(NamedTuple):
@@ -78,7 +76,24 @@ class Spring(NamedTuple):
     force: FloatArray
     """On the hand, axes of odom [N], shape (3,)."""
     depth: float
-    """[m]."""
+    """How deep it would be pressed in by an arm that does not bend [m]."""
+
+
+class Near(NamedTuple):
+    """A place where a hand is in a body, or nearly so."""
+
+    owner: int
+    body: int
+    point: FloatArray
+    normal: FloatArray
+    """Away from what is there, frame odom, shape (3,); shorter where sides differ."""
+    depth: float
+    """How deep it is in there, negative outside [m]."""
+
+    def spring(self, stiffness: float) -> Spring:
+        """How it pushes with so many N/m."""
+        force = stiffness * self.depth * self.normal
+        return Spring(*self[:3], force, self.depth)
 
 
 @dataclass(slots=True, eq=False)
@@ -111,58 +126,36 @@ class Guard:
     is_covered: BoolArray
 
 
-def shifting(spring: Spring, before: FloatArray) -> Spring:
-    """Contact whose middle was (3,) at the last look."""
-    way = spring.point - before
-    far = float(np.linalg.norm(way))
-    if far <= _SHIFTS:
-        return spring
-    return spring._replace(point=before + _SHIFTS / far * way)
-
-
-def blended(normals: FloatArray, beyond: FloatArray) -> FloatArray:
-    """Directions in which a body pushes points out, smooth around its edges, (n, 3).
-
-    Parameters
-    ----------
-    normals, beyond
-        Of the sides, shapes (s, 3) and (n, s) [m], negative inside.
-    """
-    nearest = beyond.max(axis=1, keepdims=True)
-    means = np.exp((beyond - nearest) / _EDGE) @ normals
-    sizes = np.linalg.norm(means, axis=1, keepdims=True)
-    own = normals[beyond.argmax(axis=1)]
-    return np.asarray(np.where(sizes > 0.5, means / np.maximum(sizes, 0.5), own))
-
-
-def yielded(springs: Sequence[Spring], stiffness: float) -> list[Spring]:
+def yielded(
+    near: Sequence[Near], stiffness: float, arm_stiffness: float
+) -> list[Spring]:
     """Let an arm give way to all that pushes its hand, as much as its structure does.
 
     It is softer than any contact, and in series with all of them together: however
     many touch, the hand is pushed no more stiffly than the arm bends. What only
-    squeezes the hand from both sides does not bend it.
+    squeezes the hand from both sides does not bend it. What it is bent against pushes
+    it too, though it would not reach it unbent.
 
     Parameters
     ----------
-    stiffness
-        Of the arm at the hand [N/m].
+    stiffness, arm_stiffness
+        Of a contact, and of the arm at the hand [N/m].
     """
-    pressed = list(springs)
-    while pressed:
-        forces = np.array([spring.force for spring in pressed])
-        sizes = np.linalg.norm(forces, axis=1)
-        depths = np.array([spring.depth for spring in pressed])
-        ways = forces / sizes[:, None]
-        bend = np.linalg.solve(
-            stiffness * np.eye(3) + (ways * (sizes / depths)[:, None]).T @ ways,
-            sizes @ ways,
+    if not any(place.depth > 0.0 for place in near):
+        return []
+    ways = np.array([place.normal for place in near])
+    sizes = np.sqrt((ways * ways).sum(axis=1))
+    ways /= sizes[:, None]
+    depths = np.array([place.depth for place in near])
+    # Forces f >= 0 with f / k = depth - way . bend where f > 0, and their sum bends
+    # the arm: the quadratic program min f'Qf / 2 - f'depth, as least squares.
+    give = ways @ ways.T * (stiffness / arm_stiffness) + np.diag(1.0 / sizes)
+    root = np.linalg.cholesky(give)
+    pressed, _ = nnls(root.T, np.linalg.solve(root, depths))
+    return [
+        Spring(*place[:3], force * way, place.depth)
+        for place, force, way in zip(
+            near, (stiffness * pressed).tolist(), ways, strict=True
         )
-        shares = 1.0 - ways @ bend / depths
-        if (shares > 0.0).all():
-            return [
-                spring._replace(force=share * spring.force)
-                for spring, share in zip(pressed, shares.tolist(), strict=True)
-            ]
-        # The hand is bent away from some of them.
-        pressed = [s for s, share in zip(pressed, shares, strict=True) if share > 0.0]
-    return []
+        if force > 0.0
+    ]

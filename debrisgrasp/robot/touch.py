@@ -16,17 +16,18 @@ from debrisgrasp.worlds import Ground
 
 from .config import FakeConfig
 from .fake_hand import FakeGripper
-from .shapes import BodyShape, HandShape, ways_out
+from .places import Key, Places, Push, Sides
+from .shapes import BodyShape, HandShape
 from .springs import (
     GROUND,
     HELD,
     PALM,
+    REACH,
     Guard,
+    Near,
     Spring,
     Stand,
     Watch,
-    blended,
-    shifting,
     yielded,
 )
 
@@ -34,15 +35,8 @@ __all__ = ["Touch"]
 
 _MARGIN = 0.03
 """What is nearer than this is watched [m]."""
-_UP = np.array([[0.0, 0.0, 1.0]])
-_DEEPENS = 5e-4
-"""So much at most does a contact deepen from one look to the next [m]."""
-_SHARPNESS = 4
-"""How much more the deeper points count for the direction of a push."""
-_NO_WAY = 0.01
-"""Squares of shorter means say nothing of a direction."""
-_BEHIND = -0.3
-"""Cosine to the last push beyond which a side lies behind what is pushed."""
+_UPWARDS = Sides(np.array([[0.0, 0.0, 1.0]]), np.array([False]))
+"""The one side of the ground."""
 _ROUNDING = 1e-9
 """[m]."""
 
@@ -64,15 +58,14 @@ class Touch:
         self.held: BodyShape | None = None
         """What it holds."""
         self._held_index: int | None = None
-        self._at_rest: dict[tuple[int, int], float] = {}
+        self._at_rest: dict[Key, float] = {}
         """How deep owners are in bodies that came to rest against them [m]."""
-        self._net: dict[tuple[int, int], float] = {}
+        self._net: dict[Key, float] = {}
         """How deep they were pressed in from there, at the last look [m]."""
         self._settled: set[int] = set()
         self._is_new = False
-        self._pushed: dict[tuple[int, int], tuple[FloatArray, float, FloatArray]] = {}
-        """Direction (3,) in which each contact pushed at the last look, odom, how deep
-        it was [m], and where (3,)."""
+        self._pushed: dict[Key, Push] = {}
+        """What pushed at the last look, frame odom."""
         self.grip: list[Spring] = []
         """Contacts of the hand with what it holds, in the frame of the hand."""
         counts = [rows.stop - rows.start for rows in self.shape.owned]
@@ -154,38 +147,36 @@ class Touch:
             reach = self._reach + _MARGIN
             self._gone += self._last.way_to(now, reach, self.shape.gain)
         self._last = now
-        found: dict[tuple[int, int], Spring] = {}
+        places = Places(self._pushed)
         for watch in self._watches:
             if watch.part is None:
                 where = watch.points @ R.T + p
                 heights = self.ground.height(where[:, :2])
-                beyond = where[:, 2:] - heights[:, None]
-                self._add_all(found, watch, where, beyond, _UP)
+                places.add_all(watch, where, where[:, 2:] - heights[:, None], _UPWARDS)
                 continue
             shape = bodies[watch.body]
             if self._gone < watch.free_until and shape.p is watch.place:
                 continue
             where = watch.points @ R.T + p
-            normals = shape.normals[watch.part]
-            beyond = where @ normals.T - shape.offsets[watch.part]
-            beyond = ways_out(beyond, shape.is_covered[watch.part])
-            nearest = self._add_all(found, watch, where, beyond, normals)
-            watch.free_until, watch.place = self._gone + nearest - _ROUNDING, shape.p
+            sides = Sides(shape.normals[watch.part], shape.is_covered[watch.part])
+            beyond = where @ sides.normals.T - shape.offsets[watch.part]
+            nearest = places.add_all(watch, where, beyond, sides)
+            watch.free_until = self._gone + nearest - REACH - _ROUNDING
+            watch.place = shape.p
         for guard in self._guards:
             where = bodies[guard.body].points[guard.rows]
             beyond = (where - p) @ R @ guard.normals.T - guard.offsets
-            if beyond.max(axis=1).min() < 0.0:
-                beyond = ways_out(beyond, guard.is_covered)
-                normals = guard.normals @ R.T
-                key = guard.owner, guard.body
-                self._add(found, key, where, beyond, normals, -1.0)
-        for key in found.keys() & self._pushed.keys():
-            found[key] = shifting(found[key], self._pushed[key][2])
+            sides = Sides(guard.normals @ R.T, guard.is_covered)
+            places.add((guard.owner, guard.body), where, beyond, sides, -1.0)
+        near = places.shifted()
+        springs = yielded(self._eased(near), self.stiffness, self.arm_stiffness)
+        pressed = {spring[:2] for spring in springs}
         self._pushed = {
-            key: (s.force / float(np.linalg.norm(s.force)), s.depth, s.point)
-            for key, s in found.items()
+            key: (place.normal, place.depth, place.point)
+            for key, place in near.items()
+            if place.depth > 0.0 or key in pressed
         }
-        return yielded(self._eased(found), self.arm_stiffness)
+        return springs
 
     def felt(self, owner: int, point: FloatArray, force: FloatArray) -> float:
         """How much a force on a finger is against its closing [N].
@@ -199,94 +190,23 @@ class Touch:
         across = gripper.model.fingers[owner - 1].side * float(force[0])
         return max(across, float(way @ force), key=abs)
 
-    def _eased(self, found: dict[tuple[int, int], Spring]) -> list[Spring]:
+    def _eased(self, near: dict[Key, Near]) -> list[Near]:
         """Take from the contacts what was there when the bodies lay at rest."""
         rest, net = self._at_rest, self._net
-        for key, spring in found.items():
+        for key, place in near.items():
             owner, body = key
             if owner == HELD and self._is_new:
-                rest[key] = spring.depth
+                rest[key] = place.depth
             elif body in self._settled or (owner == HELD and self._settled):
-                rest[key] = spring.depth - min(spring.depth, net.get(key, 0.0))
+                rest[key] = place.depth - min(place.depth, net.get(key, 0.0))
         self._settled, self._is_new, self._net = set(), False, {}
         self._at_rest = {}
-        for key, spring in found.items():
-            first = min(rest.get(key, 0.0), spring.depth)
-            self._net[key] = spring.depth - first
+        for key, place in near.items():
+            first = min(rest.get(key, 0.0), place.depth)
+            self._net[key] = place.depth - max(first, 0.0)
             if first > 0.0:
                 self._at_rest[key] = first
-                share = 1.0 - first / spring.depth
-                found[key] = spring._replace(
-                    force=share * spring.force, depth=spring.depth - first
-                )
-        return [s for s in found.values() if s.depth > 0.0]
-
-    def _add_all(
-        self,
-        found: dict[tuple[int, int], Spring],
-        watch: Watch,
-        where: FloatArray,
-        beyond: FloatArray,
-        normals: FloatArray,
-    ) -> float:
-        """Add the contacts of each owner of watched points; return the least gap."""
-        gaps = beyond.max(axis=1)
-        nearest = float(gaps.min())
-        if nearest >= 0.0:
-            return nearest
-        for owner in np.unique(watch.owners[gaps < 0.0]).tolist():
-            mine = watch.owners == owner
-            key = owner, watch.body
-            self._add(found, key, where[mine], beyond[mine], normals, 1.0)
-        return nearest
-
-    def _add(
-        self,
-        found: dict[tuple[int, int], Spring],
-        key: tuple[int, int],
-        where: FloatArray,
-        beyond: FloatArray,
-        normals: FloatArray,
-        sign: float,
-    ) -> None:
-        """Keep the deepest contact of each owner with each body."""
-        inside = beyond.max(axis=1) < 0.0
-        where, beyond = where[inside], beyond[inside]
-        beyond = self._same_side(key, beyond, sign * normals)
-        depths = -beyond.max(axis=1)
-        depth = float(depths.max())
-        if key in found and found[key].depth >= depth:
-            return
-        # Where points are pushed by several sides none takes over all at once.
-        shares = (depths / depth) ** _SHARPNESS
-        ways = blended(normals, beyond)
-        normal = shares @ ways / shares.sum()
-        if float(normal @ normal) < _NO_WAY:
-            normal = ways[int(depths.argmax())]
-        owner, body = key
-        force = (sign * self.stiffness * depth) * normal
-        found[key] = Spring(owner, body, depths @ where / depths.sum(), force, depth)
-
-    def _same_side(
-        self, key: tuple[int, int], beyond: FloatArray, pushes: FloatArray
-    ) -> FloatArray:
-        """Leave out sides of a body opposite to the one that pushed a tick ago.
-
-        A finger that is pressed into a thin wall does not come out at its back.
-
-        Parameters
-        ----------
-        beyond
-            Of points inside, from each side [m], shape (n, s).
-        """
-        before = self._pushed.get(key)
-        if before is None:
-            return beyond
-        direction, depth, _ = before
-        kept = np.where(pushes @ direction < _BEHIND, -np.inf, beyond)
-        # Else it is another place that is touched now.
-        now = -float(kept.max(axis=1).min())
-        return kept if abs(now - depth) < _DEEPENS else beyond
+        return [at._replace(depth=self._net[key]) for key, at in near.items()]
 
     def _refresh(self) -> None:
         """Take over where the fingers are now."""
@@ -306,19 +226,18 @@ class Touch:
 
     def _look_at_held(self) -> None:
         """Find the contacts of the hand with what it holds."""
-        found: dict[tuple[int, int], Spring] = {}
+        places = Places(self._pushed)
         if self.held is not None and self._held_index is not None:
             all_normals, all_offsets = self._held_planes
             for part in self.held.parts:
-                normals, offsets = all_normals[part], all_offsets[part]
-                beyond = self._points @ normals.T - offsets
+                sides = Sides(all_normals[part], self.held.is_covered[part])
+                beyond = self._points @ sides.normals.T - all_offsets[part]
                 rows = np.flatnonzero(beyond.max(axis=1) < 0.0)
                 if len(rows):
                     where, owners = self._points[rows], self._owner_of[rows]
                     watch = Watch(self._held_index, part, rows, owners, where)
-                    inside = ways_out(beyond[rows], self.held.is_covered[part])
-                    self._add_all(found, watch, where, inside, normals)
-        self.grip = list(found.values())
+                    places.add_all(watch, where, beyond[rows], sides)
+        self.grip = [place.spring(self.stiffness) for place in places.found.values()]
 
     def _look(
         self,

@@ -13,13 +13,15 @@ from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, so3
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
+from debrisgrasp.robot.places import Places, Sides
 from debrisgrasp.robot.shapes import BodyShape, HandShape, planes_of, ways_out
-from debrisgrasp.robot.springs import GROUND, PALM, Spring, yielded
+from debrisgrasp.robot.springs import GROUND, PALM, Near, yielded
 from debrisgrasp.robot.touch import Touch
 from debrisgrasp.worlds import Body, Ground, make_body
 from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam, downwards, turned
 
 K = FakeConfig().stiffness
+SURFACES, ARM = FakeConfig().contact_stiffness, FakeConfig().arm_stiffness
 
 
 @pytest.mark.parametrize(
@@ -265,41 +267,73 @@ def _shapes(*bodies: Body):
     return [BodyShape(body) for body in bodies]
 
 
-def _pressed(*pushes: tuple[float, float, float]) -> list[Spring]:
-    """Contacts that would push with these forces [N] if the arm did not bend."""
-    k = FakeConfig().contact_stiffness
+def _near(*pushes: tuple[float, float, float]) -> list[Near]:
+    """Places that would push with these forces [N] if the arm did not bend."""
+    sizes = np.linalg.norm(pushes, axis=1)
     return [
-        Spring(PALM, i, np.zeros(3), np.array(f, float), float(np.linalg.norm(f)) / k)
-        for i, f in enumerate(pushes)
+        Near(PALM, i, np.zeros(3), np.array(push) / size, size / SURFACES)
+        for i, (push, size) in enumerate(zip(pushes, sizes, strict=True))
     ]
 
 
 def test_one_contact_is_felt_through_the_arm():
-    spring = yielded(_pressed((0.0, 0.0, 100.0)), FakeConfig().arm_stiffness)[0]
+    (spring,) = yielded(_near((0.0, 0.0, 100.0)), SURFACES, ARM)
     assert np.allclose(spring.force, [0.0, 0.0, K * spring.depth])
 
 
 @given(
     st.lists(st.tuples(*[st.floats(-200.0, 200.0)] * 3), min_size=1, max_size=5).filter(
         lambda rows: min(np.linalg.norm(rows, axis=1)) > 1.0
-    )
+    ),
+    st.floats(0.0, 0.003),
 )
-def test_an_arm_bends_until_it_and_all_that_is_touched_are_in_balance(pushes):
-    arm, springs = FakeConfig().arm_stiffness, _pressed(*pushes)
-    felt = yielded(springs, arm)
-    bend = np.sum([s.force for s in felt], axis=0) / arm
-    for spring in felt:
-        push = springs[spring.body].force
-        way = push / np.linalg.norm(push)
-        left = FakeConfig().contact_stiffness * (spring.depth - way @ bend)
-        assert left > 0.0
-        assert np.allclose(spring.force, left * way)
+def test_an_arm_bends_until_it_and_all_that_is_touched_are_in_balance(pushes, gap):
+    near = _near(*pushes)
+    near[-1] = near[-1]._replace(depth=near[-1].depth - gap)
+    felt = {spring.body: spring for spring in yielded(near, SURFACES, ARM)}
+    bend = sum((s.force for s in felt.values()), np.zeros(3)) / ARM
+    for place in near:
+        left = SURFACES * (place.depth - place.normal @ bend)
+        if place.body in felt:
+            assert np.allclose(felt[place.body].force, left * place.normal, atol=1e-6)
+        else:
+            assert left < 1e-6
 
 
 def test_what_squeezes_the_hand_from_both_sides_does_not_bend_the_arm():
-    springs = _pressed((50.0, 0.0, 0.0), (-50.0, 0.0, 0.0))
-    felt = yielded(springs, FakeConfig().arm_stiffness)
-    assert [s.force.tolist() for s in felt] == [s.force.tolist() for s in springs]
+    felt = yielded(_near((50.0, 0.0, 0.0), (-50.0, 0.0, 0.0)), SURFACES, ARM)
+    assert np.allclose([s.force for s in felt], [[50.0, 0, 0], [-50.0, 0, 0]])
+
+
+def test_what_a_hand_is_bent_against_goes_on_pushing_where_it_would_just_not_touch():
+    """Between two walls, past the middle, nothing jumps as the far one is left."""
+    last = None
+    for off in np.linspace(-0.002, 0.002, 81):
+        near = _near((100.0, 0.0, 0.0), (-100.0, 0.0, 0.0))
+        near = [
+            place._replace(depth=place.depth + sign * off)
+            for place, sign in zip(near, (1.0, -1.0), strict=True)
+        ]
+        force = sum((s.force[0] for s in yielded(near, SURFACES, ARM)), 0.0)
+        assert last is None or abs(force - last) < 1.01 * 5e-5 * ARM
+        last = force
+
+
+def test_only_what_lies_straight_ahead_of_a_side_is_bent_against():
+    places = Places({})
+    (shape,) = _shapes(beam("bar", 60.0, (0.8, 0.1, 0.0445), length=0.2))
+    (part,) = shape.parts
+    sides = Sides(shape.normals[part], shape.is_covered[part])
+    for point, is_near in (
+        ((0.8, 0.1, 0.0915), True),
+        ((0.8, 0.1, 0.0935), False),
+        ((0.8, 0.1447, 0.0915), False),
+    ):
+        where = np.array([point])
+        beyond = where @ sides.normals.T - shape.offsets[part]
+        places.found.clear()
+        places.add((PALM, 0), where, beyond, sides, 1.0)
+        assert bool(places.found) == is_near
 
 
 @given(st.integers(0, 10_000))
