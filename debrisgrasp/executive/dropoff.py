@@ -67,6 +67,8 @@ below is mostly a guess, and what is let go over the ground falls on an end, or 
 """
 _PARTLY = 0.4
 """... or by this share of it, where there is no better place."""
+_DRAWN = 0.1
+"""From down there it should come off what it let go: straight back, so far [m]."""
 
 
 def object_in_hand(context: Context, T_base_hand: SE3, width: float) -> FloatArray:
@@ -139,7 +141,7 @@ def drop_postures(
     is_free: Callable[[FloatArray], BoolArray],
     enough: int = _ENOUGH,
 ) -> FloatArray:
-    """Find postures from which what is held can be lowered, (g, d).
+    """Find postures from which what is held can be lowered, and let go, (g, d).
 
     Those over the emptiest places first, and among a few of these the nearest.
 
@@ -157,7 +159,7 @@ def drop_postures(
     limits = limb.limits.planner
     legs = LegPlanner(limb.reach.chain, limb.limits.controller)
     found: list[FloatArray] = []
-    partly: list[FloatArray] = []
+    partly: list[tuple[float, FloatArray]] = []
     rest = _at_rest(context, limb)
     for points, body, R, most in _attitudes(limb, points_hand, limb.pose(q)):
         goals = _poses(context, limb, points, R)
@@ -170,15 +172,26 @@ def drop_postures(
             solved = postures_at(context, limb, some, q)
             rows = [pair for pair in solved if not limits.violation(pair[0])]
             for row, goal in _free(rows, is_free):
-                down = CartesianLeg.along(goal, (0.0, 0.0, -_LOWERED)).goal
-                share = legs.plan(row, down).share
-                if share >= _PARTLY:
-                    (found if share > 1.0 - 1e-6 else partly).append(row)
+                lowered, drawn = _shares(legs, row, goal)
+                if min(lowered, drawn) > 1.0 - 1e-6:
+                    found.append(row)
+                elif lowered >= _PARTLY:
+                    partly.append((drawn, row))
                 if len(found) >= enough:
                     return np.array(found)
         if found or partly:
             break
-    return np.array(found or partly[:enough]).reshape(-1, len(q))
+    # Lower than it could be something falls; where no hand comes off it, it is caught.
+    partly.sort(key=lambda place: -place[0])
+    return np.array(found or [row for _, row in partly[:enough]]).reshape(-1, len(q))
+
+
+def _shares(legs: LegPlanner, q: FloatArray, T: SE3) -> tuple[float, float]:
+    """How much of the way down, and of that back from there, a hand can go."""
+    down = legs.plan(q, CartesianLeg.along(T, (0.0, 0.0, -_LOWERED)).goal)
+    way = -_DRAWN * down.reached.R[:, 2]
+    back = legs.plan(down.q[-1], CartesianLeg.along(down.reached, way).goal)
+    return down.share, back.share
 
 
 def no_place(

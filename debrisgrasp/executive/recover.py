@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
@@ -34,6 +36,8 @@ _CALM = 1.0
 """How long to stand after something swung [s]."""
 _UPWARDS = 30.0
 """Nothing pushes a hand up so hard [N] that was drawn back; a sensor may be wrong."""
+_PRESSED = 0.03
+"""Share of a limit above which it gives way to what may only press on it."""
 _LOOK = 0.1
 """How long a hand that should be empty is weighed [s]."""
 _STIRRED = 0.2
@@ -184,32 +188,42 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
 
     No way to rest would be planned around it. What only presses on it does not hang.
     """
-    drive, settings = Drive(context, arm), context.settings
+    drive = Drive(context, arm)
+    found = _hangs(drive)
+    if found is not None and abs(found.values.get("force", 0.0)) > heaviest(context):
+        return doubted(context, arm, found.values["force"])
+    for ease in (partial(relieve, context, arm, _PRESSED), partial(_opened_low, drive)):
+        if found is None or found.fault != "not_released":
+            break
+        found = ease() or _hangs(drive)
+    return found
+
+
+def _hangs(drive: Drive) -> FaultFound | None:
+    """Weigh a hand that should be empty."""
     stood = drive.stand(_LOOK)
     if isinstance(stood, FaultFound):
         return stood
     weight = drive.carried(drive.load)
-    if -_UPWARDS < weight < settings.empty_load:
-        return None
-    if abs(weight) > heaviest(context):
-        return doubted(context, arm, weight)
-    limb = drive.limb
-    motion = context.cycle.motion
-    # From up here it would fall past the fingers that open, and strike them.
-    risen = 0.0 if motion is None else _risen(context, drive, motion.grasp.T_base_hand)
-    fault = lower(drive, risen) if risen > _LOW else None
-    if fault is None:
-        fault = loosen(drive, limb.hand.preshape(context.preshape_of(limb)).widest)
-    if fault is None and risen > _LOW:
-        fault = back_out(context, arm)
-    stood = drive.stand(_LOOK)
-    if fault is not None or isinstance(stood, FaultFound):
-        return fault or (stood if isinstance(stood, FaultFound) else None)
-    weight = drive.carried(drive.load)
-    if -_UPWARDS < weight < settings.empty_load:
+    if -_UPWARDS < weight < drive.context.settings.empty_load:
         return None
     words = f"{weight:.0f} N hang on a hand that was opened and drawn back"
-    return FaultFound("not_released", words, arm, {"force": weight})
+    return FaultFound("not_released", words, drive.limb.name, {"force": weight})
+
+
+def _opened_low(drive: Drive) -> FaultFound | None:
+    """Open a hand as wide as it goes, low, where what hangs on it does not fall.
+
+    From up here it would fall past the fingers that open, and strike them.
+    """
+    context, limb = drive.context, drive.limb
+    motion = context.cycle.motion
+    risen = 0.0 if motion is None else _risen(context, drive, motion.grasp.T_base_hand)
+    fault = lower(drive, risen) if risen > _LOW else None
+    fault = fault or loosen(drive, limb.hand.preshape(context.preshape_of(limb)).widest)
+    if fault is None and risen > _LOW:
+        fault = back_out(context, limb.name)
+    return fault
 
 
 def _risen(context: Context, drive: Drive, grasp: SE3) -> float:

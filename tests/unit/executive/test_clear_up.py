@@ -50,6 +50,30 @@ def test_what_hangs_in_an_opened_hand_is_lowered_before_that_opens_wider(
     assert done == expected
 
 
+@pytest.mark.parametrize("pushed", [20.0, -50.0])
+def test_a_hand_goes_off_what_presses_on_it_before_that_counts_as_hanging(
+    pipeline, monkeypatch, pushed
+):
+    _, task = before_a_brick(pipeline)
+    context, done, load = task.context, [], [pushed]
+    limb = context.limbs["right"]
+    down = limb.pose(context.posture(limb)).R.T @ np.array([0.0, 0.0, -1.0])
+
+    def stand(drive, _seconds):
+        drive.load = (*(load[0] * down), 0.0, 0.0, 0.0)
+        return []
+
+    def relieve(*_):
+        load[0] = 0.0
+
+    monkeypatch.setattr(Drive, "stand", stand)
+    monkeypatch.setattr(recovery, "relieve", relieve)
+    for name in ("lower", "loosen", "back_out"):
+        monkeypatch.setattr(recovery, name, lambda *_, name=name: done.append(name))
+    assert recovery._hanging(context, "right") is None
+    assert not done
+
+
 def test_an_arm_that_met_something_is_away_before_the_trunk_turns(
     pipeline, monkeypatch
 ):

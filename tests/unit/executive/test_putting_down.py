@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp.control import LegOutcome
+from debrisgrasp.control import LegOutcome, LegPlanner
 from debrisgrasp.executive import moves
 from debrisgrasp.executive.carrying import _is_beside
 from debrisgrasp.executive.drive import Drive
@@ -164,6 +164,25 @@ def test_no_end_of_something_long_is_laid_onto_the_tracks(pipeline):
     )
     assert len(found)
     assert all(may_lie(context, limb, points, limb.pose(row)) for row in found)
+
+
+def test_a_hand_comes_straight_off_what_it_puts_down(pipeline):
+    """One that looks back at the robot may be too near the end of what its arm can."""
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    q = np.array([0.3, -1.7, -2.99, -0.62, 0.62, -1.03, 1.24, 2.24])
+    board = np.array(np.meshgrid([-0.1, 0.1], [-0.3, 0.3], [0.1, 0.3])).T
+    found = drop_postures(
+        context, limb, board.reshape(-1, 3), q, lambda rows: np.ones(len(rows), bool)
+    )
+    assert len(found) == 12
+    legs = LegPlanner(limb.reach.chain, limb.limits.controller)
+    for row in found:
+        down = legs.plan(row, SE3.from_parts(p=[0.0, 0.0, -0.12]) @ limb.pose(row))
+        assert down.is_done
+        off = SE3.from_parts(p=-0.1 * down.reached.R[:, 2]) @ down.reached
+        assert legs.plan(down.q[-1], off).is_done
 
 
 def test_nothing_is_laid_onto_a_finger(pipeline):
