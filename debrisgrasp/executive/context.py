@@ -167,8 +167,8 @@ class Cycle:
     plan: PlanningResult | None = None
     motion: GraspMotion | None = None
     around: FloatArray | None = None
-    """All but the object, as it was seen when that had been lifted, base frame [m],
-    shape (n, 3); None: nobody looked."""
+    """All but the object, as it was seen when that had been lifted, or when the hand
+    had touched something, base frame [m], shape (n, 3); None: nobody looked."""
     is_removed: bool = False
     pushed: float = 0.0
     """How far the object was pushed aside [m]."""

@@ -27,7 +27,7 @@ from .gaze import look_towards
 from .perceive import image, is_close, sight_of
 from .result import FaultFound
 
-__all__ = ["looked_after", "looked_again", "looked_at"]
+__all__ = ["looked_after", "looked_again", "looked_around", "looked_at"]
 
 _MOVED = 0.025
 """Depth that changed by less is noise [m]."""
@@ -106,10 +106,30 @@ def looked_at(context: Context, held: Held) -> int:
         pile = old[~_near(old[is_own], old, _SKIN)]
     others = points[~(of_held | is_noise)]
     others = others[~_near(np.concatenate([known, seen]), others, _SKIN)]
-    # Of what was seen before, what is out of sight now.
-    pile = pile[~(_clearance(sight, pile) > -_MOVED)]
-    context.cycle.around = np.concatenate([pile, others])
+    context.cycle.around = np.concatenate([_out_of_sight(sight, pile), others])
     return len(seen)
+
+
+def looked_around(context: Context, arm: str) -> None:
+    """See anew what is around an empty hand, for it may have moved something there."""
+    before, limb = context.cycle.seen, context.limbs[arm]
+    if before is None:
+        return
+    assert before.capture.T_base_camera is not None
+    place = limb.pose(context.posture(limb)).p
+    look = look_towards(context, place, before.capture.T_base_camera)
+    name = f"touched_{context.cycle.number:03d}"
+    taken = image(context, name, look, is_wanted=is_close)
+    if isinstance(taken, FaultFound):
+        return
+    context.record.keep(taken, taken.name)
+    points, sight = _cloud(taken)
+    points = points[voxel_downsample(points, _CELL)]
+    opening = max(limb.limb.gripper.read().openings)
+    points = points[~_are_own(context, arm, context.preshape_of(limb), opening, points)]
+    around = context.cycle.around
+    pile = before.cloud.points if around is None else around
+    context.cycle.around = np.concatenate([_out_of_sight(sight, pile), points])
 
 
 def looked_after(
@@ -284,6 +304,11 @@ def _clearance(sight: LineOfSight, points: FloatArray) -> FloatArray:
     """How far points (n, 3) lie in front of what was measured, NaN for nothing [m]."""
     x, y, z = points.T.astype(np.float32)
     return np.asarray(sight.clearance(x, y, z), dtype=np.float64)
+
+
+def _out_of_sight(sight: LineOfSight, points: FloatArray) -> FloatArray:
+    """Those of points seen before (n, 3) that something hides now."""
+    return points[~(_clearance(sight, points) > -_MOVED)]
 
 
 def _near(points: FloatArray, others: FloatArray, within: float) -> BoolArray:

@@ -20,7 +20,7 @@ from .drag import drive_back
 from .drive import Drive
 from .felt import feel_out
 from .folding import is_folded, straight, unfolds
-from .hanging import looked_after, looked_again
+from .hanging import looked_after, looked_again, looked_around
 from .moves import LAST_RESORT, planned, pull_of, reversed_motion
 from .obstacles import space_of
 from .pacing import widest_corners
@@ -91,8 +91,10 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     push = drive.push(drive.weighed())
     eased = relieve(context, arm, _PRESSED) if limb.trail else None
     if eased is None and context.cycle.speed <= _GUARDED:
-        # It touched something: off that, or else over it.
+        # It touched something: off that, or else over it, and see what it moved.
         eased = _drawn_off(drive, push) or _risen(drive)
+        with suppress(DriverError):
+            looked_around(context, arm)
     eased = eased or _unfolded(drive)
     if eased is not None:
         return eased

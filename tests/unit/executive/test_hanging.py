@@ -10,7 +10,13 @@ import pytest
 
 from debrisgrasp.executive import hanging
 from debrisgrasp.executive.dropoff import object_in_hand
-from debrisgrasp.executive.hanging import _divided, looked_after, looked_at
+from debrisgrasp.executive.gaze import look_of
+from debrisgrasp.executive.hanging import (
+    _divided,
+    looked_after,
+    looked_around,
+    looked_at,
+)
 from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.perceive import image
 from debrisgrasp.geometry import SE3, so3
@@ -100,6 +106,28 @@ def test_what_is_out_of_the_picture_remains_what_it_was_taken_for(lifted):
     np.testing.assert_array_equal(held.points_hand, known)
     above = context.cycle.around[:, 2] > 0.35
     assert np.count_nonzero(above) < 5  # nothing stands there any more
+
+
+def test_what_an_empty_hand_moved_is_seen_where_it_is_now(lifted, monkeypatch):
+    fake, context, _ = lifted
+    context.held = None
+    before = context.cycle.seen.cloud.points
+    aside = SE3.from_parts(p=[0.0, 0.3, 0.0])
+    fake.change_world(
+        lambda w: World((w.bodies[0].at(aside @ BEAM), w.bodies[1]), w.ground)
+    )
+    # It is at rest here; where it touches something it stands in the picture.
+    monkeypatch.setattr(hanging, "look_towards", lambda *_: look_of(context))
+    looked_around(context, "right")
+    after = context.cycle.around
+
+    def n_standing(points, place):
+        beside = np.abs(points[:, :2] - place[:2]).max(axis=1) < 0.1
+        return np.count_nonzero(beside & (points[:, 2] > 0.35))
+
+    assert n_standing(before, BEAM.p) > 50
+    assert n_standing(after, BEAM.p) < 5
+    assert n_standing(after, (aside @ BEAM).p) > 50
 
 
 def test_what_was_put_down_is_seen_where_it_lies(lifted):
