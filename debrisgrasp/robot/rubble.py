@@ -56,8 +56,12 @@ class Rubble:
         return self._world
 
     def place(self, body: int, R: FloatArray, p: FloatArray) -> None:
-        """Put a body somewhere."""
-        self.shapes[body].place(R, p)
+        """Put a body somewhere.
+
+        What rounding adds to rotations that follow from each other grows where bodies
+        ride on each other: a step of Newton and Schulz takes it out.
+        """
+        self.shapes[body].place(0.5 * R @ (3.0 * np.eye(3) - R.T @ R), p)
         self._is_current = False
 
     def shift(self, body: int, way: FloatArray) -> None:

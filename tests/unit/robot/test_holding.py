@@ -341,6 +341,22 @@ def test_pads_that_meet_a_little_apart_hold_and_far_apart_do_not():
         assert is_enclosed(thumb, pair, FakeConfig().friction) is holds
 
 
+def test_rounding_does_not_add_up_in_what_rides_on_what_is_carried():
+    """Each period its rotation follows from the last two of what bears it."""
+    bar, rider = (
+        beam(name, 3.0, (0.8, 0.1, z)) for name, z in (("a", 0.1), ("b", 0.2))
+    )
+    rubble = Rubble(World((bar, rider), Ground.level()), FakeConfig())
+    turn, drift = so3.exp(np.array([1e-3, 2e-3, -1e-3])), np.eye(3) + 1e-9
+    for _ in range(2000):
+        before = rubble.shapes[0].R
+        rubble.place(0, turn @ before @ drift, rubble.shapes[0].p)
+        by = rubble.shapes[0].R @ before.T
+        rubble.place(1, by @ rubble.shapes[1].R, rubble.shapes[1].p)
+    for shape in rubble.shapes:
+        assert np.allclose(shape.R.T @ shape.R, np.eye(3), atol=1e-12)
+
+
 def test_what_lies_on_a_held_bar_loads_the_wrist_as_far_as_it_was_lifted():
     on_top = beam("top", 3.0, (0.95, -0.3, 0.1335), yaw=np.pi / 2)
     rig = Rig([beam("bar", 2.0, (0.95, -0.3, 0.0445)), on_top], place=(0.8, -0.3, 0.13))
