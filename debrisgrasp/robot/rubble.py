@@ -94,13 +94,12 @@ class Rubble:
 
     def touching(self, body: int) -> set[int]:
         """Bodies that touch a body."""
-        shape, found = self.shapes[body], set()
-        for other in self.neighbours(body):
-            against = self.shapes[other]
-            gaps = against.deepest(shape.points)[0], shape.deepest(against.points)[0]
-            if max(gaps) > -_TOUCH:
-                found.add(other)
-        return found
+        shape = self.shapes[body]
+        return {
+            other
+            for other in self.neighbours(body)
+            if _depth(shape, self.shapes[other])[0] > -_TOUCH
+        }
 
     def is_on(self, upper: int, lower: int) -> bool:
         """Whether one body bears the other from below."""
@@ -136,15 +135,10 @@ class Rubble:
         """How deep a body is in its neighbours or in the ground [m]."""
         shape = self.shapes[body]
         heights = self._world.ground.height(shape.points[:, :2])
-        deepest = float((heights - shape.points[:, 2]).max())
-        for other in self.neighbours(body):
-            against = self.shapes[other]
-            into, from_there = (
-                against.deepest(shape.points),
-                shape.deepest(against.points),
-            )
-            deepest = max(deepest, into[0], from_there[0])
-        return deepest
+        depths = [
+            _depth(shape, self.shapes[other])[0] for other in self.neighbours(body)
+        ]
+        return max([float((heights - shape.points[:, 2]).max()), *depths])
 
     def settle(
         self,
@@ -246,16 +240,17 @@ class Rubble:
 
 def _way_out(shape: BodyShape, others: Sequence[BodyShape]) -> tuple[float, FloatArray]:
     """How deep a body is in one of some others [m], and its way out of it (3,)."""
-    deepest, way = 0.0, np.zeros(3)
-    for other in others:
-        for solid, points, sign in (
-            (other, shape.points, 1.0),
-            (shape, other.points, -1.0),
-        ):
-            depth, normal = solid.deepest(points)
-            if depth > deepest:
-                deepest, way = depth, sign * normal
-    return deepest, way
+    found = [(0.0, np.zeros(3)), *(_depth(shape, other) for other in others)]
+    return max(found, key=lambda depth_and_way: depth_and_way[0])
+
+
+def _depth(one: BodyShape, other: BodyShape) -> tuple[float, FloatArray]:
+    """How deep two bodies are in each other [m], and the way out of the first (3,).
+
+    Edges of one fit between the points of the other: it is asked both ways.
+    """
+    into, around = other.deepest(one.points), one.deepest(other.points)
+    return into if into[0] >= around[0] else (around[0], -around[1])
 
 
 def _bears(shape: BodyShape, points: FloatArray, sign: float) -> bool:
