@@ -24,6 +24,7 @@ from .drive import Drive
 from .fingers import loosen
 from .folding import free_share, straight
 from .noticed import OUTSIDE, misplaced
+from .pacing import lying_speed
 from .relief import standing_load, with_room
 from .result import FaultFound
 from .states import State
@@ -55,6 +56,8 @@ _HIGH, _LOWERINGS = 0.15, 3
 """What is let go higher above the ground falls [m]: it is lowered so often."""
 _SPARE = 0.02
 """Before the last bit of a way that an arm can't go it could hardly go back [m]."""
+_SLOWEST = 5e-3
+"""Nothing is lowered more slowly [m/s]."""
 _FIRST = 10
 """Looks at the weight before any may count as less."""
 _LOWERED_UP_TO = 0.95
@@ -202,9 +205,13 @@ def lower(drive: Drive, depth: float) -> FaultFound | None:
     # What is too heavy hangs near the limit already, and can only be put down.
     limits = with_room(drive.limits, load)
     most = drive.limb.limits.controller.scaled(load=_LOWERED_UP_TO)
+    held = drive.context.held
+    points = np.zeros((0, 3)) if held is None else held.points_hand
+    reach = float(np.linalg.norm(points, axis=1).max(initial=0.0))
+    speed = lying_speed(most.torque - hypot(*load[3:]), reach)
     end = drive.leg(
         [0.0, 0.0, -depth],
-        speed=drive.context.settings.lift_speed,
+        speed=max(min(drive.context.settings.lift_speed, speed), _SLOWEST),
         tare=TarePolicy.SESSION,
         until=lies,
         limits=replace(

@@ -43,6 +43,9 @@ _STIFFNESS = 3e4
 _FELT_AFTER = 0.02
 """From a touch until the arm begins to brake [s]: the lag of the sensor, the median of
 three samples, and a tick."""
+_LIES_AFTER = 0.1
+"""Until an arm stands that felt the weight on its hand fall: that lag, the mean of five
+readings, and its brakes, in which what is held swings on [s]."""
 _LEAST, _CREEP = 0.02, 1e-3
 """Of the pace; and where it begins on a way."""
 _MOST_POINTS = 400
@@ -183,6 +186,22 @@ def met_safely(
     reacting, stopping = speed * _FELT_AFTER, speed * braking
     root = np.sqrt(reacting**2 + 2.0 * stopping * depth)
     return np.asarray(2.0 * depth / np.maximum(reacting + root, 1e-12))
+
+
+def lying_speed(room: float, reach: float) -> float:
+    """Speed at which the far end of what is held may come to lie on something [m/s].
+
+    By the time that its weight is felt to be borne, and the drives have braked, the
+    arm has gone on, and the end of a long object presses with a long lever.
+
+    Parameters
+    ----------
+    room
+        Torque left up to the limit [N m].
+    reach
+        Farthest point of it from the origin of the hand [m].
+    """
+    return max(room, 0.0) / (_STIFFNESS * max(reach, 1e-3) * _LIES_AFTER)
 
 
 def careful(

@@ -360,3 +360,20 @@ def test_what_bends_on_something_far_out_is_let_go_there(pipeline, monkeypatch):
     assert not ends
     ends[:] = [FaultFound("too_heavy", "32 N m")]
     assert moves.put_down(context, 0.1).fault == "too_heavy"
+
+
+@pytest.mark.parametrize(("reach", "is_slow"), [(0.2, False), (0.8, True)])
+def test_what_is_long_is_lowered_so_slowly_that_its_end_overloads_no_wrist(
+    pipeline, monkeypatch, reach, is_slow
+):
+    _, task = before_a_brick(pipeline)
+    context, speeds = task.context, []
+    drive = Drive(context, "right")
+    context.held = holding(points_hand=np.array([[reach, 0.0, 0.0]]), is_lifted=True)
+    monkeypatch.setattr(Drive, "leg", lambda *_, speed, **__: speeds.append(speed))
+    lower(drive, 0.05)
+    usual, torque = context.settings.lift_speed, drive.limb.limits.controller.torque
+    assert speeds[0] == pytest.approx(usual) or is_slow
+    assert speeds[0] < 0.6 * usual or not is_slow
+    # Through the stiffest contact, a tenth of a second later.
+    assert 3e4 * speeds[0] * 0.1 * reach < torque
