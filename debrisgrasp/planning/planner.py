@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from debrisgrasp._arrays import FloatArray, Rng
 from debrisgrasp._memo import Memo
@@ -18,7 +19,7 @@ from .plan import Grasp
 from .ranking import Ranking
 from .reach import Arm, Distance
 from .scene import GraspScene
-from .scene_search import Watch
+from .scene_search import SceneSearch, Watch
 from .search import GraspSearch
 from .search_result import SearchResult
 from .states import Modes
@@ -95,26 +96,13 @@ class GraspPlanner:
         model = LoadModel(self._weighed(scene, mass), self._config.load)
         search = self._search.of(scene, model, arms, watch, rng=search_rng)
 
-        def ranked(
-            sought: Callable[[float, Ledger], Modes], beyond: float
-        ) -> SearchResult:
-            ledger = Ledger()
-            found = sought(beyond, ledger)
-            if not (found.score > beyond).any():
-                found = Modes.none()
+        def rank(found: Modes, ledger: Ledger) -> SearchResult:
             with watch.stage("reachability"):
-                result = self._ranking(
+                return self._ranking(
                     found, scene, model, arms, distance, ledger, rngs=rngs
                 )
-            if search.is_over:
-                return result
-            return replace(
-                result,
-                promise=search.promise,
-                further=lambda beyond: ranked(search.further, beyond),
-            )
 
-        return ranked(search.first, beyond)
+        return _looked(search, search.first, rank, beyond)
 
     def advise(self, situation: Situation, *, rng: Rng) -> tuple[Advice, ...]:
         """Find what would have to change for the poses that a search ruled out."""
@@ -159,3 +147,21 @@ class GraspPlanner:
         """
         Ts, which = self._ranking.placed(grasps)
         return self._search.ways(scene).retreats(Ts, which, directions, distance)
+
+
+def _looked(
+    search: SceneSearch,
+    sought: Callable[[float, Ledger], Modes],
+    rank: Callable[[Modes, Ledger], SearchResult],
+    beyond: float,
+) -> SearchResult:
+    """Rank what a search finds; with how it goes on, unless it is over."""
+    ledger = Ledger()
+    found = sought(beyond, ledger)
+    if not (found.score > beyond).any():
+        found = Modes.none()
+    result = rank(found, ledger)
+    if search.is_over:
+        return result
+    further = partial(_looked, search, search.further, rank)
+    return replace(result, promise=search.promise, further=further)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -149,7 +150,7 @@ class SceneSearch:
             self._tools,
             self._burden,
             self._looks,
-            lambda Ts, prototype: self._reach(arms, Ts, prototype),
+            partial(_reach, arms, self._tools.gripper_of),
         )
 
     def _seek(self, config: PlannerConfig, name: str, beyond: float) -> None:
@@ -209,7 +210,8 @@ class SceneSearch:
         nobody = Postures((), self._tools.gripper_of, self._rng)
         states = self._explored(merit, nobody, self._config, "search out of reach")
         found = self._modes(states, merit.worth)
-        return found[self._reach(self._arms, found.Ts, found.prototype) == 0.0]
+        gripper_of = self._tools.gripper_of
+        return found[_reach(self._arms, gripper_of, found.Ts, found.prototype) == 0.0]
 
     def _missed(self, ledger: Ledger) -> None:
         """Note the distinct poses that fit, but that no posture takes."""
@@ -218,24 +220,6 @@ class SceneSearch:
         found = self._modes(found, _MISSED)
         every = np.ones(len(found.Ts), dtype=bool)
         ledger.add("no arm gets there", found.Ts, found.prototype, every)
-
-    def _reach(
-        self, arms: Sequence[Arm], Ts: FloatArray, prototype: IntArray
-    ) -> FloatArray:
-        """See `Reach`; 1 everywhere if there is no arm."""
-        if not arms:
-            return np.ones(len(Ts))
-        found, gripper = np.zeros(len(Ts)), self._tools.gripper_of[prototype]
-        for arm in arms:
-            mine = np.flatnonzero(gripper == arm.gripper)
-            if len(mine):
-                # Once the object is lifted there mostly is less room than before.
-                room = arm.may_yield(SE3(lifted(Ts[mine]))).astype(np.float64)
-                stiff = np.flatnonzero(room == 0.0)
-                if len(stiff):
-                    room[stiff] = STIFF * arm.may_reach(SE3(Ts[mine[stiff]]))
-                found[mine] = np.maximum(found[mine], room)
-        return found
 
     def _modes(self, found: Candidates, worth: float, least: float = 0.0) -> Candidates:
         """Thin the states to distinct poses of each prototype.
@@ -316,3 +300,22 @@ class SceneSearch:
 def _effective_count(weight: FloatArray) -> float:
     """Kish's effective number of samples of these weights (k,)."""
     return float(weight.sum() ** 2 / max(float((weight**2).sum()), 1e-300))
+
+
+def _reach(
+    arms: Sequence[Arm], gripper_of: IntArray, Ts: FloatArray, prototype: IntArray
+) -> FloatArray:
+    """See `Reach`; 1 everywhere if there is no arm."""
+    if not arms:
+        return np.ones(len(Ts))
+    found, gripper = np.zeros(len(Ts)), gripper_of[prototype]
+    for arm in arms:
+        mine = np.flatnonzero(gripper == arm.gripper)
+        if len(mine):
+            # Once the object is lifted there mostly is less room than before.
+            room = arm.may_yield(SE3(lifted(Ts[mine]))).astype(np.float64)
+            stiff = np.flatnonzero(room == 0.0)
+            if len(stiff):
+                room[stiff] = STIFF * arm.may_reach(SE3(Ts[mine[stiff]]))
+            found[mine] = np.maximum(found[mine], room)
+    return found

@@ -145,6 +145,8 @@ def main() -> None:
     cpu_first, cpu_again, hurried, hurried_share = [], [], [], []
     for capture in chain(captures(), real_captures()):
         result, *first_time = timed(lambda c=capture: pipeline.plan(replace(c)))
+        plan = result.plan
+        del result  # with all that it was made from
         seconds.append(first_time[0])
         cpu_first.append(first_time[1])
         seen = pipeline.perceive(capture)
@@ -154,8 +156,7 @@ def main() -> None:
         cpu_again.append(second_time[1])
         quick, *hurry = timed(lambda s=seen: pipeline.plan(s, deadline=DEADLINE))
         hurried.append(hurry[0])
-        plan, quick = result.plan, quick.plan
-        scores = [p.grasps[0].score if p.grasps else 0.0 for p in (quick, plan)]
+        scores = [p.grasps[0].score if p.grasps else 0.0 for p in (quick.plan, plan)]
         if plan.grasps:
             hurried_share.append(scores[0] / max(scores[1], 1e-9))
         offered += len(plan.grasps)
@@ -172,7 +173,7 @@ def main() -> None:
                 f"{seconds[-1]:.2f}",
             ]
         )
-        del capture, result, seen, quick, plan, best
+        del capture, seen, quick, plan, best
     print(columns(["capture", "tried", "grasps", "best Q", "prototype", "s"], rows))
     print()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

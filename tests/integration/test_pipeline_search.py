@@ -156,12 +156,14 @@ def test_threads_that_share_a_pipeline_get_the_plans_of_one(
         assert np.array_equal(*poses)
 
 
-def test_what_was_seen_is_let_go_with_its_perception(floating, pipe_capture):
-    seen = floating.perceive(pipe_capture)
-    floating.plan(seen)
+@pytest.mark.parametrize("mass", [1.0, 12.0])
+def test_what_was_seen_is_let_go_with_its_perception(floating, pipe_capture, mass):
+    """At once, also after a search that could go on: its maps are large."""
     gc.collect()
     gc.disable()
     try:
+        seen = floating.perceive(pipe_capture)
+        floating.plan(seen, mass=mass)
         scene = ref(next(iter(seen._scenes.values())))
         del seen
         assert scene() is None
