@@ -190,12 +190,14 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
     """
     drive = Drive(context, arm)
     found = _hangs(drive)
-    if found is not None and abs(found.values.get("force", 0.0)) > heaviest(context):
+    if found is None or found.fault != "not_released":
+        return found
+    if abs(found.values["force"]) > heaviest(context):
         return doubted(context, arm, found.values["force"])
     for ease in (partial(relieve, context, arm, _PRESSED), partial(_opened_low, drive)):
+        found = ease() or _hangs(drive)
         if found is None or found.fault != "not_released":
             break
-        found = ease() or _hangs(drive)
     return found
 
 

@@ -93,8 +93,9 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     if eased is None and context.cycle.speed <= _GUARDED:
         # It touched something: off that, or else over it, and see what it moved.
         eased = _drawn_off(drive, push) or _risen(drive)
-        with suppress(DriverError):
-            looked_around(context, arm)
+        if eased is None:
+            with suppress(DriverError):
+                looked_around(context, arm)
     eased = eased or _unfolded(drive)
     if eased is not None:
         return eased
