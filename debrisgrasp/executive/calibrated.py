@@ -18,7 +18,6 @@ from debrisgrasp.robot import DepthFrame
 
 from .context import Context, LimbState
 from .drive import Drive
-from .felt import feel_out
 from .gaze import look_of, turn_head
 from .moves import planned, reversed_motion
 from .obstacles import BARE
@@ -97,8 +96,6 @@ def calib_check(context: Context) -> StepResult:
     corners = widest_corners(limb)
     fault = drive.follow(motion, points=corners)
     if fault is not None:
-        if fault.fault == "plan_collision":
-            feel_out(drive)  # the next way leads around it
         return fault
     report = _compared(context, limb, empty)
     back = drive.follow(reversed_motion(motion), points=corners)

@@ -31,6 +31,7 @@ from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .along import taken_along
+from .felt import feel_out
 from .lingering import Lingering
 from .noticed import OUTSIDE, misplaced, refused
 from .pacing import careful, left_of, paced, widest_corners
@@ -131,13 +132,14 @@ class Drive(Senses):
             may touch something. None: they are where they can't.
         """
         found = self._followed(trajectory, pace, points)
-        if not isinstance(found, Trajectory):
-            return found
-        T = self.limb.pose(self.context.posture(self.limb))
-        self.context.known.stirred(Bounds.around(T.p[None], _SLID))
-        left = self._followed(found, _SLOW * pace, points)
-        assert not isinstance(left, Trajectory)
-        return left
+        if isinstance(found, Trajectory):
+            T = self.limb.pose(self.context.posture(self.limb))
+            self.context.known.stirred(Bounds.around(T.p[None], _SLID))
+            found = self._followed(found, _SLOW * pace, points)
+            assert not isinstance(found, Trajectory)
+        if found is not None and found.fault == "plan_collision":
+            feel_out(self)  # the next way leads around it
+        return found
 
     def _followed(
         self, trajectory: Trajectory, pace: float, points: FloatArray | None

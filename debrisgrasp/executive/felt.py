@@ -10,7 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.geometry import Solid
 
-from .drive import Drive
+from .senses import Senses
 
 __all__ = ["feel_out", "touched_at"]
 
@@ -24,9 +24,9 @@ _RADIUS, _GRAIN = 0.03, 0.01
 """What was touched is taken for so large [m], of points so far apart [m]."""
 
 
-def feel_out(drive: Drive) -> None:
+def feel_out(senses: Senses) -> None:
     """Take what pushes on an empty hand for an obstacle, until the next look."""
-    context, limb = drive.context, drive.limb
+    context, limb = senses.context, senses.limb
     if context.held is not None:
         return
     preshape = context.preshape_of(limb)
@@ -34,7 +34,7 @@ def feel_out(drive: Drive) -> None:
     openings = [x for x in limb.limb.gripper.read().openings if isfinite(x)]
     opening = max(openings, default=shape.widest)
     opening = min(max(opening, shape.narrowest), shape.widest)
-    found = touched_at(np.array(drive.load), limb.hand.solids(preshape, opening))
+    found = touched_at(np.array(senses.load), limb.hand.solids(preshape, opening))
     if found is not None:
         T_base_hand = limb.pose(context.posture(limb))
         context.felt.append(T_base_hand.apply(_patch(*found)))

@@ -23,7 +23,6 @@ from debrisgrasp.planning import Grasp
 
 from .context import Context, LimbState
 from .drive import Drive
-from .felt import feel_out
 from .fingers import open_hand
 from .moves import planned
 from .obstacles import room_for
@@ -78,8 +77,6 @@ def pregrasp(context: Context) -> StepResult:
     corners = hand_corners(limb, grasp.preshape, opening_of(limb, grasp))
     fault = drive.follow(reach, pace=context.cycle.speed, points=corners)
     if fault is not None:
-        if fault.fault == "plan_collision":
-            feel_out(drive)  # the way back leads around it
         return fault
     context.is_in_pile = motion.arm
     return Done({"seconds": round(reach.duration, 3)})

@@ -207,8 +207,6 @@ def _back(drive: Drive, trajectory: Trajectory) -> FaultFound | None:
         drive.limb.trail.clear()
     else:
         cycle.speed = min(cycle.speed, _GUARDED)
-        if fault.fault == "plan_collision":
-            feel_out(drive)
     return fault
 
 

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from debrisgrasp.executive import resting
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.felt import feel_out, touched_at
 from debrisgrasp.executive.obstacles import space_of
@@ -79,8 +78,8 @@ def test_what_a_hand_met_is_an_obstacle_until_the_next_look(pipeline, monkeypatc
     T = limb.pose(context.posture(limb))
     drive.load = tuple(load_at(np.array([0.0, 0.0, 0.0]), np.array([0, 0, 40.0])))
     met = FaultFound("plan_collision", "touched", "right")
-    monkeypatch.setattr(Drive, "follow", lambda *_, **__: met)
-    assert resting._back(drive, None) is met
+    monkeypatch.setattr(Drive, "_followed", lambda *_: met)
+    assert drive.follow(None) is met
     (patch,) = context.felt
     assert np.ptp(patch @ T.R[:, 2]) < 1e-6  # across the push
     assert np.linalg.norm(patch - T.p, axis=1).max() < 0.2
