@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import isfinite
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -295,6 +296,12 @@ class Context:
         if motion is not None and motion.arm == limb.name:
             return motion.grasp.preshape
         return limb.first_preshape
+
+    def opening_of(self, limb: LimbState) -> float:
+        """How wide a hand is open by its widest finger that tells, in its range [m]."""
+        shape = limb.hand.preshape(self.preshape_of(limb))
+        told = [x for x in limb.limb.gripper.read().openings if isfinite(x)]
+        return min(max([shape.narrowest, *(told or [shape.widest])]), shape.widest)
 
     def count_removal(self) -> None:
         """Count the object of this cycle, which lies at the drop-off, once."""

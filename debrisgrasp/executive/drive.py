@@ -137,7 +137,7 @@ class Drive(Senses):
             self.context.known.stirred(Bounds.around(T.p[None], _SLID))
             found = self._followed(found, _SLOW * pace, points)
             assert not isinstance(found, Trajectory)
-        if found is not None and found.fault == "plan_collision":
+        if found and (found.fault, found.arm) == ("plan_collision", self.limb.name):
             feel_out(self)  # the next way leads around it
         return found
 

@@ -67,6 +67,8 @@ below is mostly a guess, and what is let go over the ground falls on an end, or 
 """
 _PARTLY = 0.4
 """... or by this share of it, where there is no better place."""
+_PATIENCE = 8
+"""After so many of these for each that is wanted no better place is sought."""
 _DRAWN = 0.1
 """From down there it should come off what it let go: straight back, so far [m]."""
 
@@ -179,10 +181,12 @@ def drop_postures(
                     partly.append((drawn, row))
                 if len(found) >= enough:
                     return np.array(found)
+            if len(partly) > _PATIENCE * enough:
+                break
         if found or partly:
             break
     # Lower than it could be something falls; where no hand comes off it, it is caught.
-    partly.sort(key=lambda place: -place[0])
+    partly.sort(key=lambda place: -round(place[0], 1))
     return np.array(found or [row for _, row in partly[:enough]]).reshape(-1, len(q))
 
 

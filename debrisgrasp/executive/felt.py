@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
 
 import numpy as np
 
@@ -29,12 +28,8 @@ def feel_out(senses: Senses) -> None:
     context, limb = senses.context, senses.limb
     if context.held is not None:
         return
-    preshape = context.preshape_of(limb)
-    shape = limb.hand.preshape(preshape)
-    openings = [x for x in limb.limb.gripper.read().openings if isfinite(x)]
-    opening = max(openings, default=shape.widest)
-    opening = min(max(opening, shape.narrowest), shape.widest)
-    found = touched_at(np.array(senses.load), limb.hand.solids(preshape, opening))
+    hand = limb.hand.solids(context.preshape_of(limb), context.opening_of(limb))
+    found = touched_at(np.array(senses.load), hand)
     if found is not None:
         T_base_hand = limb.pose(context.posture(limb))
         context.felt.append(T_base_hand.apply(_patch(*found)))

@@ -118,18 +118,20 @@ def looked_around(context: Context, arm: str) -> None:
     assert before.capture.T_base_camera is not None
     place = limb.pose(context.posture(limb)).p
     look = look_towards(context, place, before.capture.T_base_camera)
-    name = f"touched_{context.cycle.number:03d}"
+    name = f"touched_{context.cycle.number:03d}_{round(context.now()):05d}"
     taken = image(context, name, look, is_wanted=is_close)
     if isinstance(taken, FaultFound):
         return
     context.record.keep(taken, taken.name)
     points, sight = _cloud(taken)
-    points = points[voxel_downsample(points, _CELL)]
-    opening = max(limb.limb.gripper.read().openings)
+    points = points[_away(points, place) < _BESIDE]
+    opening = context.opening_of(limb)
     points = points[~_are_own(context, arm, context.preshape_of(limb), opening, points)]
     around = context.cycle.around
     pile = before.cloud.points if around is None else around
-    context.cycle.around = np.concatenate([_out_of_sight(sight, pile), points])
+    is_far = _away(pile, place) >= _BESIDE
+    kept = [pile[is_far], _out_of_sight(sight, pile[~is_far]), _without_noise(points)]
+    context.cycle.around = np.concatenate(kept)
 
 
 def looked_after(
@@ -155,7 +157,7 @@ def looked_after(
     """
     if context.cycle.motion is None:
         return None
-    opening = max(context.limbs[arm].limb.gripper.read().openings)
+    opening = context.opening_of(context.limbs[arm])
     # What may have fallen lies low.
     place = np.array([*place[:2], min(place[2], _HIGHEST)])
     seen: list[FloatArray] = []
@@ -240,8 +242,7 @@ def _lying(
     is_near = (_away(points, place) < _BESIDE) & (points[:, 2] > _LOW)
     points = points[is_near & ~context.is_in_way(points)]
     points = points[~_are_own(context, arm, preshape, opening, points)]
-    part, cells = _parts(points)
-    points = points[cells[part] >= _FEW]
+    points = _without_noise(points)
 
     def still(body: FloatArray) -> FloatArray:
         body = body[~(_clearance(sight, body) > _MOVED)]
@@ -330,6 +331,12 @@ def _parts(points: FloatArray) -> tuple[IntArray, IntArray]:
     links = coo_array((np.ones(len(a)), (a, b)), shape=(len(kept),) * 2)
     part = connected_components(links, directed=False)[1]
     return part[tree.query(points)[1]], np.bincount(part)
+
+
+def _without_noise(points: FloatArray) -> FloatArray:
+    """Those of points (n, 3) that hang together with some others."""
+    part, cells = _parts(points)
+    return points[cells[part] >= _FEW]
 
 
 def _are_own(

@@ -57,7 +57,8 @@ _HIGH, _LOWERINGS = 0.15, 3
 _SPARE = 0.02
 """Before the last bit of a way that an arm can't go it could hardly go back [m]."""
 _SLOWEST = 5e-3
-"""Nothing is lowered more slowly [m/s]."""
+"""Nothing is lowered more slowly [m/s], though what is very long may then press with
+more than is left up to the limit."""
 _FIRST = 10
 """Looks at the weight before any may count as less."""
 _LOWERED_UP_TO = 0.95

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
@@ -194,11 +192,11 @@ def _hanging(context: Context, arm: str) -> FaultFound | None:
         return found
     if abs(found.values["force"]) > heaviest(context):
         return doubted(context, arm, found.values["force"])
-    for ease in (partial(relieve, context, arm, _PRESSED), partial(_opened_low, drive)):
-        found = ease() or _hangs(drive)
-        if found is None or found.fault != "not_released":
-            break
-    return found
+    relieve(context, arm, _PRESSED)  # as far as it goes
+    found = _hangs(drive)
+    if found is None or found.fault != "not_released":
+        return found
+    return _opened_low(drive) or _hangs(drive)
 
 
 def _hangs(drive: Drive) -> FaultFound | None:

@@ -32,8 +32,8 @@ _NO_WAY = 0.01
 """Squares of shorter means say nothing of a direction."""
 _BEHIND = -0.3
 """Cosine to the last push beyond which a side lies behind what is pushed."""
-_ROUNDING = 1e-9
-"""[m]."""
+_ASIDE = 5e-4
+"""So far aside of a side is still before it [m]: round bodies have flat ones."""
 
 
 class Sides(NamedTuple):
@@ -65,7 +65,7 @@ def _is_facing(beyond: FloatArray, sides: Sides) -> BoolArray:
     normals, is_covered = sides
     side, gaps = beyond.argmax(axis=1), beyond.max(axis=1, keepdims=True)
     feet = beyond - gaps * (normals[side] @ normals.T)
-    return np.asarray((feet.max(axis=1) < _ROUNDING) & ~is_covered[side])
+    return np.asarray((feet.max(axis=1) < _ASIDE) & ~is_covered[side])
 
 
 class Places:
@@ -153,7 +153,7 @@ class Places:
         row = rows[gaps[rows].argmin()]
         depth = -float(gaps[row])
         if key not in self.found or self.found[key].depth < depth:
-            normal = sign * sides.normals[beyond[row].argmax()]
+            normal = sign * _blended(sides.normals, beyond[[row]])[0]
             self.found[key] = Near(*key, where[row], normal, depth)
 
     def _same_side(

@@ -76,7 +76,8 @@ class Spring(NamedTuple):
     force: FloatArray
     """On the hand, axes of odom [N], shape (3,)."""
     depth: float
-    """How deep it would be pressed in by an arm that does not bend [m]."""
+    """How deep it would be pressed in by an arm that does not bend [m]; negative where
+    only a bent one reaches it."""
 
 
 class Near(NamedTuple):

@@ -21,6 +21,8 @@ from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.perceive import image
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.motion import UnknownSpace
+from debrisgrasp.robot import HandReading
+from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.worlds import World, make_body
 from tests.unit.executive.rigs import holding, look, task_before
 
@@ -118,6 +120,7 @@ def test_what_an_empty_hand_moved_is_seen_where_it_is_now(lifted, monkeypatch):
     )
     # It is at rest here; where it touches something it stands in the picture.
     monkeypatch.setattr(hanging, "look_towards", lambda *_: look_of(context))
+    monkeypatch.setattr(hanging, "_BESIDE", 5.0)
     looked_around(context, "right")
     after = context.cycle.around
 
@@ -128,6 +131,19 @@ def test_what_an_empty_hand_moved_is_seen_where_it_is_now(lifted, monkeypatch):
     assert n_standing(before, BEAM.p) > 50
     assert n_standing(after, BEAM.p) < 5
     assert n_standing(after, (aside @ BEAM).p) > 50
+
+
+@pytest.mark.parametrize("openings", [(np.nan,) * 3, (-5e-4,) * 3, (np.nan, 0.1, 0.3)])
+def test_fingers_that_tell_no_sizes_keep_nobody_from_looking(
+    lifted, monkeypatch, openings
+):
+    _, context, _ = lifted
+    context.held = None
+    read = HandReading(0.0, openings, (0.0,) * 3)
+    monkeypatch.setattr(FakeGripper, "read", lambda _: read)
+    looked_around(context, "right")
+    assert len(context.cycle.around) > 50
+    assert looked_after(context, "right", np.array([0.75, -0.85, 0.1])) is not None
 
 
 def test_what_was_put_down_is_seen_where_it_lies(lifted):

@@ -327,13 +327,30 @@ def test_only_what_lies_straight_ahead_of_a_side_is_bent_against():
     for point, is_near in (
         ((0.8, 0.1, 0.0915), True),
         ((0.8, 0.1, 0.0935), False),
-        ((0.8, 0.1447, 0.0915), False),
+        ((0.8, 0.1455, 0.0915), False),
     ):
         where = np.array([point])
         beyond = where @ sides.normals.T - shape.offsets[part]
         places.found.clear()
         places.add((PALM, 0), where, beyond, sides, 1.0)
         assert bool(places.found) == is_near
+
+
+@pytest.mark.parametrize("gap", [-5e-4, 0.0, 1e-3, 3e-3])
+def test_a_hand_that_is_bent_against_a_pipe_feels_no_facets(gap):
+    normals, offsets = planes_of(Cylinder(0.05, 0.5))
+    sides = Sides(normals, np.zeros(len(offsets), dtype=bool))
+    last = None
+    for turn in np.arange(-0.4, 0.4, 1e-3):
+        point = (0.05 + gap) * np.array([[np.cos(turn), np.sin(turn), 0.0]])
+        places = Places({})
+        places.add((1, 0), point, point @ normals.T - offsets, sides, 1.0)
+        pushed = Near(0, 1, np.zeros(3), np.array([-1.0, 0.0, 0.0]), 0.006)
+        springs = yielded([*places.found.values(), pushed], SURFACES, ARM)
+        force = np.sum([spring.force for spring in springs], axis=0)
+        assert len(springs) == 2
+        assert last is None or np.linalg.norm(force - last) < 2.0
+        last = force
 
 
 @given(st.integers(0, 10_000))
