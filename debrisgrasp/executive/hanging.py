@@ -125,6 +125,7 @@ def looked_around(context: Context, arm: str) -> None:
     context.record.keep(taken, taken.name)
     points, sight = _cloud(taken)
     points = points[_away(points, place) < _BESIDE]
+    points = points[voxel_downsample(points, _CELL)]
     opening = context.opening_of(limb)
     points = points[~_are_own(context, arm, context.preshape_of(limb), opening, points)]
     around = context.cycle.around
