@@ -307,8 +307,16 @@ class CartesianServo:
         return ServoState(tuple(q), tuple(step), sigma, gap, turn)
 
     def braked(self, state: ServoState) -> ServoState:
-        """Come to rest as fast as the joints may."""
-        return self.limited(state, (0.0,) * len(state.q), state.sigma)
+        """Come to rest as fast as the joints may, all at once.
+
+        Each by itself would turn the hand off its way: near a singularity joints are
+        fast that cancel out.
+        """
+        share = max(
+            1.0 - gain / max(abs(last), gain)
+            for last, (_, _, _, gain, _) in zip(state.step, self._bounds, strict=True)
+        )
+        return self.limited(state, [share * d for d in state.step], state.sigma)
 
 
 def stoppable(distance: float, gain: float) -> float:

@@ -23,7 +23,7 @@ from .dropoff import drop_postures, longer, may_lie, no_place, room_below
 from .folding import free_share, is_folded
 from .hanging import looked_at
 from .loaded import carrying
-from .moves import LAST_RESORT, planned
+from .moves import LAST_RESORT, planned, within_limits
 from .obstacles import box_around, room_for, space_of
 from .result import Done, FaultFound, StepResult
 from .senses import mean_wrench
@@ -243,7 +243,10 @@ def taken_back(context: Context) -> FaultFound | None:
         return None
     is_own, ignored = context.cycle.is_own, UnknownSpace.IGNORED
     space = room_for(context, [limb], is_own, unknown=ignored)
-    found = planned(context, limb, hung, space, known=limb.known_way)
+    goal = within_limits(limb, hung)
+    if isinstance(goal, FaultFound):
+        return None
+    found = planned(context, limb, goal, space, known=limb.known_way)
     if isinstance(found, FaultFound):
         return None
     assert found.trajectory is not None

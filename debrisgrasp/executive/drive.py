@@ -261,9 +261,8 @@ class Drive(Senses):
                 self._halt()
                 return fault
             if until is not None and until(command.load):
-                self._brake()
-                length = controller.leg.length
-                return LegEnd(LegOutcome.CONTACT, state.share, length)
+                state = state._replace(outcome=LegOutcome.CONTACT)
+                break
             if command.outcome is not LegOutcome.RUNNING:
                 break
         for _ in range(int(_RUN_OUT / self.period)):

@@ -40,6 +40,7 @@ __all__ = [
     "pull_of",
     "put_down",
     "reversed_motion",
+    "within_limits",
 ]
 
 LAST_RESORT = 1200
@@ -98,7 +99,7 @@ def planned(
         Of the search; None: the planner's.
     """
     planner = planner or limb.planner
-    q = _inside(limb, context.posture(limb))
+    q = within_limits(limb, context.posture(limb))
     if isinstance(q, FaultFound):
         return q
     plan = planner.plan(
@@ -109,7 +110,7 @@ def planned(
     return FaultFound("plan_collision", plan.reason, limb.name)
 
 
-def _inside(limb: LimbState, q: FloatArray) -> FloatArray | FaultFound:
+def within_limits(limb: LimbState, q: FloatArray) -> FloatArray | FaultFound:
     """Posture within the planner's limits, unless it is far outside.
 
     A leg may have led a joint to the end of the controller's, and it reads beyond.

@@ -34,7 +34,7 @@ _REAL = 0.97
 """A step back that leaves less than this share of a force shows that it is real."""
 _GROWS = 1.5
 """A load that is so much more has grown [N]."""
-_NOISE = (7.0, 0.7)
+_NOISE = (7.0, 2.0)
 """By so much a load may seem to grow [N, N m]."""
 _MOST = 4.0
 """Beyond this multiple of a limit nothing is moved any more."""

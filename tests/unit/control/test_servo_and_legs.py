@@ -250,6 +250,25 @@ def test_braking_comes_to_rest_within_the_acceleration():
     assert not state.is_moving
 
 
+def test_braking_leaves_the_hand_on_its_way():
+    """Near a singularity joints are fast that cancel out: they slow down together."""
+    stretched = READY.copy()
+    stretched[3] *= 0.05
+    servo, T_start = CartesianServo(CHAIN, LIMITS, PERIOD), CHAIN.fk(stretched)
+    state = servo.start(stretched)
+    for i in range(80):
+        way = np.array([0.0, 0.0, -2e-4 * (i + 1)])
+        state = servo.step(state, *parts(SE3.from_parts(T_start.R, T_start.p + way)))
+    before, gain = CHAIN.fk(np.array(state.q)), LIMITS.acceleration * PERIOD**2
+    while state.is_moving:
+        last, state = np.array(state.step), servo.braked(state)
+        assert (np.abs(last - state.step) <= gain + 1e-12).all()
+    after = CHAIN.fk(np.array(state.q))
+    assert after.p[2] < before.p[2] - 1e-4
+    assert np.linalg.norm((after.p - before.p)[:2]) < 5e-5
+    assert np.linalg.norm(so3.log(before.R.T @ after.R)) < 1e-4
+
+
 def test_servo_refuses_foreign_limits_and_impossible_starts():
     torso = ROMAN.limits("right").controller
     with pytest.raises(ConfigError, match="joints of the limits"):

@@ -122,6 +122,30 @@ def test_what_lies_on_a_palm_is_taken_back_before_it_is_let_go(
     assert ((found and found.fault), len(ways)) == expected
 
 
+@pytest.mark.parametrize(("beyond", "is_planned"), [(0.02, True), (0.2, False)])
+def test_it_is_taken_back_to_where_a_leg_led_a_joint_beyond_what_plans_use(
+    pipeline, monkeypatch, beyond, is_planned
+):
+    """Legs may use the last bit of a joint's range; a plan ends just before it."""
+    _, task = before_a_brick(pipeline)
+    context, limb, goals = task.context, task.context.limbs["right"], []
+    context.held = holding(arm="right", points_hand=POINTS, is_lifted=True)
+    limits = limb.limits.planner
+    context.cycle.hung = context.posture(limb)
+    context.cycle.hung[4] = limits.upper[4] + beyond
+    monkeypatch.setattr(limb, "pose", lambda _: SE3.from_parts(p=[0.5, -0.5, 1.0]))
+    nowhere = FaultFound("plan_collision", "as asked")
+
+    def planned(_, __, goal, *___, **____):
+        goals.append(goal)
+        return nowhere
+
+    monkeypatch.setattr(carriage, "planned", planned)
+    assert carriage.taken_back(context) is None
+    assert len(goals) == is_planned
+    assert all(not limits.violation(goal) for goal in goals)
+
+
 @pytest.mark.parametrize(
     ("is_lifted", "is_planned", "state", "force"),
     [

@@ -19,9 +19,9 @@ from debrisgrasp.executive.context import Held
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.fingers import open_hand
 from debrisgrasp.executive.moves import (
-    _inside,
     planned,
     reversed_motion,
+    within_limits,
 )
 from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.result import LegEnd
@@ -211,7 +211,7 @@ def test_a_motion_may_begin_where_a_leg_led_a_joint_to_its_end(pipeline):
     limb = task.context.limbs["right"]
     q = task.context.posture(limb)
     q[0] = limb.limits.controller.lower[0] - 2e-4  # as it reads under a load
-    inside = _inside(limb, q)
+    inside = within_limits(limb, q)
     assert inside[0] == limb.limits.planner.lower[0]
     q[0] -= 0.01
-    assert "exceeded" in _inside(limb, q).message
+    assert "exceeded" in within_limits(limb, q).message

@@ -22,7 +22,9 @@ from debrisgrasp.executive.dropoff import (
 from debrisgrasp.executive.moves import lower
 from debrisgrasp.executive.obstacles import lying
 from debrisgrasp.executive.releasing import verify_release
+from debrisgrasp.executive.relief import with_room
 from debrisgrasp.executive.result import FaultFound, LegEnd
+from debrisgrasp.executive.senses import SAFETY
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3, so3
 from tests.unit.executive.rigs import before_a_brick, holding, look
@@ -291,8 +293,8 @@ def test_what_stands_on_something_is_longer_than_was_seen(tilt, room, lowest):
         assert abs(end @ axis) > 0.98 * np.linalg.norm(end)
 
 
-def hang(context, limb, weight, monkeypatch):
-    """Let the sensor of a limb feel a weight on its hand that nothing lifts, [N]."""
+def hang(context, limb, weight, monkeypatch, aside=0.0):
+    """Let the sensor of a limb feel a weight [N], aside of its hand [m], in base."""
     sensor, loads = limb.limb.sensor, limb.loads
     read = type(sensor).read
 
@@ -303,23 +305,29 @@ def hang(context, limb, weight, monkeypatch):
         R, _ = limb.kinematics.pose(context.posture(limb).tolist())
         none = np.array(loads.load_ee([0.0] * 6, R))
         of_raw = np.column_stack([loads.load_ee(e, R) for e in np.eye(6).tolist()])
-        down = -weight * np.reshape(R, (3, 3))[2]
-        added = np.linalg.solve(of_raw - none[:, None], [*down, 0.0, 0.0, 0.0])
+        _, forward, up = np.reshape(R, (3, 3))
+        load = [*(-weight * up), *(weight * aside * forward)]
+        added = np.linalg.solve(of_raw - none[:, None], load)
         return felt._replace(wrench_ft=np.asarray(felt.wrench_ft) + added)
 
     monkeypatch.setattr(type(sensor), "read", loaded)
 
 
-@pytest.mark.parametrize(("share", "goes"), [(0.5, True), (1.0, True), (1.5, False)])
+@pytest.mark.parametrize(
+    ("share", "aside", "goes"),
+    [(0.5, 0.0, True), (1.0, 0.0, True), (1.5, 0.0, False), (0.99, 0.42, True)],
+)
 def test_what_hangs_near_the_limit_of_a_motion_is_still_put_down(
-    pipeline, monkeypatch, share, goes
+    pipeline, monkeypatch, share, aside, goes
 ):
     """Above what the hand bears it is let go where it hangs."""
     _, task = before_a_brick(pipeline)
     context, limb = task.context, task.context.limbs["right"]
     context.state = State.RECOVER
     drive = Drive(context, "right")
-    hang(context, limb, share * drive.limits.force, monkeypatch)
+    limits = drive.limits
+    weight = share * (limits.torque / aside if aside else limits.force)
+    hang(context, limb, weight, monkeypatch, aside)
     height = limb.pose(context.posture(limb)).p[2]
     limb.limb.arm.engage()
     assert lower(drive, 0.05) is None
@@ -377,3 +385,15 @@ def test_what_is_long_is_lowered_so_slowly_that_its_end_overloads_no_wrist(
     assert speeds[0] < 0.6 * usual or not is_slow
     # Through the stiffest contact, a tenth of a second later.
     assert 3e4 * speeds[0] * 0.1 * reach < torque
+
+
+def test_what_swings_a_little_on_a_hand_near_its_limit_is_put_down_all_the_same(
+    pipeline,
+):
+    """A hanging pallet: 31.7 N m of 32.2, and 0.2 more in one tick."""
+    _, task = before_a_brick(pipeline)
+    drive = Drive(task.context, "right")
+    load = np.array([0.0, 0.0, -75.0, 0.0, 0.99 * drive.limits.torque, 0.0])
+    room = with_room(drive.limits, load).torque - load[4]
+    assert 0.2 * SAFETY.lead / drive.period < 0.5 * room
+    assert load[4] + room < drive.limb.limits.controller.torque
