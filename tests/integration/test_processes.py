@@ -45,9 +45,9 @@ def test_an_error_in_a_worker_process_arrives_as_it_is():
 @pytest.mark.parametrize("begun", ["campaign.json", "runs/*.json"])
 def test_a_service_that_is_ended_ends_as_by_ctrl_c(tmp_path, begun):
     out = tmp_path / "campaign"
-    command = [sys.executable, "-m", "debrisgrasp", "campaign", "--n", "99"]
+    command = [sys.executable, "-m", "debrisgrasp", "campaign", "--tier", "single"]
     process = subprocess.Popen(
-        [*command, "--workers", "1", "--out", out],
+        [*command, "--n", "99", "--workers", "1", "--out", out],
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
