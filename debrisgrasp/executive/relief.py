@@ -72,7 +72,11 @@ def relieve(
         words = f"the force on the hand is {hypot(*load[:3]):.0f} N already"
         return FaultFound("ratchet", words, arm)
     if context.held is None and drive.carried(tuple(load)) > heaviest(context):
-        load = _stepped_back(context, drive, load, _way_back(drive, back))
+        load = (
+            _stepped_back(context, drive, load, _way_back(drive))
+            if back is None
+            else _drawn_back(context, drive, load, back)
+        )
         if isinstance(load, FaultFound):
             return load
     n_failed = 0
@@ -117,13 +121,32 @@ def _stepped(
     return standing_load(context, drive)
 
 
-def _way_back(drive: Drive, back: FloatArray | None) -> FloatArray:
-    """Way (3,) to where a hand came from [m]; zero if nobody knows."""
+def _drawn_back(
+    context: Context, drive: Drive, load: FloatArray, back: FloatArray
+) -> FloatArray | FaultFound:
+    """Load (6,) on a hand drawn back (3,) while it falls, if that is what can be.
+
+    Nothing was there as it came, just now: what does not fall on that way is no load.
+    """
+    size = float(np.linalg.norm(back))
+    for _ in range(int(size / _STEP)):
+        after = _stepped(context, drive, back / size, load)
+        if isinstance(after, FaultFound):
+            return after
+        if hypot(*after[:3]) >= _REAL * hypot(*load[:3]):
+            break
+        load = after
+    weight = drive.carried(tuple(load))
+    if weight <= heaviest(context):
+        return load
+    return doubted(context, drive.limb.name, weight)
+
+
+def _way_back(drive: Drive) -> FloatArray:
+    """Way (3,) to where a hand gripped [m]; zero if it did not."""
     context, limb = drive.context, drive.limb
     motion, reached = context.cycle.motion, context.cycle.reached
     was_there = State.CLOSE in reached and State.TRANSPORT not in reached
-    if back is not None:
-        return back
     if motion is None or motion.arm != limb.name or not was_there:
         return np.zeros(3)
     return motion.grasp.T_base_hand.p - limb.pose(context.posture(limb)).p
