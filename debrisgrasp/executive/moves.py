@@ -11,7 +11,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import LegOutcome, TarePolicy
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.geometry import SE3, Bounds
-from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.kinematics import LimitSet, Trajectory
 from debrisgrasp.kinematics.limits import LEAST_MARGIN
 from debrisgrasp.motion import (
     MotionPlan,
@@ -36,6 +36,7 @@ __all__ = [
     "back_out",
     "let_go",
     "lower",
+    "lowering_speed",
     "planned",
     "pull_of",
     "put_down",
@@ -206,14 +207,10 @@ def lower(drive: Drive, depth: float) -> FaultFound | None:
         return load
     # What is too heavy hangs near the limit already, and can only be put down.
     limits = with_room(drive.limits, load)
-    most = drive.limb.limits.controller.scaled(load=_LOWERED_UP_TO)
-    held = drive.context.held
-    points = np.zeros((0, 3)) if held is None else held.points_hand
-    reach = float(np.linalg.norm(points, axis=1).max(initial=0.0))
-    speed = lying_speed(most.torque - hypot(*load[3:]), reach)
+    most = _most(drive)
     end = drive.leg(
         [0.0, 0.0, -depth],
-        speed=max(min(drive.context.settings.lift_speed, speed), _SLOWEST),
+        speed=lowering_speed(drive, load),
         tare=TarePolicy.SESSION,
         until=lies,
         limits=replace(
@@ -226,6 +223,26 @@ def lower(drive: Drive, depth: float) -> FaultFound | None:
     if isinstance(end, FaultFound) and end.fault != "ratchet":
         return end
     return None
+
+
+def lowering_speed(drive: Drive, load: FloatArray) -> float:
+    """Speed at which what a hand holds may come to lie on something [m/s].
+
+    Parameters
+    ----------
+    load
+        On the hand as it begins [N, N m], shape (6,).
+    """
+    held = drive.context.held
+    points = np.zeros((0, 3)) if held is None else held.points_hand
+    reach = float(np.linalg.norm(points, axis=1).max(initial=0.0))
+    speed = lying_speed(_most(drive).torque - hypot(*load[3:]), reach)
+    return max(min(drive.context.settings.lift_speed, speed), _SLOWEST)
+
+
+def _most(drive: Drive) -> LimitSet:
+    """Limits up to which what hangs is lowered."""
+    return drive.limb.limits.controller.scaled(load=_LOWERED_UP_TO)
 
 
 def let_go(context: Context, opening: float | None = None) -> FaultFound | None:

@@ -17,7 +17,7 @@ from .faults import Action
 from .fingers import loosen
 from .folding import free_share
 from .inside import moved_inside
-from .moves import back_out, let_go, lower, put_down
+from .moves import back_out, let_go, lower, lowering_speed, put_down
 from .outcome import FaultEvent
 from .relief import doubted, heaviest, relieve, share_of, standing_load, with_room
 from .resting import put_away
@@ -140,7 +140,7 @@ def _gone_back(context: Context, held: Held) -> FaultFound | None:
         return None
     end = drive.leg(
         way,
-        speed=context.settings.lift_speed,
+        speed=lowering_speed(drive, load),
         tare=TarePolicy.SESSION,
         limits=with_room(drive.limits, load),
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import LegOutcome, LegPlanner
-from debrisgrasp.executive import moves
+from debrisgrasp.executive import moves, recover
 from debrisgrasp.executive.carrying import _is_beside
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.dropoff import (
@@ -371,15 +371,26 @@ def test_what_bends_on_something_far_out_is_let_go_there(pipeline, monkeypatch):
 
 
 @pytest.mark.parametrize(("reach", "is_slow"), [(0.2, False), (0.8, True)])
+@pytest.mark.parametrize("is_put_down", [True, False])
 def test_what_is_long_is_lowered_so_slowly_that_its_end_overloads_no_wrist(
-    pipeline, monkeypatch, reach, is_slow
+    pipeline, monkeypatch, reach, is_slow, is_put_down
 ):
+    """To where it is put down, or back to where its lift began."""
     _, task = before_a_brick(pipeline)
     context, speeds = task.context, []
     drive = Drive(context, "right")
-    context.held = holding(points_hand=np.array([[reach, 0.0, 0.0]]), is_lifted=True)
+    begun = drive.limb.pose(context.posture(drive.limb)).p - [0.0, 0.0, 0.05]
+    context.held = holding(
+        arm="right",
+        points_hand=np.array([[reach, 0.0, 0.0]]),
+        is_lifted=is_put_down,
+        begun=begun,
+    )
     monkeypatch.setattr(Drive, "leg", lambda *_, speed, **__: speeds.append(speed))
-    lower(drive, 0.05)
+    if is_put_down:
+        lower(drive, 0.05)
+    else:
+        recover._gone_back(context, context.held)
     usual, torque = context.settings.lift_speed, drive.limb.limits.controller.torque
     assert speeds[0] == pytest.approx(usual) or is_slow
     assert speeds[0] < 0.6 * usual or not is_slow
