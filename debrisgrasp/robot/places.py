@@ -10,12 +10,13 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray
 
 from .shapes import ways_out
-from .springs import REACH, Near, Watch
+from .springs import HELD, REACH, Near, Watch
 
-__all__ = ["Key", "Places", "Push", "Sides"]
+__all__ = ["Key", "Places", "Push", "Sides", "is_behind"]
 
 Key = tuple[int, int]
-"""Who touches (`Near.owner`), and which body."""
+"""Who touches, and which body: as in `Near`, but parts of what the hand holds touch
+each by itself, with numbers from `HELD` down."""
 Push = tuple[FloatArray, float, FloatArray]
 """Normal (3,) of a place that pushed, how deep it was [m], and where (3,); odom."""
 
@@ -58,6 +59,12 @@ def _blended(normals: FloatArray, beyond: FloatArray) -> FloatArray:
     sizes = np.linalg.norm(means, axis=1, keepdims=True)
     own = normals[beyond.argmax(axis=1)]
     return np.asarray(np.where(sizes > 0.5, means / np.maximum(sizes, 0.5), own))
+
+
+def is_behind(normals: FloatArray, push: FloatArray) -> BoolArray:
+    """Whether sides, (..., 3), lie behind what was pushed along (3,)."""
+    sizes = np.linalg.norm(normals, axis=-1) * float(np.linalg.norm(push))
+    return np.asarray(normals @ push < _BEHIND * sizes)
 
 
 def _is_facing(beyond: FloatArray, sides: Sides) -> BoolArray:
@@ -134,7 +141,7 @@ class Places:
         if float(normal @ normal) < _NO_WAY:
             normal = ways[int(depths.argmax())]
         middle = depths @ where / depths.sum()
-        self.found[key] = Near(*key, middle, sign * normal, depth)
+        self._keep(key, middle, sign * normal, depth)
 
     def _add_nearest(
         self,
@@ -154,7 +161,13 @@ class Places:
         depth = -float(gaps[row])
         if key not in self.found or self.found[key].depth < depth:
             normal = sign * _blended(sides.normals, beyond[[row]])[0]
-            self.found[key] = Near(*key, where[row], normal, depth)
+            self._keep(key, where[row], normal, depth)
+
+    def _keep(
+        self, key: Key, point: FloatArray, normal: FloatArray, depth: float
+    ) -> None:
+        owner, body = key
+        self.found[key] = Near(max(owner, HELD), body, point, normal, depth)
 
     def _same_side(
         self, key: Key, beyond: FloatArray, pushes: FloatArray
@@ -172,8 +185,7 @@ class Places:
         if before is None:
             return beyond
         normal, depth, _ = before
-        behind = _BEHIND * float(np.linalg.norm(normal))
-        kept = np.where(pushes @ normal < behind, -np.inf, beyond)
+        kept = np.where(is_behind(pushes, normal), -np.inf, beyond)
         # Else it is another place that is touched now.
         now = -float(kept.max(axis=1).min())
         return kept if abs(now - depth) < _DEEPENS else beyond

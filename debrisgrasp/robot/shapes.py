@@ -127,6 +127,13 @@ class BodyShape:
         found[one[is_opposite]] = True
         return found
 
+    @cached_property
+    def part_of_points(self) -> IntArray:
+        """Number of the part on whose edges each point is, shape (n,)."""
+        beyond = self._own_points @ self._own_normals.T - self._own_offsets
+        gaps = np.maximum.reduceat(beyond, self.starts, axis=1)
+        return np.asarray(np.abs(gaps).argmin(axis=1))
+
     @property
     def box(self) -> tuple[FloatArray, FloatArray]:
         """Corners of the box around it [m], each (3,)."""

@@ -16,7 +16,7 @@ from debrisgrasp.worlds import Ground
 
 from .config import FakeConfig
 from .fake_hand import FakeGripper
-from .places import Key, Places, Push, Sides
+from .places import Key, Places, Push, Sides, is_behind
 from .shapes import BodyShape, HandShape
 from .springs import (
     GROUND,
@@ -170,11 +170,11 @@ class Touch:
             places.add((guard.owner, guard.body), where, beyond, sides, -1.0)
         near = places.shifted()
         springs = yielded(self._eased(near), self.stiffness, self.arm_stiffness)
-        pressed = {spring[:2] for spring in springs}
+        pressed = {spring.point.tobytes() for spring in springs}
         self._pushed = {
             key: (place.normal, place.depth, place.point)
             for key, place in near.items()
-            if place.depth > 0.0 or key in pressed
+            if place.depth > 0.0 or place.point.tobytes() in pressed
         }
         return springs
 
@@ -194,11 +194,14 @@ class Touch:
         """Take from the contacts what was there when the bodies lay at rest."""
         rest, net = self._at_rest, self._net
         for key, place in near.items():
-            owner, body = key
+            owner, body = place.owner, place.body
             if owner == HELD and self._is_new:
                 rest[key] = place.depth
             elif body in self._settled or (owner == HELD and self._settled):
                 rest[key] = place.depth - min(place.depth, net.get(key, 0.0))
+            elif key in self._pushed and is_behind(place.normal, self._pushed[key][0]):
+                # Jammed in a body, it was there before, hardly less deep.
+                rest[key] = place.depth
         self._settled, self._is_new, self._net = set(), False, {}
         self._at_rest = {}
         for key, place in near.items():
@@ -219,7 +222,7 @@ class Touch:
         self._points = self.shape.points(*key)
         self._clear = None
         for watch in self._watches:
-            own = watch.owners != HELD
+            own = watch.owners > HELD
             watch.points[own] = self._points[watch.rows[own]]
         if self.held is not None:
             self._look_at_held()
@@ -250,7 +253,7 @@ class Touch:
         groups, owners = [self._points], [self._owner_of]
         if self.held is not None:
             groups.append(self._held_points)
-            owners.append(np.full(len(self._held_points), HELD))
+            owners.append(np.asarray(HELD - self.held.part_of_points))
         own, owner_of = np.concatenate(groups), np.concatenate(owners)
         self._reach = float(np.linalg.norm(own, axis=1).max())
         where = own @ R.T + p
@@ -302,7 +305,8 @@ class Touch:
             normals, offsets = self._held_planes
             covered = self.held.is_covered
             solids += [
-                (HELD, normals[s], offsets[s], covered[s]) for s in self.held.parts
+                (HELD - i, normals[s], offsets[s], covered[s])
+                for i, s in enumerate(self.held.parts)
             ]
         for owner, normals, offsets, is_covered in solids:
             gaps = (points @ normals.T - offsets).max(axis=1)
