@@ -165,7 +165,7 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
             # Wedged: from here on the arm must give way.
             gripper.command(GripCommand(tuple(now), _OPENING_FORCE))
             return None
-        if all(x > goal - _SHORT for x, goal in zip(now, goals, strict=True)):
+        if all(x > goal - _CREEP for x, goal in zip(now, goals, strict=True)):
             break
         if max(abs(x - y) for x, y in zip(now, last, strict=True)) > _CREEP:
             since = drive.clock.now()

@@ -131,6 +131,15 @@ class Rubble:
             for other, share in self.riders(body).items()
         )
 
+    def mass_above(self, body: int, without: Collection[int]) -> float:
+        """Mass of all that a body bears at most, some bodies aside [kg]."""
+        above, waiting = set[int](), [body]
+        while waiting:
+            on_it = set(self.riders(waiting.pop())) - above - {body, *without}
+            above |= on_it
+            waiting += on_it
+        return sum(self.shapes[other].mass for other in above)
+
     def overlap(self, body: int) -> float:
         """How deep a body is in its neighbours or in the ground [m]."""
         shape = self.shapes[body]

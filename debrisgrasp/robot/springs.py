@@ -106,7 +106,7 @@ class Watch:
     rows: IntArray
     """Which points of the hand, shape (m,)."""
     owners: IntArray
-    """Whose each of them is, shape (m,)."""
+    """Whose each of them is, shape (m,); parts of what is held from `HELD` down."""
     points: FloatArray
     """Frame of the hand [m], shape (m, 3)."""
     free_until: float = -inf

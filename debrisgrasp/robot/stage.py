@@ -22,7 +22,7 @@ from debrisgrasp.control._rigid import (
 from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import World
 
-from .burden import load_of
+from .burden import load_of, springs_of_loose
 from .config import FakeConfig
 from .fake_arm import FakeArm, FakeForceSensor
 from .fake_hand import FakeGripper
@@ -190,7 +190,8 @@ class Stage:
             self._carry(hand.hold, R, p)
         if not is_clear or hand.springs:
             left_out = self._left_out(hand)
-            hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
+            springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
+            hand.springs = springs_of_loose(springs, hand.hold, self._rubble)
             self._feel(hand, R, p)
         if hand.hold is None:
             self._try_hold(hand, R, p)

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from debrisgrasp._physics import GRAVITY
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.robot import FakeConfig
+from debrisgrasp.robot.burden import springs_of_loose
 from debrisgrasp.robot.rubble import Rubble
 from debrisgrasp.robot.shapes import BodyShape
+from debrisgrasp.robot.springs import HELD, PALM, Spring
 from debrisgrasp.worlds import World, make_body
 from tests.unit.robot.rigs import beam
 
@@ -56,3 +61,34 @@ def test_what_is_pressed_into_several_things_is_not_thrown_about(shifts, turns):
     way = float(np.linalg.norm(rubble.shapes[0].p - start))
     assert way <= 2.0 * max(before, 0.0) + 1e-9
     assert overlap(rubble, 0, others) <= max(before, 2e-4) + 1e-9
+
+
+def test_a_body_bears_at_most_all_that_lies_on_it_and_on_that():
+    tower = [beam(f"beam {i}", 1.0 + i, (1, 0, 0.0445 + 0.089 * i)) for i in range(4)]
+    aside = beam("aside", 9.0, (1, 0.5, 0.0445))
+    rubble = Rubble(World((*tower, aside)), FakeConfig())
+    assert rubble.mass_above(0, ()) == pytest.approx(2.0 + 3.0 + 4.0)
+    assert rubble.mass_above(1, ()) == pytest.approx(3.0 + 4.0)
+    assert rubble.mass_above(0, {2}) == pytest.approx(2.0)
+    assert rubble.mass_above(3, ()) == rubble.mass_above(4, ()) == 0.0
+
+
+@given(st.lists(st.floats(-300.0, 300.0), min_size=1, max_size=6))
+def test_what_lies_on_a_held_body_presses_with_no_more_than_it_weighs(pushes):
+    """Jammed, it is lifted along; what it leans on, and other hands, are not asked."""
+    high = beam("high", 2.0, (1, 0, 0.1335))
+    rubble = Rubble(World((beam("held", 1.0, (1, 0, 0.0445)), high)), FakeConfig())
+    hold = SimpleNamespace(index=0)
+    springs = [
+        Spring(owner, 1, np.zeros(3), np.array([20.0, 0.0, push]), 1e-3)
+        for push in pushes
+        for owner in (HELD, PALM)
+    ]
+    found = springs_of_loose(springs, hold, rubble)
+    assert springs_of_loose(springs, None, rubble) == springs
+    down = sum(min(s.force[2], 0.0) for s in found if s.owner == HELD)
+    assert down == pytest.approx(max(sum(min(p, 0.0) for p in pushes), -2.0 * GRAVITY))
+    for before, after in zip(springs, found, strict=True):
+        if before.owner == PALM or before.force[2] >= 0.0:
+            assert after is before
+        assert np.linalg.norm(np.cross(before.force, after.force)) < 1e-6
