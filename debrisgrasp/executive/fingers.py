@@ -28,6 +28,8 @@ _FELT = 2.0
 """A finger that feels more still holds [N]."""
 _SHORT = 4e-3
 """A finger that is so near to where it was sent is there [m]."""
+_OPEN = 1.5e-4
+"""One that opens goes on up to there [m]: just short of it, it may still hold."""
 _SOFT, _YIELD, _YIELDS = 15.0, 1e-3, 25
 """Fingers of an open hand that are pressed harder [N] yield by so much [m] at a time,
 so many times at most."""
@@ -165,7 +167,7 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
             # Wedged: from here on the arm must give way.
             gripper.command(GripCommand(tuple(now), _OPENING_FORCE))
             return None
-        if all(x > goal - _CREEP for x, goal in zip(now, goals, strict=True)):
+        if all(x > goal - _OPEN for x, goal in zip(now, goals, strict=True)):
             break
         if max(abs(x - y) for x, y in zip(now, last, strict=True)) > _CREEP:
             since = drive.clock.now()

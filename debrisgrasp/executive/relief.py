@@ -73,7 +73,7 @@ def relieve(
         return FaultFound("ratchet", words, arm)
     if context.held is None and drive.carried(tuple(load)) > heaviest(context):
         load = (
-            _stepped_back(context, drive, load, _way_back(drive))
+            _stepped_back(context, drive, load)
             if back is None
             else _drawn_back(context, drive, load, back)
         )
@@ -153,13 +153,14 @@ def _way_back(drive: Drive) -> FloatArray:
 
 
 def _stepped_back(
-    context: Context, drive: Drive, load: FloatArray, back: FloatArray
+    context: Context, drive: Drive, load: FloatArray
 ) -> FloatArray | FaultFound:
-    """Load (6,) after a step back (3,) to where the hand came from, if it is real.
+    """Load (6,) after a step back to where the hand gripped, if it is real.
 
     Then the load falls on that step, and grows again on the way on. Else the sensor is
     doubted: what looks like giving way would press the hand into what it stands on.
     """
+    back = _way_back(drive)
     size = float(np.linalg.norm(back))
     if size > _STEP:
         after = _stepped(context, drive, back / size, load)

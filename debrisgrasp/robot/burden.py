@@ -42,10 +42,13 @@ def springs_of_loose(
         most = GRAVITY * rubble.shapes[body].mass
         if force > most:
             most += GRAVITY * rubble.mass_above(body, {hold.index})
-        shares[body] = min(most / force, 1.0)
+        if force > most:
+            shares[body] = most / force
+    if not shares:
+        return springs
     return [
         spring._replace(force=shares[spring.body] * spring.force)
-        if _presses_down(spring)
+        if spring.body in shares and _presses_down(spring)
         else spring
         for spring in springs
     ]

@@ -149,7 +149,7 @@ def test_the_load_goes_over_from_one_part_of_a_body_to_another_bit_by_bit(seed):
     shapes = _shapes(held, lies.at(SE3.from_parts(p=[0.8, 0.1, 0.05])))
     turn = so3.from_rpy(np.array([0.0, 0.0, rng.uniform(-3.0, 3.0)]))
     touch.hold(0, shapes[0], turn, np.array([0.0, 0.0, 0.1]))
-    T, loads = downwards(0.85, 0.1, 0.18, 0.0), []
+    T, loads, places, most = downwards(0.85, 0.1, 0.18, 0.0), [], {}, 0.0
     for k in range(100):
         p = T.p - [0.0, 0.0, 1.2e-4 * k]
         springs = touch.springs(T.R, p, shapes, ())
@@ -158,6 +158,13 @@ def test_the_load_goes_over_from_one_part_of_a_body_to_another_bit_by_bit(seed):
             break
         pushes = [[*s.force, *np.cross(s.point - p, s.force)] for s in springs]
         loads.append(np.sum([np.zeros(6), *pushes], axis=0))
+        now = {key: point for key, (_, _, point) in touch._pushed.items()}
+        for key, point in now.items():
+            gone = float(np.linalg.norm(point - places.get(key, point)))
+            most = max(most, gone)
+        places = now
+    assert places
+    assert most < 0.004 + 1e-6
     steps = np.abs(np.diff(loads, axis=0)).max(axis=0)
     assert loads[-1][2] > 60.0
     assert steps[:3].max() < 6.0
