@@ -15,48 +15,11 @@ from debrisgrasp.control._rigid import (
     turned_back,
 )
 
-from .holding import Hold
-from .rubble import Rubble
 from .settling import HandState
 from .shapes import BodyShape
-from .springs import GROUND, HELD, Spring
+from .springs import HELD
 
-__all__ = ["load_of", "springs_of_loose"]
-
-
-def springs_of_loose(
-    springs: Sequence[Spring], hold: Hold | None, rubble: Rubble
-) -> Sequence[Spring]:
-    """Limit what presses on a held body from above to what lies there.
-
-    However a body is jammed with it, it is lifted then, and all that lies on it.
-    """
-    if hold is None:
-        return springs
-    down: dict[int, float] = {}
-    for spring in springs:
-        if _presses_down(spring):
-            down[spring.body] = down.get(spring.body, 0.0) - float(spring.force[2])
-    shares = {}
-    for body, force in down.items():
-        most = GRAVITY * rubble.shapes[body].mass
-        if force > most:
-            most += GRAVITY * rubble.mass_above(body, {hold.index})
-        if force > most:
-            shares[body] = most / force
-    if not shares:
-        return springs
-    return [
-        spring._replace(force=shares[spring.body] * spring.force)
-        if spring.body in shares and _presses_down(spring)
-        else spring
-        for spring in springs
-    ]
-
-
-def _presses_down(spring: Spring) -> bool:
-    """Whether a body presses on what is held from above."""
-    return spring.owner == HELD and spring.body > GROUND and spring.force[2] < 0.0
+__all__ = ["load_of"]
 
 
 def load_of(

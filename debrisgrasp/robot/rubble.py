@@ -13,6 +13,7 @@ from debrisgrasp.worlds import Body, World, come_to_rest
 
 from .config import FakeConfig
 from .shapes import BodyShape
+from .springs import GROUND
 
 __all__ = ["Rubble"]
 
@@ -69,11 +70,11 @@ class Rubble:
         self.shapes[body].shift(way)
         self._is_current = False
 
-    def turn(self, body: int, angle: float) -> None:
-        """Turn a body about the vertical through its centre of mass [rad]."""
+    def turn(self, body: int, angle: float, about: FloatArray) -> None:
+        """Turn a body [rad] about the vertical through a point, shape (3,) [m]."""
         shape, c, s = self.shapes[body], cos(angle), sin(angle)
         R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        self.place(body, R @ shape.R, shape.com + R @ (shape.p - shape.com))
+        self.place(body, R @ shape.R, about + R @ (shape.p - about))
 
     def box(self, body: int) -> tuple[FloatArray, FloatArray]:
         """Corners of the box around a body [m]."""
@@ -113,41 +114,37 @@ class Rubble:
         return bool((points[:, 2] - heights).min() < _TOUCH)
 
     def riders(self, body: int) -> dict[int, float]:
-        """Bodies that lie on a body, and the share of their weight that it bears."""
-        found = {}
-        for other in self.neighbours(body):
-            if self.is_on(other, body):
-                beside = self.neighbours(other) - {body}
-                is_shared = self.is_on_ground(other) or any(
-                    self.is_on(other, third) for third in beside
-                )
-                found[other] = 0.5 if is_shared else 1.0
+        """Bodies that lie on a body, or on those, and the share of their weight.
+
+        What lies on something else as well bears down on it with half.
+        """
+        found = dict[int, float]()
+        waiting: list[tuple[tuple[int, ...], float]] = [((body,), 1.0)]
+        while waiting:
+            chain, part = waiting.pop()
+            lower = chain[-1]
+            for other in self.neighbours(lower).difference(chain):
+                if self.is_on(other, lower):
+                    beside = self.neighbours(other) - {lower}
+                    is_shared = self.is_on_ground(other) or any(
+                        self.is_on(other, third) for third in beside
+                    )
+                    share = part * (0.5 if is_shared else 1.0)
+                    found[other] = min(found.get(other, 0.0) + share, 1.0)
+                    waiting.append(((*chain, other), share))
         return found
 
-    def load_on(self, body: int) -> float:
-        """Mass of all that lies on a body [kg]."""
-        return sum(
-            share * self.shapes[other].mass
-            for other, share in self.riders(body).items()
-        )
-
-    def mass_above(self, body: int, without: Collection[int]) -> float:
-        """Mass of all that a body bears at most, some bodies aside [kg]."""
-        above, waiting = set[int](), [body]
-        while waiting:
-            on_it = set(self.riders(waiting.pop())) - above - {body, *without}
-            above |= on_it
-            waiting += on_it
-        return sum(self.shapes[other].mass for other in above)
-
-    def overlap(self, body: int) -> float:
-        """How deep a body is in its neighbours or in the ground [m]."""
+    def depths(self, body: int) -> dict[int, float]:
+        """How deep a body is in each neighbour, and in the ground (`GROUND`) [m]."""
         shape = self.shapes[body]
         heights = self._world.ground.height(shape.points[:, :2])
-        depths = [
-            _depth(shape, self.shapes[other])[0] for other in self.neighbours(body)
-        ]
-        return max([float((heights - shape.points[:, 2]).max()), *depths])
+        return {
+            GROUND: float((heights - shape.points[:, 2]).max()),
+            **{
+                other: _depth(shape, self.shapes[other])[0]
+                for other in self.neighbours(body)
+            },
+        }
 
     def settle(
         self,

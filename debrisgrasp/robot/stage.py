@@ -22,7 +22,7 @@ from debrisgrasp.control._rigid import (
 from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import World
 
-from .burden import load_of, springs_of_loose
+from .burden import load_of
 from .config import FakeConfig
 from .fake_arm import FakeArm, FakeForceSensor
 from .fake_hand import FakeGripper
@@ -190,8 +190,7 @@ class Stage:
             self._carry(hand.hold, R, p)
         if not is_clear or hand.springs:
             left_out = self._left_out(hand)
-            springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
-            hand.springs = springs_of_loose(springs, hand.hold, self._rubble)
+            hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
             self._feel(hand, R, p)
         if hand.hold is None:
             self._try_hold(hand, R, p)
@@ -241,7 +240,7 @@ class Stage:
             if not is_enclosed(*sides, self.friction):
                 continue
             rubble, shape = self._rubble, self._rubble.shapes[body]
-            self._pushes.forget(body)
+            pushed_along = {*self._pushes.forget(body)} - {body}
             com = shape.com.copy()
             hand.hold = Hold(
                 index=body,
@@ -259,6 +258,8 @@ class Stage:
             )
             hand.touch.hold(body, shape, hand.hold.R, hand.hold.p)
             hand.springs = [s for s in hand.springs if s.body != body]
+            if pushed_along:
+                self._settling.settle(pushed_along, self._held_bodies())
             return
 
     def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> None:
@@ -367,14 +368,14 @@ class Stage:
             touched, lambda body: any(hand.touch.is_near(body) for hand in hands)
         )
         for push in over:
-            self._note_far(push.body)
-            if push.way > _LIFTED and not self._is_held(push.body):
-                beside = self._rubble.touching(push.body)
-                self._settling.settle({push.body, *beside}, self._held_bodies())
-        for body, springs in touched.items():
-            way = self._pushes.push(body, springs)
-            if way is None:
-                continue
+            for body in push.bodies:
+                self._note_far(body)
+            loose = {body for body in push.bodies if not self._is_held(body)}
+            if push.way > _LIFTED and loose:
+                beside = (self._rubble.touching(body) for body in loose)
+                self._settling.settle(loose.union(*beside), self._held_bodies())
+        way = self._pushes.push(touched, self._is_held)
+        if way > 0.0:
             for hand in hands:
                 hand.touch.shifted(way)
                 if hand.seen is not None:

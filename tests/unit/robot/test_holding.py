@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -113,6 +113,10 @@ def test_what_lies_under_too_much_overloads_the_wrist():
     assert rig.fake.truth().overloads == ("right",)
 
 
+NEXT = (0.8, -0.09, 0.0445)
+"""Beside a bar that is pushed."""
+
+
 def pushed(mass: float) -> tuple[Rig, np.ndarray]:
     """Push a bar by 0.12 m, unless the wrist feels too much; how far it went."""
     bar = beam("bar", mass, (0.8, -0.19, 0.0445))
@@ -149,7 +153,9 @@ def yielding(points, forces, friction=0.6) -> Yielding | None:
         for p, f in zip(points, forces, strict=True)
     ]
     config = FakeConfig(friction=friction)
-    return Push.begun(0, rubble).wanted(springs, rubble.shapes[0].com, config)
+    push = Push()
+    push.take({0}, rubble)
+    return push.wanted(springs, config)
 
 
 def test_a_push_through_the_middle_turns_nothing_and_a_couple_shifts_nothing():
@@ -203,9 +209,12 @@ def test_a_body_gives_way_to_what_pushes_it_and_not_too_fast(points, forces, fri
 def test_what_is_pushed_by_turns_from_two_sides_is_wedged(step, expected):
     """But not what goes on, though it sways, nor what is pushed back after some way."""
     rubble = lying_bar()
-    push = Push.begun(0, rubble)
+    push = Push()
+    push.take({0}, rubble)
     for i in range(40):
         push.move(step(i), rubble)
+        if not push.is_stuck:
+            assert push.met(rubble) == set()
     assert push.is_stuck is expected
 
 
@@ -218,16 +227,20 @@ def test_what_presses_harder_as_it_gives_way_is_wedged(growth, gives_way):
     pushes, moved = Pushes(rubble, config), []
     for i in range(8):
         force = -np.array([0.0, 100.0 + growth * i, 0.0])
-        moved.append(pushes.push(0, [Spring(1, 0, rubble.shapes[0].com, force, 3e-3)]))
+        spring = Spring(1, 0, rubble.shapes[0].com, force, 3e-3)
+        moved.append(pushes.push({0: [spring]}, lambda _: False))
     assert all(moved[:3])
-    assert all(way is not None for way in moved) is gives_way
+    assert all(moved) is gives_way
 
 
-def test_a_body_turns_about_its_middle():
+def test_a_body_turns_about_a_point():
     rubble = lying_bar()
     com = rubble.shapes[0].com.copy()
-    rubble.turn(0, 0.3)
+    rubble.turn(0, 0.3, com)
     np.testing.assert_allclose(rubble.shapes[0].com, com, atol=1e-12)
+    rubble.turn(0, -0.3, np.add(com, (0.1, 0.0, 0.0)))
+    assert rubble.shapes[0].com[1] - com[1] == pytest.approx(0.1 * np.sin(0.3))
+    rubble.turn(0, 0.3, np.add(com, (0.1, 0.0, 0.0)))
     turned = so3.exp(np.array([0.0, 0.0, 0.3]))
     np.testing.assert_allclose(rubble.shapes[0].R, turned, atol=1e-12)
     np.testing.assert_allclose(rubble.world.bodies[0].T_base_body.R, turned, atol=1e-12)
@@ -252,6 +265,62 @@ def test_a_pushed_bar_stops_at_what_is_in_its_way():
     gap = -0.08 - 0.0445 - max(solid.bounds.upper[1] for solid in bar.solids)
     assert abs(gap) < 6e-3
     assert np.abs(rig.body("wall").p - [0.8, -0.08, 0.0445]).max() < 1e-3
+
+
+def test_a_bar_pushes_along_what_is_in_its_way():
+    """With the friction of both, and of what lies on the farther one."""
+    bars = [beam("near", 1.0, (0.8, -0.19, 0.0445)), beam("far", 1.0, NEXT)]
+    on_it = beam("on it", 0.5, np.add(NEXT, (0.0, 0.0, 0.089)))
+    rig = Rig([*bars, on_it], place=(0.8, -0.3, 0.16, 0.0))
+    rig.move(0.0, 0.15, 0.0, speed=0.05)
+    far = rig.body("far").p
+    assert far[1] > NEXT[1] + 0.02
+    assert far[2] == pytest.approx(NEXT[2], abs=1e-9)
+    friction = 0.6 * (1.0 + 1.0 + 2.0 * 0.5) * G
+    excess = 0.2e-3 * FakeConfig().contact_stiffness
+    assert rig.fake.truth().peak_force["right"] < friction + 2.0 * excess
+    gap = far[1] - rig.body("near").p[1] - 0.089
+    assert gap == pytest.approx(0.0, abs=7e-3)
+
+
+def test_what_a_held_bar_lifts_is_lifted_with_all_that_lies_on_it():
+    """A bar beside the held one lies over its end: a hand feels their weights."""
+    under = beam("bar", 2.0, BAR)
+    over = beam("over", 1.0, (1.0, -0.3, 0.16), yaw=np.pi / 2)
+    on_it = beam("on it", 1.0, (1.0, -0.3, 0.249), yaw=np.pi / 2)
+    rig = Rig([under, over, on_it])
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.06)
+    rose = [rig.body(name).p[2] for name in ("over", "on it")]
+    assert rose[0] > 0.16 + 0.02
+    assert rose[1] - rose[0] == pytest.approx(0.089, abs=3e-3)
+    assert rig.fake.truth().overloads == ()
+    assert rig.fake.truth().peak_force["right"] < (2.0 + 1.0 + 1.0) * G + 25.0
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 3), st.floats(-60, 60)), max_size=40))
+def test_each_pushed_body_moves_with_one_push(steps):
+    """However they meet each other, and whichever of them is pushed."""
+    row = [beam(f"bar {i}", 1.0, (0.8, 0.091 * i, 0.0445)) for i in range(4)]
+    rubble = Rubble(World(tuple(row), Ground.level()), FakeConfig())
+    pushes = Pushes(rubble, FakeConfig())
+    for body, force in steps:
+        at = rubble.shapes[body].com
+        spring = Spring(1, body, at, -np.array([0.0, force, 0.0]), 1e-3)
+        before = [shape.p.copy() for shape in rubble.shapes]
+        way = pushes.push({body: [spring]}, lambda other: other == 3)
+        moved = [
+            float(np.linalg.norm(shape.p - p))
+            for shape, p in zip(rubble.shapes, before, strict=True)
+        ]
+        assert max(moved) <= way + 1e-12
+        assert way <= 0.31 * FakeConfig().period
+        if body != 3:
+            assert moved[3] == 0.0
+    found = [body for push in pushes.ended((), lambda _: False) for body in push.bodies]
+    assert len(found) == len(set(found))
+    assert len(pushes) == 0
 
 
 def test_a_held_bar_that_is_set_on_another_is_felt():

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from debrisgrasp._physics import GRAVITY
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.robot import FakeConfig
-from debrisgrasp.robot.burden import springs_of_loose
 from debrisgrasp.robot.rubble import Rubble
 from debrisgrasp.robot.shapes import BodyShape
-from debrisgrasp.robot.springs import HELD, PALM, Spring
 from debrisgrasp.worlds import World, make_body
 from tests.unit.robot.rigs import beam
 
@@ -63,32 +58,18 @@ def test_what_is_pressed_into_several_things_is_not_thrown_about(shifts, turns):
     assert overlap(rubble, 0, others) <= max(before, 2e-4) + 1e-9
 
 
-def test_a_body_bears_at_most_all_that_lies_on_it_and_on_that():
-    tower = [beam(f"beam {i}", 1.0 + i, (1, 0, 0.0445 + 0.089 * i)) for i in range(4)]
-    aside = beam("aside", 9.0, (1, 0.5, 0.0445))
-    rubble = Rubble(World((*tower, aside)), FakeConfig())
-    assert rubble.mass_above(0, ()) == pytest.approx(2.0 + 3.0 + 4.0)
-    assert rubble.mass_above(1, ()) == pytest.approx(3.0 + 4.0)
-    assert rubble.mass_above(0, {2}) == pytest.approx(2.0)
-    assert rubble.mass_above(3, ()) == rubble.mass_above(4, ()) == 0.0
-
-
-@given(st.lists(st.floats(-300.0, 300.0), min_size=1, max_size=6))
-def test_what_lies_on_a_held_body_presses_with_no_more_than_it_weighs(pushes):
-    """Jammed, it is lifted along; what it leans on, and other hands, are not asked."""
-    high = beam("high", 2.0, (1, 0, 0.1335))
-    rubble = Rubble(World((beam("held", 1.0, (1, 0, 0.0445)), high)), FakeConfig())
-    hold = SimpleNamespace(index=0)
-    springs = [
-        Spring(owner, 1, np.zeros(3), np.array([20.0, 0.0, push]), 1e-3)
-        for push in pushes
-        for owner in (HELD, PALM)
+def test_what_lies_on_a_body_and_on_that_rides_on_it():
+    """What leans on something else, too, with half of its weight."""
+    bars = [
+        beam("lowest", 1.0, (1, 0, 0.0445)),
+        beam("one end", 1.0, (0.8, 0, 0.1335), yaw=np.pi / 2),
+        beam("other end", 1.0, (1.2, 0, 0.1335), yaw=np.pi / 2),
+        beam("over both", 1.0, (1, 0, 0.2225)),
+        beam("prop", 1.0, (0.6, 0, 0.2225), yaw=np.pi / 2),
+        beam("highest", 1.0, (0.8, 0, 0.3115)),
     ]
-    found = springs_of_loose(springs, hold, rubble)
-    assert springs_of_loose(springs, None, rubble) == springs
-    down = sum(min(s.force[2], 0.0) for s in found if s.owner == HELD)
-    assert down == pytest.approx(max(sum(min(p, 0.0) for p in pushes), -2.0 * GRAVITY))
-    for before, after in zip(springs, found, strict=True):
-        if before.owner == PALM or before.force[2] >= 0.0:
-            assert after is before
-        assert np.linalg.norm(np.cross(before.force, after.force)) < 1e-6
+    rubble = Rubble(World(tuple(bars)), FakeConfig())
+    assert rubble.riders(0) == {1: 1.0, 2: 1.0, 3: 1.0, 5: 0.5}
+    assert rubble.riders(1) == {3: 0.5, 5: 0.25}
+    assert rubble.riders(3) == rubble.riders(4) == {5: 0.5}
+    assert rubble.riders(5) == {}
