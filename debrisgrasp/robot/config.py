@@ -54,10 +54,13 @@ class FakeConfig:
     """Each axis ends there [N, N m]."""
 
     stiffness: float = 3e4
-    """Of a contact as a hand feels it whose arm stands: that of the surfaces, and the
-    bending of the arm, in series [N/m]."""
+    """Of a contact at a hand whose arm stands: that of the surfaces, and the bending of
+    the arm, in series [N/m]."""
     contact_stiffness: float = 1e5
     """Of the surfaces alone, as fingers feel it that press against each other [N/m]."""
+    turn_stiffness: float = 1e4
+    """Of an arm against a turn of its hand: far beside that a contact is felt softer
+    [N m/rad]."""
     friction: float = 0.6
     """Between bodies, ground and fingers."""
     finger_speed: float = 0.1
@@ -86,6 +89,7 @@ class FakeConfig:
         for name in ("max_depth", "finger_speed", "head_speed"):
             require_range(f"FakeConfig.{name}", getattr(self, name), 1e-6, 1e9)
         require_range("FakeConfig.contact_stiffness", self.contact_stiffness, 1.0, 1e7)
+        require_range("FakeConfig.turn_stiffness", self.turn_stiffness, 1.0, 1e9)
         most = 0.999 * self.contact_stiffness
         require_range("FakeConfig.stiffness", self.stiffness, 0.1, most)
         require_range("FakeConfig.friction", self.friction, 0.0, 10.0)

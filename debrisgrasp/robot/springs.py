@@ -12,6 +12,8 @@ from scipy.optimize import nnls
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
+from .config import FakeConfig
+
 __all__ = [
     "GROUND",
     "HELD",
@@ -127,31 +129,33 @@ class Guard:
     is_covered: BoolArray
 
 
-def yielded(
-    near: Sequence[Near], stiffness: float, arm_stiffness: float
-) -> list[Spring]:
+def yielded(near: Sequence[Near], p: FloatArray, config: FakeConfig) -> list[Spring]:
     """Let an arm give way to all that pushes its hand, as much as its structure does.
 
     It is softer than any contact, and in series with all of them together: however
-    many touch, the hand is pushed no more stiffly than the arm bends. What only
-    squeezes the hand from both sides does not bend it. What it is bent against pushes
-    it too, though it would not reach it unbent.
+    many touch, the hand is pushed no more stiffly than the arm bends; and less so far
+    beside the hand, for it turns. What only squeezes the hand from both sides does not
+    bend the arm. What it is bent against pushes it too, though it would not reach it
+    unbent.
 
     Parameters
     ----------
-    stiffness, arm_stiffness
-        Of a contact, and of the arm at the hand [N/m].
+    p
+        Where the hand is, frame odom [m], shape (3,).
     """
     if not any(place.depth > 0.0 for place in near):
         return []
+    stiffness = config.contact_stiffness
     ways = np.array([place.normal for place in near])
     sizes = np.sqrt((ways * ways).sum(axis=1))
     ways /= sizes[:, None]
+    turns = np.cross([place.point - p for place in near], ways)
     depths = np.array([place.depth for place in near])
     # Forces f >= 0 with f / k = depth - way . bend where f > 0, and their sum bends
     # the arm: the quadratic program min f'Qf / 2 - f'depth, as least squares.
-    give = ways @ ways.T * (stiffness / arm_stiffness) + np.diag(1.0 / sizes)
-    root = np.linalg.cholesky(give)
+    give = ways @ ways.T / config.arm_stiffness
+    give += turns @ turns.T / config.turn_stiffness
+    root = np.linalg.cholesky(stiffness * give + np.diag(1.0 / sizes))
     pressed, _ = nnls(root.T, np.linalg.solve(root, depths))
     return [
         Spring(*place[:3], force * way, place.depth)

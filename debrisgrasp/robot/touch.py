@@ -52,8 +52,7 @@ class Touch:
         self, gripper: FakeGripper, ground: Ground, config: FakeConfig
     ) -> None:
         self.gripper, self.ground = gripper, ground
-        self.stiffness = config.contact_stiffness
-        self.arm_stiffness = config.arm_stiffness
+        self._config = config
         self.shape = HandShape(gripper.model)
         self.held: BodyShape | None = None
         """What it holds."""
@@ -169,7 +168,7 @@ class Touch:
             sides = Sides(guard.normals @ R.T, guard.is_covered)
             places.add((guard.owner, guard.body), where, beyond, sides, -1.0)
         near = places.shifted()
-        springs = yielded(self._eased(near), self.stiffness, self.arm_stiffness)
+        springs = yielded(self._eased(near), p, self._config)
         pressed = {spring.point.tobytes() for spring in springs}
         self._pushed = {
             key: (place.normal, place.depth, place.point)
@@ -240,7 +239,8 @@ class Touch:
                     where, owners = self._points[rows], self._owner_of[rows]
                     watch = Watch(self._held_index, part, rows, owners, where)
                     places.add_all(watch, where, beyond[rows], sides)
-        self.grip = [place.spring(self.stiffness) for place in places.found.values()]
+        stiffness = self._config.contact_stiffness
+        self.grip = [place.spring(stiffness) for place in places.found.values()]
 
     def _look(
         self,

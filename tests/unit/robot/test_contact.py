@@ -22,6 +22,7 @@ from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam, downwards, turned
 
 K = FakeConfig().stiffness
 SURFACES, ARM = FakeConfig().contact_stiffness, FakeConfig().arm_stiffness
+TURN, HERE = FakeConfig().turn_stiffness, np.zeros(3)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +78,7 @@ def fingertips(rig: Rig) -> list[float]:
 
 
 def test_fingers_that_press_on_the_ground_are_pushed_up():
-    rig = Rig([FAR])
+    rig = Rig([FAR], turn_stiffness=1e9)
     rig.move(0.0, 0.0, -0.1, speed=0.02, until=lambda: min(fingertips(rig)) < -4e-4)
     rig.wait(0.1)
     tips = np.array(fingertips(rig))
@@ -112,7 +113,7 @@ def test_a_post_under_the_palm_pushes_and_turns_it(x, y, depth, yaw):
         "post", "post", (Box(np.array([0.01, 0.01, top / 2])),), 50.0,
         SE3.from_parts(p=[0.8 + x, 0.1 + y, top / 2]),
     )  # fmt: skip
-    touch = _touch(FakeConfig())
+    touch = _touch(FakeConfig(turn_stiffness=1e9))
     T = downwards(0.8, 0.1, top - depth, yaw)
     springs = touch.springs(T.R, T.p, _shapes(post), ())
     assert {spring.body for spring in springs} == {0}
@@ -205,9 +206,10 @@ def test_a_watch_never_overlooks_a_contact(rng):
         watched = touch.springs(T.R, T.p, shapes, ())
         anew = _touch(config).springs(T.R, T.p, shapes, ())
         assert [s[:2] for s in watched] == [s[:2] for s in anew]
-        assert np.allclose(
-            [s.force for s in watched], [s.force for s in anew], atol=1e-6
-        )
+        for a, b in zip(watched, anew, strict=True):
+            assert a.depth == pytest.approx(b.depth, abs=1e-9)
+            ways = (s.force / np.linalg.norm(s.force) for s in (a, b))
+            assert np.allclose(*ways, atol=1e-6)
         n_touching += bool(anew)
         flat = tuple(T.R.ravel()), tuple(T.p)
         assert not (touch.is_clear(*flat) and anew)
@@ -286,7 +288,7 @@ def _near(*pushes: tuple[float, float, float]) -> list[Near]:
 
 
 def test_one_contact_is_felt_through_the_arm():
-    (spring,) = yielded(_near((0.0, 0.0, 100.0)), SURFACES, ARM)
+    (spring,) = yielded(_near((0.0, 0.0, 100.0)), HERE, FakeConfig())
     assert np.allclose(spring.force, [0.0, 0.0, K * spring.depth])
 
 
@@ -294,23 +296,43 @@ def test_one_contact_is_felt_through_the_arm():
     st.lists(st.tuples(*[st.floats(-200.0, 200.0)] * 3), min_size=1, max_size=5).filter(
         lambda rows: min(np.linalg.norm(rows, axis=1)) > 1.0
     ),
+    st.lists(st.tuples(*[st.floats(-1.0, 1.0)] * 3), min_size=5, max_size=5),
     st.floats(0.0, 0.003),
 )
-def test_an_arm_bends_until_it_and_all_that_is_touched_are_in_balance(pushes, gap):
-    near = _near(*pushes)
+def test_an_arm_bends_until_it_and_all_that_is_touched_are_in_balance(
+    pushes, points, gap
+):
+    near = [
+        place._replace(point=np.array(point))
+        for place, point in zip(_near(*pushes), points, strict=False)
+    ]
     near[-1] = near[-1]._replace(depth=near[-1].depth - gap)
-    felt = {spring.body: spring for spring in yielded(near, SURFACES, ARM)}
+    felt = {spring.body: spring for spring in yielded(near, HERE, FakeConfig())}
     bend = sum((s.force for s in felt.values()), np.zeros(3)) / ARM
+    moments = (np.cross(s.point, s.force) for s in felt.values())
+    turn = sum(moments, np.zeros(3)) / TURN
     for place in near:
-        left = SURFACES * (place.depth - place.normal @ bend)
+        gone = bend + np.cross(turn, place.point)
+        left = SURFACES * (place.depth - place.normal @ gone)
         if place.body in felt:
             assert np.allclose(felt[place.body].force, left * place.normal, atol=1e-6)
         else:
             assert left < 1e-6
 
 
+def test_far_beside_the_hand_a_contact_is_felt_softer():
+    """By that much the far end of a beam goes back as the hand turns."""
+    far, force = 1.0, []
+    for place in (np.zeros(3), np.array([far, 0.0, 0.0])):
+        near = [Near(HELD, 0, place, np.array([0.0, 0.0, 1.0]), 1e-3)]
+        (spring,) = yielded(near, HERE, FakeConfig())
+        force.append(spring.force[2])
+    assert force[0] == pytest.approx(K * 1e-3)
+    assert 1e-3 / force[1] == pytest.approx(1.0 / K + far**2 / TURN)
+
+
 def test_what_squeezes_the_hand_from_both_sides_does_not_bend_the_arm():
-    felt = yielded(_near((50.0, 0.0, 0.0), (-50.0, 0.0, 0.0)), SURFACES, ARM)
+    felt = yielded(_near((50.0, 0.0, 0.0), (-50.0, 0.0, 0.0)), HERE, FakeConfig())
     assert np.allclose([s.force for s in felt], [[50.0, 0, 0], [-50.0, 0, 0]])
 
 
@@ -323,7 +345,7 @@ def test_what_a_hand_is_bent_against_goes_on_pushing_where_it_would_just_not_tou
             place._replace(depth=place.depth + sign * off)
             for place, sign in zip(near, (1.0, -1.0), strict=True)
         ]
-        force = sum((s.force[0] for s in yielded(near, SURFACES, ARM)), 0.0)
+        force = sum((s.force[0] for s in yielded(near, HERE, FakeConfig())), 0.0)
         assert last is None or abs(force - last) < 1.01 * 5e-5 * ARM
         last = force
 
@@ -400,7 +422,7 @@ def test_a_hand_that_is_bent_against_a_pipe_feels_no_facets(gap):
         places = Places({})
         places.add((1, 0), point, point @ normals.T - offsets, sides, 1.0)
         pushed = Near(0, 1, np.zeros(3), np.array([-1.0, 0.0, 0.0]), 0.006)
-        springs = yielded([*places.found.values(), pushed], SURFACES, ARM)
+        springs = yielded([*places.found.values(), pushed], HERE, FakeConfig())
         force = np.sum([spring.force for spring in springs], axis=0)
         assert len(springs) == 2
         assert last is None or np.linalg.norm(force - last) < 2.0

@@ -103,7 +103,7 @@ def test_a_bar_that_leans_on_another_turns_in_a_grip_that_eases():
     def in_hand() -> np.ndarray:
         return rig.chain.fk(rig.arm.read().q).R.T @ rig.body("bar").R
 
-    assert not rig.move(0.0, 0.0, -0.2, speed=0.02, until=lambda: bent() > 18.0)
+    assert not rig.move(0.0, 0.0, -0.2, speed=0.02, until=lambda: bent() > 24.0)
     before, R_before = bent(), in_hand()
     openings = [opening - 0.02 for opening in rig.hand.read().openings]
     rig.hand.command(GripCommand(tuple(openings), 16.0))
