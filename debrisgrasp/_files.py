@@ -9,7 +9,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import Any
 
 import yaml
 
+from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "UNREADABLE_ARRAY",
     "data_path",
     "is_pointer",
+    "json_found",
     "naming_fields",
     "read_json",
     "read_schema",
@@ -32,6 +34,7 @@ __all__ = [
     "read_yaml",
     "require_folder",
     "require_writable",
+    "schema_found",
     "why_unreadable",
     "write_atomic",
 ]
@@ -168,8 +171,9 @@ def read_json(path: PathLike) -> Any:
     except json.JSONDecodeError as error:
         raise ConfigError(
             f"{path}, line {error.lineno}",
-            got=error.msg if error.pos else "no JSON",
+            got=json_found(text, error),
             expected="well-formed JSON",
+            mend="" if text[error.pos :].strip() else _CUT_SHORT,
         ) from error
     except (ValueError, RecursionError) as error:
         raise ConfigError(
@@ -177,12 +181,32 @@ def read_json(path: PathLike) -> Any:
         ) from error
 
 
+def json_found(text: str, error: json.JSONDecodeError) -> str:
+    """Say what stands where a text is no JSON any more."""
+    if not text.strip():
+        return "nothing"
+    rest = text[error.pos :].split("\n")[0].strip()
+    if not rest:
+        return "the end of it"
+    return f"{shortened(rest)!r} in column {error.colno}"
+
+
+def schema_found(content: object) -> str:
+    """Say of what schema the content of a file is."""
+    if content is None:
+        return "nothing"
+    if not isinstance(content, Mapping):
+        return shortened(repr(content))
+    return shortened(f"schema {content['schema']}") if "schema" in content else "none"
+
+
 def read_schema(path: PathLike, schema: str) -> dict[str, Any]:
     """Content of a JSON file of one schema, or `ConfigError` naming the file."""
     content = read_json(path)
     if not isinstance(content, dict) or content.get("schema") != schema:
-        got = content.get("schema") if isinstance(content, dict) else type(content)
-        raise ConfigError(f"schema of {Path(path)}", got=got, expected=schema)
+        raise ConfigError(
+            f"schema of {Path(path)}", got=schema_found(content), expected=schema
+        )
     return content
 
 
@@ -310,6 +334,7 @@ def _loader(text: str) -> type[_Loader | _FastLoader]:
     return _FastLoader if depth < _SHALLOW else _Loader
 
 
+_CUT_SHORT = "It was cut short: restore it, or do without it and begin anew."
 _SHALLOW = 1000
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from debrisgrasp._arrays import Rng
-from debrisgrasp._files import read_yaml
+from debrisgrasp._files import read_yaml, schema_found
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.executive import State
 from debrisgrasp.robot import INJECTABLE, Injection
@@ -83,11 +83,11 @@ class FaultRates:
         content = read_yaml(path)
         if not isinstance(content, Mapping) or content.get("schema") != _SCHEMA:
             raise ConfigError(
-                f"{path}", got="something else", expected=f"schema: {_SCHEMA}"
+                f"{path}", got=schema_found(content), expected=f"schema: {_SCHEMA}"
             )
         entries = content.get("rates")
-        if not isinstance(entries, list):
-            raise ConfigError(f"{path}, rates", got=entries, expected="a list")
+        if not isinstance(entries, list) or not entries:
+            raise ConfigError(f"{path}, rates", got=entries, expected="a list of rates")
         unknown = sorted(map(str, content.keys() - {"schema", "rates"}))
         if unknown:
             raise ConfigError(f"{path}", got=unknown, expected="schema and rates")

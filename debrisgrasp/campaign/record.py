@@ -12,7 +12,7 @@ from typing import Any
 from debrisgrasp import __version__
 from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked_fields
-from debrisgrasp._files import read_json
+from debrisgrasp._files import read_json, schema_found
 from debrisgrasp.control import FaultClass
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.executive import STAGES
@@ -165,7 +165,7 @@ class RunRecord:
     def from_json(content: Mapping[str, Any], where: str) -> RunRecord:
         """Read a record, or raise `ConfigError` saying what is wrong in it."""
         if not isinstance(content, Mapping) or content.get("schema") != _SCHEMA:
-            raise ConfigError(where, got="something else", expected=f"a {_SCHEMA}")
+            raise ConfigError(where, got=schema_found(content), expected=f"a {_SCHEMA}")
         names = RunRecord.__slots__
         try:
             values = {name: content[name] for name in names if name not in _ADDED}

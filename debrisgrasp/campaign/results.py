@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from debrisgrasp._files import read_json, write_atomic
+from debrisgrasp._files import read_json, schema_found, write_atomic
 from debrisgrasp.errors import ConfigError
 
 from .accounting import Comparison, Share, Stage, Tables, system_reliability
@@ -102,7 +102,7 @@ def load_results(path: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
     content = read_json(path)
     if not isinstance(content, dict) or content.get("schema") != _SCHEMA:
         raise ConfigError(
-            str(path), got="something else", expected="results.json of a campaign"
+            str(path), got=schema_found(content), expected="results.json of a campaign"
         )
     runs = content.get("runs")
     if not isinstance(runs, list):

@@ -60,7 +60,6 @@ def add(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--faults",
-        default="",
         metavar="A,B@STATE",
         help="faults to inject, each at a state or where it usually shows; "
         "'list' prints all faults and states",
@@ -178,7 +177,7 @@ def _task(arguments: argparse.Namespace) -> SimulatedTask:
         arms=() if arguments.arm is None else (arguments.arm,),
         mask=None if arguments.mask is None else str(arguments.mask.resolve()),
         region=None if arguments.region is None else tuple(arguments.region),
-        faults=tuple(arguments.faults.split(",")) if arguments.faults else (),
+        faults=() if arguments.faults is None else tuple(arguments.faults.split(",")),
         max_removals=arguments.max_removals,
         drive_over=arguments.drive_over,
         pushes=arguments.pushes,

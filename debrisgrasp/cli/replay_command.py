@@ -17,6 +17,7 @@ from .values import some_path
 
 if TYPE_CHECKING:
     from debrisgrasp.executive.record import StoredRun
+    from debrisgrasp.executive.simulated import SimulatedTask
 
 __all__ = ["add"]
 
@@ -103,6 +104,8 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
     other = None
     if arguments.against:
         other = _begun(arguments.against)
+        for run in (before, other):
+            _task(run)
         events, by = other.events, _made_by(other.inputs)
         usual = {field.name: field.default for field in fields(SimulatedTask)}
         apart = tasks_apart(before.inputs, other.inputs, usual)
@@ -137,16 +140,25 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
 def _done_again(run: StoredRun) -> list[dict[str, Any]]:
     """Do a run again, and return its events."""
     from debrisgrasp.executive.record import MemoryRecord
-    from debrisgrasp.executive.simulated import SimulatedTask
 
     from .live import ToldRun
 
-    again = MemoryRecord()
+    again, task = MemoryRecord(), _task(run)
     try:
-        SimulatedTask.from_json(run.inputs).run(ToldRun(again))
+        task.run(ToldRun(again))
     except InputError as error:
         raise ConfigError.about(f"{run.folder}: {error.what}", error) from error
     return again.events
+
+
+def _task(run: StoredRun) -> SimulatedTask:
+    """Read what a run was asked for."""
+    from debrisgrasp.executive.simulated import SimulatedTask
+
+    try:
+        return SimulatedTask.from_json(run.inputs)
+    except InputError as error:
+        raise ConfigError.about(f"{run.folder}: {error.what}", error) from error
 
 
 def _comparable(

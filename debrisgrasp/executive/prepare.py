@@ -17,7 +17,7 @@ from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitFamily
 from debrisgrasp.motion import UnknownSpace
-from debrisgrasp.robot.kinds import odd_answers
+from debrisgrasp.robot.kinds import odd_answers, odd_openings
 
 from .context import Context, LimbState
 from .drive import Drive
@@ -66,7 +66,7 @@ def self_test(context: Context) -> StepResult:
 
 def _answers(limb: LimbState) -> FaultFound | None:
     """See that all devices answer in numbers, and as many as there should be."""
-    odd = next(odd_answers(limb.limb), "")
+    odd = next(odd_answers(limb.limb, len(limb.hand.fingers)), "")
     words = f"a driver of the {arm_called(limb.name)} sends nonsense: {odd}"
     return FaultFound("connection_lost", words, limb.name) if odd else None
 
@@ -87,15 +87,17 @@ def _limits(limb: LimbState) -> FaultFound | None:
 def _gripper(context: Context, limb: LimbState) -> FaultFound | None:
     """Let the hand find its zero, once."""
     gripper = limb.limb.gripper
-    if gripper.is_initialised:
-        return None
-    gripper.initialise()
+    if not gripper.is_initialised:
+        gripper.initialise()
     end = context.now() + _INITIALISING
     while not gripper.is_initialised:
         if context.now() > end:
             words = f"{gripper.name} has not found its zero in {_INITIALISING:g} s"
             return FaultFound("gripper_uninitialised", words, limb.name)
         context.wait(0.05)
+    if odd := odd_openings(gripper.read().openings):
+        words = f"the gripper of the {arm_called(limb.name)} sends nonsense: {odd}"
+        return FaultFound("connection_lost", words, limb.name)
     return None
 
 

@@ -19,7 +19,7 @@ from zipfile import is_zipfile
 
 import numpy as np
 
-from debrisgrasp._files import read_json, read_text, write_atomic
+from debrisgrasp._files import json_found, read_json, read_text, write_atomic
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture
 
@@ -27,6 +27,8 @@ __all__ = ["MemoryRecord", "NoRecord", "RunRecord", "StoredRun", "load_run"]
 
 SCHEMA = "debrisgrasp/run/1"
 _INPUTS, _EVENTS, _CAPTURES = "inputs.json", "events.jsonl", "captures"
+_KINDS = ("state", "trace", "done", "fault", "recovered", "attempt", "stop", "end")
+"""Of events."""
 
 
 @dataclass(eq=False)
@@ -243,7 +245,9 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
             if number == len(lines):
                 return  # cut off while it was written
             raise ConfigError(
-                f"{path}, line {number}", got=error.msg, expected="well-formed JSON"
+                f"{path}, line {number}",
+                got=json_found(line, error),
+                expected="well-formed JSON",
             ) from error
         if not isinstance(event, dict):
             raise ConfigError(
@@ -255,7 +259,13 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
 
 def _require_kinds(event: Mapping[str, Any], where: str) -> None:
     """Raise `ConfigError` unless what readers count, add or format is what it says."""
-    kinds: dict[str, tuple[type, ...]] = {"event": (str,)}
+    if event.get("event") not in _KINDS:
+        raise ConfigError(
+            f"{where}, event",
+            got=json.dumps(event.get("event")),
+            expected=f"one of {', '.join(_KINDS)}",
+        )
+    kinds: dict[str, tuple[type, ...]] = {}
     if event.get("event") == "state":
         kinds |= {"state": (str,), "time": (int, float)}
     if event.get("event") == "attempt":

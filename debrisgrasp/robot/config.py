@@ -110,6 +110,10 @@ class FakeConfig:
                 least = -1e4 if name == "bias" else 0.0
                 require_range(f"FakeConfig.{name}", value, least, 1e4)
 
+    def stiffness_at(self, lever: float) -> float:
+        """Of a contact so far beside a hand whose arm stands [m], in N/m."""
+        return 1.0 / (1.0 / self.stiffness + lever**2 / self.turn_stiffness)
+
     @property
     def arm_stiffness(self) -> float:
         """Of an arm at its hand [N/m]."""

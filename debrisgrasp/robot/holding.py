@@ -80,20 +80,23 @@ class Hold:
     turn: Vector = (0.0, 0.0, 0.0)
     """By which it turned in the fingers in the last period, frame of the hand [rad]."""
 
-    def load(self, wanted: Mapping[int, float], way: float, share: float) -> None:
+    def load(
+        self, wanted: Mapping[int, float], grown: Mapping[int, float], share: float
+    ) -> None:
         """Let weights (body: [N]) come on, and go.
 
         Parameters
         ----------
-        way
-            By how much they may grow [N]: what springs take up on the way moved.
+        grown
+            By how much each may grow [N]: what springs take up on the way moved.
         share
             Of what is over by which they may fall.
         """
         borne = {}
         for body in {*self.borne, *wanted}:
             now, then = self.borne.get(body, 0.0), wanted.get(body, 0.0)
-            step = min(then - now, way) if then > now else share * (then - now)
+            step = then - now
+            step = min(step, grown[body]) if step > 0.0 else share * step
             value = now + step
             if body in wanted or value > _GONE:
                 borne[body] = value

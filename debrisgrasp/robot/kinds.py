@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from debrisgrasp._words import shortened
+from debrisgrasp.geometry import Intrinsics
 from debrisgrasp.kinematics import LimitSet
 
 from .interface import DepthFrame, Limb
 
-__all__ = ["odd_answers", "odd_image", "unlike_numbers"]
+__all__ = ["FARTHEST", "odd_answers", "odd_image", "odd_openings", "unlike_numbers"]
+
+FARTHEST = 50.0
+"""Depths beyond this are no metres ..."""
+_FAR_SHARE = 0.05
+"""... if so many pixels have them."""
+_WIDEST, _NARROWEST = 1.0, -0.005
+"""Of all openings [m]."""
 
 
-def odd_answers(limb: Limb) -> Iterator[str]:
+def odd_answers(limb: Limb, n_fingers: int | None = None) -> Iterator[str]:
     """Say of each answer of a limb that is of another kind what it is, and should be.
 
-    Numbers that are NaN or out of range are of the right kind.
+    Numbers that are NaN or out of range are of the right kind. Without a number of
+    fingers its gripper may answer for as many as it likes.
     """
-    arm, hand = limb.arm, limb.gripper.read()
-    d = len(arm.joint_names)
+    arm = limb.arm
     if not isinstance(arm.limits, LimitSet):
         said = shortened(repr(arm.limits))
         yield f"its arm's limits are {said}; a LimitSet is needed"
@@ -29,14 +37,28 @@ def odd_answers(limb: Limb) -> Iterator[str]:
         said = getattr(arm, what)
         if not isinstance(said, (bool, np.bool_)):
             yield f"{what} of its arm is {shortened(repr(said))}; a bool is needed"
-    for what, values, n in (
-        ("its arm", arm.read().q, d),
-        ("its force sensor", limb.sensor.read().wrench_ft, 6),
-        ("its gripper's openings", hand.openings, None),
-        ("its gripper's forces", hand.forces, None),
+    hand = limb.gripper.read()
+    for what, reading, name, n in (
+        ("its arm", arm.read(), "q", len(arm.joint_names)),
+        ("its force sensor", limb.sensor.read(), "wrench_ft", 6),
+        ("its gripper's openings", hand, "openings", n_fingers),
+        ("its gripper's forces", hand, "forces", n_fingers),
     ):
-        if odd := unlike_numbers(values, n):
+        if not hasattr(reading, name):
+            yield f"{what}: reads {shortened(repr(reading))} without {name}"
+        elif odd := unlike_numbers(getattr(reading, name), n):
             yield f"{what}: {odd}"
+
+
+def odd_openings(openings: Sequence[float]) -> str:
+    """Say why numbers are no openings of fingers [m]; "" if they are."""
+    if not np.isfinite(openings).all():
+        return f"openings read {np.asarray(openings, dtype=np.float64).tolist()}"
+    if max(openings) > _WIDEST:
+        return f"opening {max(openings):g}; metres, not millimetres?"
+    if min(openings) < _NARROWEST:
+        return f"opening {min(openings):g} m, below zero"
+    return ""
 
 
 def odd_image(frame: Any) -> str:
@@ -51,6 +73,13 @@ def odd_image(frame: Any) -> str:
         depth = np.zeros(0)  # rows of different lengths
     if depth.dtype.kind not in "fiu" or depth.ndim != 2 or not depth.size:
         return f"gives depth of shape {depth.shape} and type {depth.dtype}"
+    K = frame.intrinsics
+    if not isinstance(K, Intrinsics):
+        return f"gives intrinsics {shortened(repr(K))}; Intrinsics are needed"
+    if depth.shape != (K.height, K.width):
+        return f"gives depth of {depth.shape}, intrinsics of {(K.height, K.width)}"
+    if (depth > FARTHEST).mean() > _FAR_SHARE:
+        return f"gives depth up to {np.nanmax(depth):g}; metres, not millimetres?"
     return ""
 
 

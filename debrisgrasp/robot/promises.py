@@ -14,7 +14,7 @@ from debrisgrasp.kinematics import LimitSet
 
 from .gaps import absent, unanswered
 from .interface import DepthFrame, Robot
-from .kinds import odd_answers, unlike_numbers
+from .kinds import FARTHEST, odd_answers, odd_openings, unlike_numbers
 
 __all__ = [
     "answers_whole",
@@ -33,8 +33,6 @@ __all__ = [
 
 _OLD = 0.2
 """A reading older than this is not of now [s]."""
-_FARTHEST = 50.0
-"""Depths beyond this are no metres."""
 _FREE_LOAD = (20.0, 5.0)
 """Load of an idle hand, at most [N, N m]."""
 
@@ -221,13 +219,8 @@ def answers_whole(robot: Robot) -> Iterator[str]:
         numbers = np.array([*reading.openings, *reading.forces], dtype=np.float64)
         if not np.isfinite(numbers).all():
             yield f"gripper {name}: reads {numbers.tolist()}"
-        elif max(reading.openings) > 1.0:
-            yield (
-                f"gripper {name}: opening {max(reading.openings):g}; metres, not "
-                "millimetres?"
-            )
-        elif min(reading.openings) < -0.005:
-            yield f"gripper {name}: opening {min(reading.openings):g} m, below zero"
+        elif odd := odd_openings(reading.openings):
+            yield f"gripper {name}: {odd}"
 
 
 def camera_sees(robot: Robot) -> Iterator[str]:
@@ -250,7 +243,7 @@ def camera_sees(robot: Robot) -> Iterator[str]:
         yield f"only {100.0 * seen.size / depth.size:.0f} % of the pixels have depth"
     elif seen.min() < 0.0:
         yield f"depth {seen.min():g} m, below zero"
-    elif np.quantile(seen, 0.95) > _FARTHEST:
+    elif np.quantile(seen, 0.95) > FARTHEST:
         yield f"depth up to {seen.max():g}; metres, not millimetres?"
     yield from _implausible(K)
     if frame.rgb is not None:

@@ -248,7 +248,7 @@ class Stage:
                 p=R.T @ (shape.p - p),
                 seat=Seat(
                     com.copy(),
-                    self._config.stiffness,
+                    self._config.stiffness_at(dist(com, p)),
                     self.friction,
                     rubble.is_on_ground(body),
                 ),
@@ -290,10 +290,18 @@ class Stage:
             self._settling.settle(loose, self._held_bodies())
             hold.riders = self._rubble.riders(hold.index)
         if hold.riders or hold.borne:
-            masses = {i: self._rubble.shapes[i].mass for i in hold.riders}
+            on_it = {i: self._rubble.shapes[i] for i in hold.riders}
+            x, y, up = (shape.com - before).tolist()
+            moved = hypot(x, y, max(up, 0.0))  # what sinks takes nothing on
             hold.load(
-                {i: share * GRAVITY * masses[i] for i, share in hold.riders.items()},
-                self._config.stiffness * dist(shape.com, before),
+                {
+                    i: hold.riders[i] * GRAVITY * rider.mass
+                    for i, rider in on_it.items()
+                },
+                {
+                    i: self._config.stiffness_at(dist(rider.com, p)) * moved
+                    for i, rider in on_it.items()
+                },
                 min(self._config.period / _FALLS_WITHIN, 1.0),
             )
         else:

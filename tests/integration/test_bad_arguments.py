@@ -171,6 +171,7 @@ def test_a_setting_is_called_by_the_option_that_gave_it(
         ("clear", "--seed", "x"),
         ("plan", "a.npz", "--nothing"),
         ("clear", "--faults", ","),
+        ("clear", "--faults", ""),
     ],
 )
 def test_who_asks_for_json_is_refused_in_json(run, words):

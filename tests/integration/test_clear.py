@@ -292,7 +292,7 @@ def test_a_record_that_lacks_something_is_replayed_and_says_what(tmp_path, capsy
 
 def test_a_comparison_tells_which_versions_made_the_records(tmp_path, capsys):
     for name, made_by in (("old", {"version": "debrisgrasp 0.0.1"}), ("new", {})):
-        record = RunRecord(tmp_path / name, made_by)
+        record = RunRecord(tmp_path / name, {"seed": 3, "faults": (), **made_by})
         record.write("done", {"state": "capture"})
         record.write("end", {"end": "cleared"})
     words = ["replay", str(tmp_path / "old"), "--against", str(tmp_path / "new")]
@@ -329,6 +329,10 @@ def test_replayed_records_of_different_tasks_are_not_the_same(tmp_path, capsys):
     assert f"{cut} lacks the end of events.jsonl" in capsys.readouterr().out
     assert debrisgrasp(["replay", one, "--against", nothing]) == 2
     assert f"{nothing}: got no decision" in capsys.readouterr().err
+    inputs = tmp_path / "other" / "inputs.json"
+    inputs.write_text(inputs.read_text().replace('"seed": 4', '"sead": 4'))
+    assert debrisgrasp(["replay", one, "--against", other]) == 2
+    assert f"{other}: inputs of a run: got no seed" in capsys.readouterr().err
 
 
 def test_an_interrupted_record_is_compared_as_far_as_it_got(tmp_path, capsys):

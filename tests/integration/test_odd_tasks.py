@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -17,9 +18,14 @@ from debrisgrasp.worlds import World
 from tests.tasks import one_beam, run_struck
 from tests.unit.robot.broken_robots import (
     Changed,
+    fewer_fingers,
     limits_in_degrees,
     lying_limits,
+    millimetre_fingers,
     no_limits,
+    numberless_fingers,
+    silent_fingers,
+    silent_joints,
     with_limb,
     worded_fingers,
     worded_joints,
@@ -162,10 +168,15 @@ def test_a_device_that_is_gone_for_good_stops_the_robot(pipeline, beam, device, 
 @pytest.mark.parametrize(
     ("broken", "words"),
     [
-        (worded_joints, "arm: reads"),
-        (worded_wrench, "force sensor: reads"),
-        (worded_fingers, "gripper's forces: reads"),
-        (no_limits, "arm's limits are None"),
+        (worded_joints, "sends nonsense: its arm: reads"),
+        (silent_joints, "sends nonsense: its arm: reads None without q"),
+        (worded_wrench, "sends nonsense: its force sensor: reads"),
+        (worded_fingers, "sends nonsense: its gripper's forces: reads"),
+        (silent_fingers, "its gripper's openings: reads None without openings"),
+        (fewer_fingers, "its gripper's openings: reads 1 values; 3 are needed"),
+        (millimetre_fingers, "sends nonsense: opening 1[0-9.]+; metres, not"),
+        (numberless_fingers, r"sends nonsense: openings read \[nan, nan, nan\]"),
+        (no_limits, "sends nonsense: its arm's limits are None"),
     ],
 )
 def test_a_driver_that_sends_nonsense_is_named_before_anything_moves(
@@ -175,7 +186,7 @@ def test_a_driver_that_sends_nonsense_is_named_before_anything_moves(
     fault = done.result.faults[0]
     assert fault.state is State.SELF_TEST
     assert fault.fault_class is FaultClass.DRIVER
-    assert f"the right arm sends nonsense: its {words}" in fault.message
+    assert re.search(f"the right arm .*{words}", fault.message)
     assert done.fake.truth().peak_force == dict.fromkeys(("left", "right"), 0.0)
     assert done.result.end in (RunEnd.ABORTED, RunEnd.STOPPED)
 
@@ -184,6 +195,8 @@ def test_a_driver_that_sends_nonsense_is_named_before_anything_moves(
     ("depth", "words"),
     [
         (None, "gives None without time, depth"),
+        (np.full((180, 320), 1310.0), "depth up to 1310; metres, not millimetres?"),
+        (np.ones((50, 320)), "depth of (50, 320), intrinsics of (180, 320)"),
         (np.zeros((0, 0)), r"shape (0, 0)"),
         (np.full((4, 4), "far"), "type <U3"),
         ([[1.0], [1.0, 2.0]], "shape (0,)"),

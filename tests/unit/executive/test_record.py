@@ -88,7 +88,9 @@ def test_two_looks_of_one_attempt_are_two_captures_of_a_record(tmp_path):
 
 def test_a_damaged_line_in_the_middle_is_named(tmp_path):
     RunRecord(tmp_path, {})
-    (tmp_path / "events.jsonl").write_text('{"event": "a"}\n{oops\n{"event": "b"}\n')
+    (tmp_path / "events.jsonl").write_text(
+        '{"event": "done"}\n{oops\n{"event": "end"}\n'
+    )
     with pytest.raises(ConfigError, match="line 2"):
         load_run(tmp_path)
 
@@ -100,6 +102,8 @@ def test_a_damaged_line_in_the_middle_is_named(tmp_path):
         ("[1]", "line 2"),
         ("null", "line 2"),
         ('{"event": 3}', "line 2, event"),
+        ('{"event": "ende"}', 'line 2, event: got "ende", expected one of state, '),
+        ('{"kind": 5}', "line 2, event: got null"),
         ('{"event": "attempt", "number": "two"}', 'line 2, number: got "two"'),
         ('{"event": "attempt", "number": null}', "line 2, number: got null"),
         ('{"event": "done", "state": "capture", "look": "2"}', "line 2, look"),

@@ -166,7 +166,7 @@ def test_another_file_is_told_from_a_calibration(tmp_path):
     (tmp_path / "grasps.json").write_text('{"schema": "debrisgrasp/grasps/1"}')
     told = {
         "pile.npz": "such as a capture",
-        "site.yaml": "no JSON",
+        "site.yaml": "in column 1",
         "grasps.json": "debrisgrasp/grasps/1",
         "none.json": "No such file",
     }

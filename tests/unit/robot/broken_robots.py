@@ -114,6 +114,30 @@ def worded_fingers(robot):
     )
 
 
+def silent_joints(robot):
+    return with_limb(robot, "arm", read=lambda: None)
+
+
+def silent_fingers(robot):
+    return with_limb(robot, "gripper", read=lambda: None)
+
+
+def fewer_fingers(robot):
+    read = robot.limbs["right"].gripper.read
+    return with_limb(
+        robot, "gripper", read=lambda: read()._replace(openings=read().openings[:1])
+    )
+
+
+def numberless_fingers(robot):
+    read = robot.limbs["right"].gripper.read
+    return with_limb(
+        robot,
+        "gripper",
+        read=lambda: read()._replace(openings=[np.nan] * len(read().openings)),
+    )
+
+
 def worded_answer(robot):
     return with_limb(robot, "arm", is_engaged="no")
 
