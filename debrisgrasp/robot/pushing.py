@@ -60,6 +60,8 @@ class Push:
     """Largest distance of their points from the vertical through it [m]."""
     way: float = 0.0
     """How far they were pushed [m]."""
+    is_lifted: bool = False
+    """Whether all that lay on them was taken along."""
     is_stuck: bool = False
     felt: float = inf
     """What pushed them when they gave way in the last period [N]; infinite if they did
@@ -78,6 +80,7 @@ class Push:
         """Take bodies along from here on."""
         new = [body for body in bodies if body not in self.bodies]
         self.bodies += new
+        self.is_lifted = False
         for body in new:
             for other, depth in rubble.depths(body).items():
                 self._depths[body, other] = max(depth, 0.0)
@@ -255,9 +258,10 @@ class Pushes:
         if by is None:
             return 0.0
         push.felt = felt
-        if by.way[2] > 0.0 and push.on_top > 0.0:
+        if by.way[2] > 0.0 and not push.is_lifted:
             above = [b for body in push.bodies for b in self._rubble.riders(body)]
             self._join(push, {body for body in above if not is_held(body)})
+            push.is_lifted = True
         way = push.move(by, self._rubble)
         met = push.met(self._rubble)
         push.is_stuck |= any(body == GROUND or is_held(body) for body in met)
