@@ -387,12 +387,12 @@ def _lowest(body: Body) -> float:
 
 def _specific_inertia(body: Body) -> FloatArray:
     """Inertia about the centre of mass over mass [m^2], body axes, shape (3, 3)."""
-    second, total = np.zeros((3, 3)), 0.0
+    second, total, com = np.zeros((3, 3)), 0.0, body.center_of_mass
     for part in body.parts:
         volume, centroid = volume_and_centroid(part)
         corners = corners_around(part)
         spread = np.cov(corners.T, bias=True) / 3.0
-        offset = centroid - body.center_of_mass
+        offset = centroid - com
         second += volume * (np.outer(offset, offset) + spread)
         total += volume
     second /= total
