@@ -18,7 +18,7 @@ __all__ = ["FARTHEST", "odd_answers", "odd_image", "odd_openings", "unlike_numbe
 FARTHEST = 50.0
 """Depths beyond this are no metres ..."""
 _FAR_SHARE = 0.05
-"""... if so many pixels have them."""
+"""... if so many of the pixels that have any have such."""
 _WIDEST, _NARROWEST = 1.0, -0.005
 """Of all openings [m]."""
 
@@ -78,8 +78,9 @@ def odd_image(frame: Any) -> str:
         return f"gives intrinsics {shortened(repr(K))}; Intrinsics are needed"
     if depth.shape != (K.height, K.width):
         return f"gives depth of {depth.shape}, intrinsics of {(K.height, K.width)}"
-    if (depth > FARTHEST).mean() > _FAR_SHARE:
-        return f"gives depth up to {np.nanmax(depth):g}; metres, not millimetres?"
+    seen = depth[np.isfinite(depth) & (depth != 0)]
+    if seen.size and (seen > FARTHEST).mean() > _FAR_SHARE:
+        return f"gives depth up to {seen.max():g}; metres, not millimetres?"
     return ""
 
 

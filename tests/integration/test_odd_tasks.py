@@ -196,6 +196,7 @@ def test_a_driver_that_sends_nonsense_is_named_before_anything_moves(
     [
         (None, "gives None without time, depth"),
         (np.full((180, 320), 1310.0), "depth up to 1310; metres, not millimetres?"),
+        (np.full((180, 320), 1310, dtype=np.uint16), "not millimetres?"),
         (np.ones((50, 320)), "depth of (50, 320), intrinsics of (180, 320)"),
         (np.zeros((0, 0)), r"shape (0, 0)"),
         (np.full((4, 4), "far"), "type <U3"),
