@@ -32,6 +32,7 @@ __all__ = [
     "read_schema",
     "read_text",
     "read_yaml",
+    "refuse_constant",
     "require_folder",
     "require_writable",
     "schema_found",
@@ -167,7 +168,7 @@ def read_json(path: PathLike) -> Any:
     """
     text = read_text(path)
     try:
-        return json.loads(text, parse_constant=_refuse_constant)
+        return json.loads(text, parse_constant=refuse_constant)
     except json.JSONDecodeError as error:
         raise ConfigError(
             f"{path}, line {error.lineno}",
@@ -338,7 +339,8 @@ _CUT_SHORT = "It was cut short: restore it, or do without it and begin anew."
 _SHALLOW = 1000
 
 
-def _refuse_constant(name: str) -> None:
+def refuse_constant(name: str) -> None:
+    """Refuse what JSON does not have: NaN and infinity."""
     raise ValueError(f"{name}, which JSON does not have")
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from debrisgrasp._words import arm_called, counted
@@ -116,7 +119,7 @@ def _clear(arguments: argparse.Namespace) -> int:
     told = ToldRun(record) if arguments.json else ToldRun(record, _print_now)
     done = task.run(told, pipeline=pipeline, settings=settings)
     # What became of the run is told first, whatever of it can't be written.
-    print(json.dumps(_facts(done)) if arguments.json else _summary(done))
+    _print_now(json.dumps(_facts(done)) if arguments.json else _summary(done))
     _keep(record, arguments)
     end = done.result.end.value
     return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
@@ -145,8 +148,13 @@ def _keep(record: RunRecord | MemoryRecord, arguments: argparse.Namespace) -> No
 
 
 def _print_now(words: str) -> None:
-    """Print, also to a pipe, while the run goes on."""
-    print(words, flush=True)
+    """Print, also to a pipe; the run goes on when whoever read that has gone."""
+    try:
+        print(words, flush=True)
+    except BrokenPipeError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def _list_faults() -> int:
@@ -172,7 +180,7 @@ def _task(arguments: argparse.Namespace) -> SimulatedTask:
         objects=arguments.objects,
         seed=number,
         site=None if arguments.site is None else str(arguments.site.resolve()),
-        robot=arguments.robot,
+        robot=_robot_of(arguments.robot),
         gripper=arguments.gripper,
         arms=() if arguments.arm is None else (arguments.arm,),
         mask=None if arguments.mask is None else str(arguments.mask.resolve()),
@@ -182,6 +190,13 @@ def _task(arguments: argparse.Namespace) -> SimulatedTask:
         drive_over=arguments.drive_over,
         pushes=arguments.pushes,
     )
+
+
+def _robot_of(given: str | None) -> str | None:
+    """Name of a robot, or where its file is: a record is replayed from anywhere."""
+    if given is None or Path(given).suffix not in (".yaml", ".yml"):
+        return given
+    return str(Path(given).resolve())
 
 
 def _facts(done: Simulated) -> dict[str, object]:
@@ -195,6 +210,8 @@ def _facts(done: Simulated) -> dict[str, object]:
         "injected": list(done.happened),
         "not_injected": list(done.missed),
         "left": dict(result.left),
+        "still_held": result.holding,
+        "not_stopped": list(result.silent),
         "seconds": round(result.duration, 3),
     }
 

@@ -77,6 +77,8 @@ def _replay_of_campaign(arguments: argparse.Namespace) -> int:
             raise ConfigError.about(f"{path}, spec: {error.what}", error) from error
         files = edited_since(folder, before.spec)
         now = done_again(before)
+        if now.end == "interrupted":
+            raise KeyboardInterrupt  # it would be compared with a run that was not
     apart, found = asked_apart(before, now), changes(before, now)
     is_same = not (apart or found)
     versions = {"before": before.version or "an older version", "now": now.version}
@@ -148,6 +150,8 @@ def _done_again(run: StoredRun) -> list[dict[str, Any]]:
         task.run(ToldRun(again))
     except InputError as error:
         raise ConfigError.about(f"{run.folder}: {error.what}", error) from error
+    if again.events[-1].get("end") == "interrupted":
+        raise KeyboardInterrupt  # it would be compared with a run that was not
     return again.events
 
 

@@ -19,7 +19,14 @@ from zipfile import is_zipfile
 
 import numpy as np
 
-from debrisgrasp._files import json_found, read_json, read_text, write_atomic
+from debrisgrasp._files import (
+    json_found,
+    read_json,
+    read_text,
+    refuse_constant,
+    write_atomic,
+)
+from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture
 
@@ -27,7 +34,9 @@ __all__ = ["MemoryRecord", "NoRecord", "RunRecord", "StoredRun", "load_run"]
 
 SCHEMA = "debrisgrasp/run/1"
 _INPUTS, _EVENTS, _CAPTURES = "inputs.json", "events.jsonl", "captures"
-_KINDS = ("state", "trace", "done", "fault", "recovered", "attempt", "stop", "end")
+_KINDS = (
+    "state", "trace", "kept", "done", "fault", "recovered", "attempt", "stop", "end",
+)  # fmt: skip
 """Of events."""
 
 
@@ -130,6 +139,7 @@ class RunRecord:
         except OSError as error:
             reason = error.reason if isinstance(error, OutputError) else str(error)
             self._end(f"{reason} ({_CAPTURES}/{name}.npz)")
+        self.write("kept", {"capture": name})
 
     def _end(self, fault: str) -> None:
         """Go on without it, and tell at once: the run may take long yet."""
@@ -194,6 +204,8 @@ class StoredRun:
         for event in self.events:
             if event.get("event") == "attempt":
                 number = int(event.get("number", number)) + 1
+            if event.get("event") == "kept" and "capture" in event:
+                names.append(f"{event['capture']}.npz")
             if event.get("event") == "done" and event.get("state") == "capture":
                 # Older records number captures by the attempt.
                 names.append(f"capture_{event.get('look', number):03d}.npz")
@@ -203,9 +215,9 @@ class StoredRun:
         return (*lacking, *(f"{_CAPTURES}/{name}" for name in gone))
 
     def capture(self, name: str) -> Capture | None:
-        """Capture by its name, if it was stored."""
+        """Capture by its name, if it was stored, and is still whole."""
         path = self.folder / _CAPTURES / f"{name}.npz"
-        return Capture.load(path) if path.exists() else None
+        return Capture.load(path) if is_zipfile(path) else None
 
 
 def load_run(folder: str | os.PathLike[str]) -> StoredRun:
@@ -240,13 +252,16 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
     lines = read_text(path).splitlines()
     for number, line in enumerate(lines, start=1):
         try:
-            event = json.loads(line)
-        except json.JSONDecodeError as error:
-            if number == len(lines):
-                return  # cut off while it was written
+            event = json.loads(line, parse_constant=refuse_constant)
+        except ValueError as error:
+            is_cut = isinstance(error, json.JSONDecodeError)
+            if is_cut and number == len(lines):
+                return  # while it was written
             raise ConfigError(
                 f"{path}, line {number}",
-                got=json_found(line, error),
+                got=json_found(line, error)
+                if isinstance(error, json.JSONDecodeError)
+                else str(error),
                 expected="well-formed JSON",
             ) from error
         if not isinstance(event, dict):
@@ -272,6 +287,20 @@ def _require_kinds(event: Mapping[str, Any], where: str) -> None:
         kinds["number"] = (int,)
     if event.get("event") == "done":
         kinds |= {"state": (str,), "look": (int,)}
+    if event.get("event") == "kept":
+        kinds["capture"] = (str,)
+    if event.get("event") == "trace" and not _is_table(event.get("rows")):
+        raise ConfigError(
+            f"{where}, rows",
+            got=shortened(json.dumps(event.get("rows"))),
+            expected="rows of three numbers",
+        )
+    if event.get("event") == "end" and not isinstance(event.get("left", {}), dict):
+        raise ConfigError(
+            f"{where}, left",
+            got=shortened(json.dumps(event.get("left"))),
+            expected="an object: {...}",
+        )
     for name, kind in kinds.items():
         value = event.get(name)
         if name not in event or (type(value) in kind and value != float("inf")):
@@ -281,6 +310,16 @@ def _require_kinds(event: Mapping[str, Any], where: str) -> None:
             got=json.dumps(value),
             expected="text" if kind == (str,) else "a number",
         )
+
+
+def _is_table(rows: Any) -> bool:
+    """Whether these are times with a force and a torque each, which may be none."""
+    return isinstance(rows, list) and all(
+        isinstance(row, list)
+        and len(row) == 3
+        and all(value is None or type(value) in (int, float) for value in row)
+        for row in rows
+    )
 
 
 def plain(value: Any) -> Any:

@@ -356,6 +356,7 @@ class Executive:
                 "class": result.counted_as,
                 "first_fault": first.fault if first else None,
                 "left": dict(result.left),
+                "holding": result.holding,
                 "time": round(result.duration, 4),
             },
         )

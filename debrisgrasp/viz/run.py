@@ -135,7 +135,11 @@ def _ending(end: Mapping[str, Any], total: float) -> str:
     words = f"{end['end']} after {total:.0f} s of the robot's time, "
     if end.get("pushed"):
         words += f"{counted(end['pushed'], 'time')} pushed aside, "
-    return words + f"{end['removed']} removed; counts as {end['class']}"
+    words += f"{end['removed']} removed; "
+    words += f"counts as {end['class']}" if end.get("class") else "not counted"
+    if end.get("holding"):
+        words += f"; STILL HELD by the hand of the {arm_called(end['holding'])}"
+    return words
 
 
 def _spans(

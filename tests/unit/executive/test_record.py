@@ -78,6 +78,21 @@ def test_a_record_says_what_it_lacks(tmp_path):
     assert len(load_run(tmp_path).missing) == 2
 
 
+def test_of_all_captures_that_were_kept_a_record_says_which_are_gone(tmp_path):
+    record = RunRecord(tmp_path, {})
+    for name in ("hanging_001", "released_001", "rested_001"):
+        record.keep(picture(), name)
+    record.write("end", {"end": "cleared"})
+    assert load_run(tmp_path).missing == ()
+    (tmp_path / "captures" / "released_001.npz").unlink()
+    cut = tmp_path / "captures" / "hanging_001.npz"
+    cut.write_bytes(cut.read_bytes()[:100])
+    run = load_run(tmp_path)
+    assert run.missing == ("captures/hanging_001.npz", "captures/released_001.npz")
+    assert run.capture("hanging_001") is run.capture("released_001") is None
+    assert run.capture("rested_001") is not None
+
+
 def test_two_looks_of_one_attempt_are_two_captures_of_a_record(tmp_path):
     record = RunRecord(tmp_path, {})
     for look in (1, 2):
@@ -110,6 +125,11 @@ def test_a_damaged_line_in_the_middle_is_named(tmp_path):
         ('{"event": "done", "state": "capture", "look": 1.5}', "line 2, look"),
         ('{"event": "state", "state": null, "time": 1.0}', "line 2, state"),
         ('{"event": "state", "state": "lift", "time": "now"}', "line 2, time"),
+        ('{"event": "state", "state": "lift", "time": NaN}', "line 2: got NaN, which"),
+        ('{"event": "trace", "rows": null}', "line 2, rows: got null"),
+        ('{"event": "trace", "rows": [[1]]}', "line 2, rows"),
+        ('{"event": "end", "left": [1]}', r"line 2, left: got \[1\]"),
+        ('{"event": "kept", "capture": 1}', "line 2, capture: got 1"),
     ],
 )
 def test_a_line_that_is_no_event_is_named(tmp_path, line, match):
