@@ -15,6 +15,7 @@ PACKAGE = Path(__file__).parents[2] / "debrisgrasp"
 LAYERS = {
     "errors": 0,
     "_physics": 0,
+    "_words": 0,
     "_arrays": 1,
     "_memo": 1,
     "_checked": 1,
@@ -22,7 +23,6 @@ LAYERS = {
     "_fields": 2,
     "_stopwatch": 1,
     "_workers": 1,
-    "_words": 1,
     "geometry": 2,
     "segmentation": 3,
     "prototypes": 3,
