@@ -182,8 +182,10 @@ def read_json(path: PathLike) -> Any:
         ) from error
 
 
-def json_found(text: str, error: json.JSONDecodeError) -> str:
+def json_found(text: str, error: ValueError) -> str:
     """Say what stands where a text is no JSON any more."""
+    if not isinstance(error, json.JSONDecodeError):
+        return str(error)
     if not text.strip():
         return "nothing"
     rest = text[error.pos :].split("\n")[0].strip()

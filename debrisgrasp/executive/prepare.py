@@ -85,7 +85,7 @@ def _limits(limb: LimbState) -> FaultFound | None:
 
 
 def _gripper(context: Context, limb: LimbState) -> FaultFound | None:
-    """Let the hand find its zero, once."""
+    """Let the hand find its zero, once, and see that it tells openings."""
     gripper = limb.limb.gripper
     if not gripper.is_initialised:
         gripper.initialise()

@@ -254,14 +254,11 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
         try:
             event = json.loads(line, parse_constant=refuse_constant)
         except ValueError as error:
-            is_cut = isinstance(error, json.JSONDecodeError)
-            if is_cut and number == len(lines):
-                return  # while it was written
+            if isinstance(error, json.JSONDecodeError) and number == len(lines):
+                return  # cut off while it was written
             raise ConfigError(
                 f"{path}, line {number}",
-                got=json_found(line, error)
-                if isinstance(error, json.JSONDecodeError)
-                else str(error),
+                got=json_found(line, error),
                 expected="well-formed JSON",
             ) from error
         if not isinstance(event, dict):
