@@ -11,7 +11,7 @@ import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -23,6 +23,11 @@ from .contents import edited
 from .header import CONTENTS, RUNS, SCHEMA, read_header
 from .record import RunRecord
 from .workers import Crew, LocalWorkers, Workers
+
+try:
+    import fcntl
+except ImportError:  # on Windows
+    fcntl = None  # type: ignore[assignment]
 
 __all__ = ["Campaign", "Progress", "RunFunction", "Spec", "guarded", "load_records"]
 
@@ -112,13 +117,20 @@ class Campaign:
         Raises
         ------
         InputError
-            If the folder holds another campaign, or no worker can be had.
+            If the folder holds another campaign, another process works on it, or no
+            worker can be had.
         OutputError
             If a record can't be written.
         KeyboardInterrupt
             After Ctrl-C; workers are ended, and finished runs kept.
         """
         crews = workers if workers is not None else LocalWorkers()
+        with _alone_in(self.folder):
+            return self._run(crews, on_progress)
+
+    def _run(
+        self, crews: Workers, on_progress: Callable[[Progress], None]
+    ) -> tuple[RunRecord, ...]:
         self._refuse_other_campaign()
         records = self.finished()
         on_progress(Progress(len(records), len(self.specs), None))
@@ -182,10 +194,7 @@ class Campaign:
 
     def _claim_folder(self) -> None:
         path = self.folder / "campaign.json"
-        try:
-            (self.folder / "runs").mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(self.folder, error.strerror or str(error)) from error
+        _make(self.folder / "runs")
         content = {**self._full_header(), RUNS: [spec.name for spec in self.specs]}
         if not path.exists() or read_json(path) != content:
             write_atomic(path, json.dumps(content, indent=1) + "\n")
@@ -233,6 +242,54 @@ class Campaign:
                     keep(_failed(spec, words))
                 else:
                     waiting.appendleft(spec)
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Keep others out of a folder; one that was made for it and is empty goes again.
+
+    Twice the same runs would only take twice the time. The lock ends with the process,
+    however that ends; where a platform or file system has none, nobody is kept out.
+    """
+    is_new = not folder.exists()
+    _make(folder)
+    try:
+        with _locked(folder):
+            yield
+    finally:
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    if fcntl is None:
+        yield
+        return
+    place = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(
+                f"campaign in {folder}",
+                got="another process that is at work on it",
+                expected="one at a time",
+                mend="Wait for its end, or give another folder.",
+            ) from error
+        except OSError:
+            pass  # a file system without locks
+        yield
+    finally:
+        os.close(place)
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(folder, error.strerror or str(error)) from error
 
 
 def load_records(folder: str | os.PathLike[str]) -> tuple[RunRecord, ...]:

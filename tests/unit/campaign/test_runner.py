@@ -20,6 +20,7 @@ from debrisgrasp.campaign import (
     Campaign,
     LocalWorkers,
     OwnWorkers,
+    Progress,
     load_records,
 )
 from debrisgrasp.errors import ConfigError, InputError, OutputError
@@ -268,6 +269,21 @@ def test_a_folder_is_taken_only_once_there_are_workers(tmp_path, marks):
     assert not out.exists()
     replace(campaign, header={"seed": 1}).run(THREADS)
     assert len(load_records(out)) == 1
+
+
+def test_a_folder_in_which_another_is_at_work_is_refused(tmp_path, marks):
+    campaign = Campaign(specs=told(2, marks), run_one=do, folder=tmp_path / "out")
+    refused = []
+
+    def start_again(progress: Progress) -> None:
+        with pytest.raises(InputError, match="another process that is at work"):
+            campaign.run(THREADS)
+        refused.append(progress.done)
+
+    campaign.run(THREADS, on_progress=start_again)
+    assert refused == [0, 1, 2]
+    assert begun(marks) == ["000", "001"]
+    campaign.run(THREADS)  # when it has ended, anyone may go on
 
 
 def test_a_full_disk_ends_a_campaign_whose_records_stay_whole(
