@@ -13,9 +13,15 @@ from debrisgrasp.kinematics import LimitSet
 
 from .interface import DepthFrame, Limb
 
-__all__ = ["FARTHEST", "odd_answers", "odd_image", "odd_openings", "unlike_numbers"]
+__all__ = [
+    "odd_answers",
+    "odd_image",
+    "odd_openings",
+    "odd_time",
+    "unlike_numbers",
+]
 
-FARTHEST = 50.0
+_FARTHEST = 50.0
 """Depths beyond this are no metres ..."""
 _FAR_SHARE = 0.05
 """... if so many of the pixels that have any have such."""
@@ -37,17 +43,30 @@ def odd_answers(limb: Limb, n_fingers: int | None = None) -> Iterator[str]:
         said = getattr(arm, what)
         if not isinstance(said, (bool, np.bool_)):
             yield f"{what} of its arm is {shortened(repr(said))}; a bool is needed"
+    names = arm.joint_names
+    if not isinstance(names, (tuple, list)):
+        yield f"joint_names of its arm is {shortened(repr(names))}; a tuple is needed"
+        names = ()
     hand = limb.gripper.read()
     for what, reading, name, n in (
-        ("its arm", arm.read(), "q", len(arm.joint_names)),
+        ("its arm", arm.read(), "q", len(names) or None),
         ("its force sensor", limb.sensor.read(), "wrench_ft", 6),
         ("its gripper's openings", hand, "openings", n_fingers),
         ("its gripper's forces", hand, "forces", n_fingers),
     ):
         if not hasattr(reading, name):
             yield f"{what}: reads {shortened(repr(reading))} without {name}"
-        elif odd := unlike_numbers(getattr(reading, name), n):
+        elif (odd := unlike_numbers(getattr(reading, name), n)) or (
+            odd := odd_time(getattr(reading, "time", None))
+        ):
             yield f"{what}: {odd}"
+
+
+def odd_time(said: object) -> str:
+    """Say why something is no time; "" if it is a number, be it NaN."""
+    if isinstance(said, (int, float, np.integer, np.floating)):
+        return ""
+    return f"the time is {shortened(repr(said))}; a number is needed"
 
 
 def odd_openings(openings: Sequence[float]) -> str:
@@ -78,8 +97,10 @@ def odd_image(frame: Any) -> str:
         return f"gives intrinsics {shortened(repr(K))}; Intrinsics are needed"
     if depth.shape != (K.height, K.width):
         return f"gives depth of {depth.shape}, intrinsics of {(K.height, K.width)}"
+    if odd := odd_time(frame.time):
+        return f"gives an image, but {odd}"
     seen = depth[np.isfinite(depth) & (depth != 0)]
-    if seen.size and (seen > FARTHEST).mean() > _FAR_SHARE:
+    if seen.size and (seen > _FARTHEST).mean() > _FAR_SHARE:
         return f"gives depth up to {seen.max():g}; metres, not millimetres?"
     return ""
 

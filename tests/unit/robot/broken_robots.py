@@ -163,6 +163,15 @@ def frozen_time(robot):
     return with_limb(robot, "arm", read=lambda: arm.read()._replace(time=1.0))
 
 
+def timeless(robot):
+    arm = robot.limbs["right"].arm
+    return with_limb(robot, "arm", read=lambda: arm.read()._replace(time=None))
+
+
+def nameless(robot):
+    return with_limb(robot, "arm", joint_names=None)
+
+
 def silent(robot):
     return with_limb(robot, "arm", read=raising)
 
@@ -237,7 +246,7 @@ def millimetre_depth(robot):
 
 
 def integer_depth(robot):
-    return seen(robot, depth=lambda frame: (1e3 * frame.depth).astype(np.uint16))
+    return seen(robot, depth=lambda frame: frame.depth.astype(np.uint16))
 
 
 def blind(robot):
@@ -252,6 +261,14 @@ def other_resolution(robot):
     return seen(
         robot, intrinsics=lambda frame: replace(frame.intrinsics, fx=3000.0, fy=3000.0)
     )
+
+
+def lensless(robot):
+    return seen(robot, intrinsics=nothing)
+
+
+def stopped_clock(robot):
+    return replace(robot, clock=Changed(robot.clock, now=nothing))
 
 
 def backward_clock(robot):
