@@ -184,10 +184,12 @@ class Stage:
         is_clear = not fingers_moved and hand.touch.is_clear(axes, place)
         if hold is None and is_clear:
             return
-        R, p = np.reshape(axes, (3, 3)), np.array(place)
-        hand.R, hand.p = R, p
+        R_before, p_before = hand.R, hand.p
+        R, p = hand.R, hand.p = np.reshape(axes, (3, 3)), np.array(place)
         if hand.hold is not None:
-            self._carry(hand.hold, R, p)
+            com = self._carry(hand.hold, R, p)
+            # What it slips in the fingers takes nothing on.
+            self._bear(hand.hold, p, com - p_before - R_before @ (R.T @ (com - p)))
         if not is_clear or hand.springs:
             left_out = self._left_out(hand)
             hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
@@ -262,10 +264,13 @@ class Stage:
                 self._settling.settle(pushed_along, self._held_bodies())
             return
 
-    def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> None:
-        """Move what is held, and what lies on it, with the hand."""
+    def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> FloatArray:
+        """Move what is held, and what lies on it, with the hand.
+
+        Returns the centre of mass of what is held, frame odom [m], shape (3,).
+        """
         shape = self._rubble.shapes[hold.index]
-        before, R_before, p_before = shape.com, shape.R, shape.p
+        R_before, p_before = shape.R, shape.p
         R_new, p_new = R @ hold.R, R @ hold.p + p
         self._rubble.place(hold.index, R_new, p_new)
         if hold.riders:
@@ -289,23 +294,24 @@ class Stage:
             hold.riders = self._rubble.riders(hold.index)
             self._settling.settle(loose, self._held_bodies())
             hold.riders = self._rubble.riders(hold.index)
-        if hold.riders or hold.borne:
-            on_it = {i: self._rubble.shapes[i] for i in hold.riders}
-            x, y, up = (shape.com - before).tolist()
-            moved = hypot(x, y, max(up, 0.0))  # what sinks takes nothing on
-            hold.load(
-                {
-                    i: hold.riders[i] * GRAVITY * rider.mass
-                    for i, rider in on_it.items()
-                },
-                {
-                    i: self._config.stiffness_at(dist(rider.com, p)) * moved
-                    for i, rider in on_it.items()
-                },
-                min(self._config.period / _FALLS_WITHIN, 1.0),
-            )
-        else:
+        return shape.com
+
+    def _bear(self, hold: Hold, p: FloatArray, way: FloatArray) -> None:
+        """Let weights come on as a hand at p (3,) has moved what it holds, and go.
+
+        ``way`` is that of its centre of mass with the hand [m], shape (3,).
+        """
+        if not (hold.riders or hold.borne):
             hold.is_loading = False
+            return
+        x, y, up = way.tolist()
+        moved = hypot(x, y, max(up, 0.0))  # what sinks takes nothing on
+        wanted, grown = {}, {}
+        for i, share in hold.riders.items():
+            rider = self._rubble.shapes[i]
+            wanted[i] = share * GRAVITY * rider.mass
+            grown[i] = self._config.stiffness_at(dist(rider.com, p)) * moved
+        hold.load(wanted, grown, min(self._config.period / _FALLS_WITHIN, 1.0))
 
     def _check_hold(
         self,

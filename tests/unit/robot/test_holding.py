@@ -442,6 +442,25 @@ def test_what_lies_on_a_held_bar_loads_the_wrist_as_far_as_it_was_lifted():
     assert np.abs(np.diff(felt)).max() < 20.0
 
 
+def test_what_slips_in_the_fingers_takes_on_nothing_more():
+    on_top = beam("top", 3.0, (0.95, -0.3, 0.1335), yaw=np.pi / 2)
+    rig = Rig([beam("bar", 2.0, (0.95, -0.3, 0.0445)), on_top], place=(0.8, -0.3, 0.13))
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    high = rig.body("bar").p[2] + 5.2e-3
+    rig.move(0.0, 0.0, 0.06, speed=5e-3, until=lambda: rig.body("bar").p[2] > high)
+    before, height, felt = rig.load[2], rig.body("bar").p[2], []
+    assert before < 4.5 * G  # of the five that it will be
+    while rig.body("bar").p[2] > height - 3e-3 and len(felt) < 500:
+        if rig.body("bar").p[2] > height - 1e-4:
+            openings = tuple(x + 5e-5 for x in rig.hand.read().openings)
+            rig.hand.command(GripCommand(openings, 60.0))
+        rig.wait(0.004)
+        felt.append(rig.load[2])
+    assert rig.fake.truth().held == {"right": "bar"}
+    assert rig.body("bar").p[2] <= height - 3e-3
+    assert max(felt) < before + 1.0
+
+
 def test_a_body_that_is_let_go_comes_to_lie_on_the_hand_and_not_in_it():
     rig = Rig(
         [beam("bar", 4.0, (0.95, -0.3, 0.0445), yaw=0.0)], place=(0.8, -0.3, 0.13)
