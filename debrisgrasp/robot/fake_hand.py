@@ -107,6 +107,12 @@ class FakeGripper:
         return self.openings == self._goals and not any(self.forces)
 
     @property
+    def is_opening(self) -> bool:
+        """Whether fingers were sent farther out than they are, and none farther in."""
+        ways = [goal - at for goal, at in zip(self._goals, self.openings, strict=True)]
+        return min(ways) >= 0.0 and max(ways) > 0.0
+
+    @property
     def is_wide_open(self) -> bool:
         """Whether all fingers were sent to the end of their range, and are there."""
         widest = self._range()[1] - _TOLERANCE

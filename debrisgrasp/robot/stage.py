@@ -232,8 +232,8 @@ class Stage:
         hand.gripper.forces = forces
 
     def _try_hold(self, hand: HandState, R: FloatArray, p: FloatArray) -> None:
-        """Hold what the fingers enclose; wide open they only touch it."""
-        if hand.gripper.is_wide_open:
+        """Hold what the fingers enclose; wide open, or opening, they only touch it."""
+        if hand.gripper.is_wide_open or hand.gripper.is_opening:
             return
         for body in {spring.body for spring in hand.springs} - {GROUND}:
             if self._is_held(body):

@@ -556,3 +556,19 @@ def test_what_opening_fingers_lose_in_the_air_has_not_slipped_past_them(monkeypa
     assert rig.fake.truth().held == {}
     assert past
     assert not any(past)
+
+
+def test_fingers_that_open_take_hold_of_nothing(monkeypatch):
+    """From inside they press what they are in, as those of a hand do in a pallet."""
+    monkeypatch.setattr("debrisgrasp.robot.stage.is_enclosed", lambda *_: True)
+    wall = beam("wall", 200.0, (0.8, -0.14, 0.0445))
+    rig = Rig([wall, FAR], place=(0.8, -0.3, 0.13))
+    n = len(rig.hand.read().openings)
+    rig.hand.command(GripCommand((0.05,) * n, 30.0))
+    rig.wait(1.0)
+    rig.move(0.0, 0.07, 0.0, speed=0.05)
+    assert rig.fake.truth().held == {}
+    rig.hand.command(GripCommand((0.15,) * n, 30.0))
+    rig.wait(1.0)
+    assert rig.fake.truth().held == {}
+    assert rig.fake.truth().peak_force["right"] > 5.0
