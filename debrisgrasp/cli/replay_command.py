@@ -50,9 +50,16 @@ def add(subparsers: Subparsers) -> None:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    if arguments.run_record.is_file():
-        return _replay_of_campaign(arguments)
-    return _replay_of_decisions(arguments)
+    of_campaign = arguments.run_record.is_file()
+    other = arguments.against
+    if other is not None and other.exists() and other.is_file() != of_campaign:
+        folder, file = sorted((arguments.run_record, other), key=Path.is_file)
+        raise InputError(
+            "records to compare",
+            got=f"the folder of a run ({folder}) and a file ({file})",
+            expected="two folders, or two files of campaigns (runs/*.json)",
+        )
+    return (_replay_of_campaign if of_campaign else _replay_of_decisions)(arguments)
 
 
 def _replay_of_campaign(arguments: argparse.Namespace) -> int:

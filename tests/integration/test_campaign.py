@@ -171,6 +171,10 @@ def test_a_run_of_a_campaign_is_done_again_from_its_record(run, tmp_path):
     assert done.status == 1
     seeds = f"seed: {record.spec['seed']} before, 7 now"
     assert f"different tasks:\n  {seeds}\n" in done.out
+    for words in ((path, "--against", tmp_path), (tmp_path, "--against", path)):
+        done = run("replay", *words)
+        assert done.status == 2
+        assert f"the folder of a run ({tmp_path}) and a file ({path})" in done.err
 
 
 @pytest.mark.parametrize(
