@@ -42,12 +42,22 @@ def test_an_error_in_a_worker_process_arrives_as_it_is():
     assert "roman" in caught.value.known
 
 
+SHORT = """\
+schema: debrisgrasp/fault-rates/1
+rates:
+  - {rate: 1.0, one_of: [limit_mismatch]}
+"""
+"""So a run ends where it begins."""
+
+
 @pytest.mark.parametrize("begun", ["campaign.json", "runs/*.json"])
 def test_a_service_that_is_ended_ends_as_by_ctrl_c(tmp_path, begun):
-    out = tmp_path / "campaign"
+    out, rates = tmp_path / "campaign", tmp_path / "rates.yaml"
+    rates.write_text(SHORT)
     command = [sys.executable, "-m", "debrisgrasp", "campaign", "--tier", "single"]
+    command += ["--faults", rates, "--n", "999", "--workers", "1"]
     process = subprocess.Popen(
-        [*command, "--n", "99", "--workers", "1", "--out", out],
+        [*command, "--out", out],
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
