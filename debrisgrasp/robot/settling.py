@@ -71,7 +71,8 @@ class Settling:
     def __init__(self, rubble: Rubble, hands: Sequence[HandState]) -> None:
         self._rubble, self._hands = rubble, hands
         self._leaning: dict[int, Sequence[float]] = {}
-        """Bodies that came to rest against a hand, and where the hands were."""
+        """Bodies that came to rest against a hand or what it holds, and where the hands
+        were."""
 
     def settle(
         self, loose: set[int], held: set[int], passed: HandState | None = None
@@ -95,30 +96,34 @@ class Settling:
         for hand in self._hands:
             hand.touch.settled(loose | moved)
         shapes = [BodyShape(prop) for prop in props]
-        for body in loose | moved:
+        shapes += [self._rubble.shapes[body] for body in held]
+        for body in (loose | moved) - held:
             self._leaning.pop(body, None)
             if any(self._leans(body, shape) for shape in shapes):
                 self._leaning[body] = self._places()
 
-    def _leans(self, body: int, hand: BodyShape) -> bool:
-        """Whether a body that came to rest touches a hand."""
+    def _leans(self, body: int, prop: BodyShape) -> bool:
+        """Whether a body that came to rest touches a hand, or what is in it."""
         shape = self._rubble.shapes[body]
-        gaps = hand.deepest(shape.points)[0], shape.deepest(hand.points)[0]
+        gaps = prop.deepest(shape.points)[0], shape.deepest(prop.points)[0]
         return max(gaps) > -_LEANS
 
     @property
     def is_leaning(self) -> bool:
-        """Whether something lies against a hand."""
+        """Whether something lies against a hand, or what it holds."""
         return bool(self._leaning)
 
-    def follow(self, held: set[int]) -> None:
-        """Let what lay against a hand that has moved away sink on."""
+    def follow(self, held: set[int], riding: set[int]) -> None:
+        """Let what lay against a hand that has moved away sink on.
+
+        What rides on what is held goes with it.
+        """
         now = self._places()
         due = {
             body
             for body, then in self._leaning.items()
             if max(abs(a - b) for a, b in zip(now, then, strict=True)) > _FOLLOWS
-        } - held
+        }.difference(held, riding)
         if due:
             self.settle(due, held)
 

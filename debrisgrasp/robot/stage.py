@@ -148,7 +148,9 @@ class Stage:
         if touched or self._pushes:
             self._push(touched)
         if self._settling.is_leaning:
-            self._settling.follow(self._held_bodies())
+            holds = [h.hold for h in self._hands.values() if h.hold is not None]
+            riding = set[int]().union(*(hold.riders for hold in holds))
+            self._settling.follow({hold.index for hold in holds}, riding)
 
     def scrape(self, arm: str, links: LinkSpheres, T_odom_base: SE3) -> None:
         """Take note of the bodies that an arm's links go through."""

@@ -572,3 +572,17 @@ def test_fingers_that_open_take_hold_of_nothing(monkeypatch):
     rig.wait(1.0)
     assert rig.fake.truth().held == {}
     assert rig.fake.truth().peak_force["right"] > 5.0
+
+
+def test_what_no_longer_rides_on_what_is_carried_falls_when_that_has_gone(monkeypatch):
+    """It may hang on a side too steep to bear it, as a pipe around a cone does."""
+    on_top = beam("top", 3.0, (0.95, -0.3, 0.1335), yaw=np.pi / 2)
+    rig = Rig([beam("bar", 2.0, (0.95, -0.3, 0.0445)), on_top], place=(0.8, -0.3, 0.13))
+    assert rig.grip(squeeze=60.0) == "HOLDING"
+    rig.move(0.0, 0.0, 0.28, speed=0.1)
+    assert rig.body("top").p[2] > 0.3
+    monkeypatch.setattr(Rubble, "riders", lambda *_: {})
+    for _ in range(2):
+        rig.move(0.0, 0.2, 0.0, speed=0.1)
+    assert rig.fake.truth().held == {"right": "bar"}
+    assert rig.body("top").p[2] == pytest.approx(0.0445, abs=4e-3)
