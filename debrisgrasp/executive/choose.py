@@ -62,8 +62,9 @@ def select(context: Context) -> StepResult:
             continue
         if triage.way is Way.DRAG:
             mark = context.marks.of(segment.centroid)
-            is_done = mark is not None and mark.tries > context.settings.tries
-            why = why if is_done else ""
+            assert mark is not None
+            is_tried = mark.tries > context.settings.tries
+            why = why if is_tried or mark.is_sought(context.n_changes) else ""
         if why:
             left[name] = why
             failed.append(segment)

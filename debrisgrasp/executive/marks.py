@@ -65,6 +65,11 @@ class Mark:
     """By look, as long as it is kept: grasps to which no way was found as the pile lies
     there."""
 
+    def is_sought(self, n_changes: int) -> bool:
+        """Whether a way was sought often enough since something has changed."""
+        is_enough = self.searches >= _SEARCHES or self.is_hopeless
+        return is_enough and self.n_changes >= n_changes
+
     def in_vain(self, look: object) -> list[Grasp]:
         """Grasps that are no use by a look: tried, or sought a way to by this look."""
         return [*self.failed, *self.unreached.get(look, ())]
@@ -165,10 +170,8 @@ class Marks:
         mark = self.of(centroid)
         if mark is None:
             return ""
-        is_new = mark.n_changes < n_changes
-        is_sought = mark.searches >= _SEARCHES or mark.is_hopeless
-        is_out = mark.tries >= tries or is_sought
-        if not mark.is_heavy and (is_new or not is_out):
+        is_tried = mark.tries >= tries and mark.n_changes >= n_changes
+        if not (mark.is_heavy or is_tried or mark.is_sought(n_changes)):
             return ""
         counts = [(mark.tries, "tries"), (mark.searches, "searches")]
         words = ", ".join(f"{n} {what} in vain" for n, what in counts if n)

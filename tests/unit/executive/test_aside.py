@@ -144,6 +144,17 @@ def test_what_is_too_heavy_for_a_robot_that_stands_fast_is_pushed(pipeline):
     assert found.fault == "no_grasp"
 
 
+def test_what_is_too_heavy_is_pushed_if_no_way_to_drag_it_is_found(pipeline):
+    _, context = before_a_crate(pipeline, (0.9, -0.3))
+    (mark,) = context.marks.marks
+    mark.is_heavy, mark.searches = True, 1
+    found = select(context)
+    assert isinstance(found, Done)
+    assert found.facts["way"] == "drag"
+    mark.searches = 2  # and that is enough until something changes
+    chosen_to_push(context)
+
+
 def test_nothing_is_pushed_that_may_not_be(pipeline):
     fake, context = before_a_crate(pipeline, (0.9, -0.3), pushes=0)
     found = select(context)
