@@ -137,7 +137,6 @@ def push_aside(context: Context) -> StepResult:
     assert cycle.is_own is not None
     assert cycle.centroid is not None
     own = cycle.seen.cloud.points[cycle.is_own]
-    context.n_pushes += 1
     mark = context.marks.of(cycle.centroid)
     assert mark is not None
     mark.n_stayed += 1  # until it has come
@@ -145,6 +144,7 @@ def push_aside(context: Context) -> StepResult:
     push = _sought(context, own)
     if isinstance(push, str):
         return _stays(mark, push)
+    context.n_pushes += 1
     drive = Drive(context, push.limb.name)
     fault = _taken_there(context, drive, push)
     if fault is not None:

@@ -108,6 +108,22 @@ def test_what_does_not_slide_stays_and_is_pushed_no_harder(pipeline):
     assert "not pushed aside" in why
 
 
+def test_a_push_for_which_there_is_no_room_is_none_of_those_allowed(
+    pipeline, monkeypatch
+):
+    _, context = before_a_crate(pipeline, (0.9, -0.3), pushes=1)
+    none = "no hand fits beside it"
+    monkeypatch.setattr("debrisgrasp.executive.aside._sought", lambda *_: none)
+    for n_tries in (1, 2):
+        chosen_to_push(context)
+        found = push_aside(context)
+        assert isinstance(found, Done)
+        assert found.facts["why"] == none
+        assert context.marks.marks[0].n_stayed == n_tries
+    assert context.n_pushes == 0
+    assert isinstance(select(context), FaultFound)  # twice is enough of this one
+
+
 def test_a_push_that_fails_twice_is_not_tried_again(pipeline, monkeypatch):
     _, context = before_a_crate(pipeline, (0.9, -0.3))
     touched = FaultFound("plan_collision", "touched something", "right")
