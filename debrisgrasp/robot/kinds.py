@@ -56,9 +56,9 @@ def odd_answers(limb: Limb, n_fingers: int | None = None) -> Iterator[str]:
     ):
         if not hasattr(reading, name):
             yield f"{what}: reads {shortened(repr(reading))} without {name}"
-        elif (odd := unlike_numbers(getattr(reading, name), n)) or (
-            odd := odd_time(getattr(reading, "time", None))
-        ):
+            continue
+        odd = unlike_numbers(getattr(reading, name), n)
+        if odd := odd or odd_time(getattr(reading, "time", None)):
             yield f"{what}: {odd}"
 
 
