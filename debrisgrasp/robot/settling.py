@@ -113,7 +113,7 @@ class Settling:
         """Whether something lies against a hand, or what it holds."""
         return bool(self._leaning)
 
-    def follow(self, held: set[int], riding: set[int]) -> None:
+    def follow(self) -> None:
         """Let what lay against a hand that has moved away sink on.
 
         What rides on what is held goes with it.
@@ -123,7 +123,12 @@ class Settling:
             body
             for body, then in self._leaning.items()
             if max(abs(a - b) for a, b in zip(now, then, strict=True)) > _FOLLOWS
-        }.difference(held, riding)
+        }
+        if not due:
+            return
+        holds = [hand.hold for hand in self._hands if hand.hold is not None]
+        held = {hold.index for hold in holds}
+        due = due.difference(held, *(hold.riders for hold in holds))
         if due:
             self.settle(due, held)
 

@@ -148,9 +148,7 @@ class Stage:
         if touched or self._pushes:
             self._push(touched)
         if self._settling.is_leaning:
-            holds = [h.hold for h in self._hands.values() if h.hold is not None]
-            riding = set[int]().union(*(hold.riders for hold in holds))
-            self._settling.follow({hold.index for hold in holds}, riding)
+            self._settling.follow()
 
     def scrape(self, arm: str, links: LinkSpheres, T_odom_base: SE3) -> None:
         """Take note of the bodies that an arm's links go through."""
@@ -186,12 +184,11 @@ class Stage:
         is_clear = not fingers_moved and hand.touch.is_clear(axes, place)
         if hold is None and is_clear:
             return
-        R_before, p_before = hand.R, hand.p
+        before = hand.R, hand.p
         R, p = hand.R, hand.p = np.reshape(axes, (3, 3)), np.array(place)
         if hand.hold is not None:
-            com = self._carry(hand.hold, R, p)
-            # What it slips in the fingers takes nothing on.
-            self._bear(hand.hold, p, com - p_before - R_before @ (R.T @ (com - p)))
+            self._carry(hand.hold, R, p)
+            self._bear(hand, hand.hold, *before)
         if not is_clear or hand.springs:
             left_out = self._left_out(hand)
             hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
@@ -266,11 +263,8 @@ class Stage:
                 self._settling.settle(pushed_along, self._held_bodies())
             return
 
-    def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> FloatArray:
-        """Move what is held, and what lies on it, with the hand.
-
-        Returns the centre of mass of what is held, frame odom [m], shape (3,).
-        """
+    def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> None:
+        """Move what is held, and what lies on it, with the hand."""
         shape = self._rubble.shapes[hold.index]
         R_before, p_before = shape.R, shape.p
         R_new, p_new = R @ hold.R, R @ hold.p + p
@@ -296,16 +290,17 @@ class Stage:
             hold.riders = self._rubble.riders(hold.index)
             self._settling.settle(loose, self._held_bodies())
             hold.riders = self._rubble.riders(hold.index)
-        return shape.com
 
-    def _bear(self, hold: Hold, p: FloatArray, way: FloatArray) -> None:
-        """Let weights come on as a hand at p (3,) has moved what it holds, and go.
-
-        ``way`` is that of its centre of mass with the hand [m], shape (3,).
-        """
+    def _bear(
+        self, hand: HandState, hold: Hold, R_before: FloatArray, p_before: FloatArray
+    ) -> None:
+        """Let weights on what is held come on as the hand has moved it, and go."""
         if not (hold.riders or hold.borne):
             hold.is_loading = False
             return
+        com, p = self._rubble.shapes[hold.index].com, hand.p
+        # What it slips in the fingers takes nothing on.
+        way = com - p_before - R_before @ (hand.R.T @ (com - p))
         x, y, up = way.tolist()
         moved = hypot(x, y, max(up, 0.0))  # what sinks takes nothing on
         wanted, grown = {}, {}

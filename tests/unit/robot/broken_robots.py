@@ -249,6 +249,10 @@ def integer_depth(robot):
     return seen(robot, depth=lambda frame: frame.depth.astype(np.uint16))
 
 
+def integer_millimetres(robot):
+    return seen(robot, depth=lambda frame: (1e3 * frame.depth).astype(np.uint16))
+
+
 def blind(robot):
     return seen(robot, depth=lambda frame: 0.0 * frame.depth)
 
