@@ -14,7 +14,7 @@ from debrisgrasp.control._rigid import Vector
 from debrisgrasp.prototypes import GripperModel
 
 from .shapes import BodyShape
-from .springs import PALM, Spring
+from .springs import HELD, PALM, Spring
 from .touch import Touch
 
 __all__ = ["NO_GRIP", "Grip", "Hold", "Seat", "is_enclosed", "sides_of"]
@@ -79,6 +79,16 @@ class Hold:
     """How far it has slipped since it was gripped [m]."""
     turn: Vector = (0.0, 0.0, 0.0)
     """By which it turned in the fingers in the last period, frame of the hand [rad]."""
+
+    def take_over(self, springs: Sequence[Spring]) -> None:
+        """Let what pressed on it press on as it begins to ride on it."""
+        for body in self.riders.keys() - self.borne.keys():
+            up = sum(
+                float(spring.force[2])
+                for spring in springs
+                if (spring.owner, spring.body) == (HELD, body)
+            )
+            self.borne[body] = max(-up, 0.0)
 
     def load(
         self, wanted: Mapping[int, float], grown: Mapping[int, float], share: float

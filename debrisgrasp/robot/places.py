@@ -27,6 +27,11 @@ _SHIFTS = 0.004
 one part of a body to another the load goes over bit by bit."""
 _DEEPENS = 5e-4
 """So much at most does a contact deepen from one look to the next [m]."""
+_STAYS = 5e-4
+"""By so much another place must be deeper than one that pushes as the last one did: it
+must not change from look to look [m]."""
+_ALONG = 0.7
+"""Cosine to the last push from which on a place pushes as that did."""
 _SHARPNESS = 4
 """How much more the deeper points count for the direction of a push."""
 _NO_WAY = 0.01
@@ -81,6 +86,8 @@ class Places:
     def __init__(self, before: Mapping[Key, Push]) -> None:
         """Begin with what pushed at the last look."""
         self.found: dict[Key, Near] = {}
+        self._ranks: dict[Key, float] = {}
+        """Depth of each that is inside, and more of one that stays [m]."""
         self._before = before
 
     def shifted(self) -> dict[Key, Near]:
@@ -132,7 +139,8 @@ class Places:
         beyond = self._same_side(key, beyond, sign * normals)
         depths = -beyond.max(axis=1)
         depth = float(depths.max())
-        if key in self.found and self.found[key].depth >= depth:
+        best = self._ranks.get(key, -np.inf)
+        if depth + _STAYS <= best:
             return
         # Where points are pushed by several sides none takes over all at once.
         shares = (depths / depth) ** _SHARPNESS
@@ -140,8 +148,19 @@ class Places:
         normal = shares @ ways / shares.sum()
         if float(normal @ normal) < _NO_WAY:
             normal = ways[int(depths.argmax())]
-        middle = depths @ where / depths.sum()
-        self._keep(key, middle, sign * normal, depth)
+        rank = depth + _STAYS * self._stays(key, sign * normal)
+        if rank > best:
+            middle = depths @ where / depths.sum()
+            self._keep(key, middle, sign * normal, depth)
+            self._ranks[key] = rank
+
+    def _stays(self, key: Key, normal: FloatArray) -> bool:
+        """Whether a place with a normal (3,) pushes as the last one did."""
+        before = self._before.get(key)
+        if before is None:
+            return False
+        sizes = float(np.linalg.norm(normal)) * float(np.linalg.norm(before[0]))
+        return float(normal @ before[0]) > _ALONG * sizes
 
     def _add_nearest(
         self,

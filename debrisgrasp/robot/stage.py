@@ -298,6 +298,7 @@ class Stage:
         if not (hold.riders or hold.borne):
             hold.is_loading = False
             return
+        hold.take_over(hand.springs)
         com, p = self._rubble.shapes[hold.index].com, hand.p
         # What it slips in the fingers takes nothing on.
         way = com - p_before - R_before @ (hand.R.T @ (com - p))

@@ -87,11 +87,13 @@ class Touch:
         """Take a body whose pose in the frame of the hand is (R, p); None: let go."""
         if index != self._held_index:
             self._is_new = True
+            # The fingers go on pushing, and being pushed, where they were.
+            pushed = self._pushed.items()
+            self._pushed = {key: push for key, push in pushed if key[0] > HELD}
         self.held, self._held_index = body, index
         if body is not None:
             normals, offsets, self._held_points = body.seen(R, p)
             self._held_planes = normals, offsets
-        self._pushed = {}
         self._look_at_held()
         self.forget()
 

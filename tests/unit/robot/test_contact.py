@@ -416,6 +416,44 @@ def test_only_what_lies_straight_ahead_of_a_side_is_bent_against():
         assert bool(places.found) == is_near
 
 
+@pytest.mark.parametrize(("deeper", "is_other"), [(4e-4, False), (6e-4, True)])
+def test_a_place_pushes_on_until_another_is_clearly_deeper(deeper, is_other):
+    """Two that take turns would shake what leans on them."""
+    up, aside = np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]])
+    for first, second in ((up, aside), (aside, up)):
+        places = Places({(1, 0): (up[0], 1e-3, HERE)})
+        for way in (first, second):
+            depth = 1e-3 + deeper * (way is aside)
+            sides = Sides(way, np.array([False]))
+            places.add((1, 0), HERE[None], np.array([[-depth]]), sides, 1.0)
+        found = places.found[1, 0]
+        assert np.allclose(found.normal, aside[0] if is_other else up[0])
+        assert found.depth == pytest.approx(1e-3 + deeper * is_other)
+
+
+def test_a_hand_is_pushed_out_at_the_same_side_as_it_lets_go():
+    """Deep in a thin wall, it does not come out at the back as it opens."""
+    board = beam("board", 60.0, (0.8, 0.1, 0.0445), length=0.2)
+    wall = Body("wall", "wall", (Box(np.array([0.2, 0.2, 0.012])),), 5.0)
+    touch = _touch(FakeConfig(), Ground(np.full((2, 2), -5.0)))
+    shapes = _shapes(wall, board)
+    lowest = float(
+        touch.shape.points(touch.gripper.shape, touch.gripper.openings)[:, 2].max()
+    )
+    R = downwards(0.0, 0.0, 0.0).R
+
+    def push(depth: float) -> float:
+        p = np.array([0.0, 0.0, 0.006 - depth + lowest])
+        springs = touch.springs(R, p, shapes, ())
+        return float(np.sum([spring.force for spring in springs], axis=0)[2])
+
+    touch.hold(1, shapes[1], np.eye(3), np.array([0.0, 0.0, 5.0]))
+    pushes = [push(depth) for depth in np.arange(2e-4, 6.6e-3, 2e-4)]
+    touch.hold(None, None, np.eye(3), np.zeros(3))
+    assert min(pushes) > 0.0
+    assert push(6.6e-3) > pushes[-1]
+
+
 @pytest.mark.parametrize("gap", [-5e-4, 0.0, 1e-3, 3e-3])
 def test_a_hand_that_is_bent_against_a_pipe_feels_no_facets(gap):
     normals, offsets = planes_of(Cylinder(0.05, 0.5))

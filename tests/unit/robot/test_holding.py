@@ -13,11 +13,11 @@ from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
-from debrisgrasp.robot.holding import is_enclosed
+from debrisgrasp.robot.holding import Hold, is_enclosed
 from debrisgrasp.robot.pushing import Push, Pushes, Yielding
 from debrisgrasp.robot.rubble import Rubble
 from debrisgrasp.robot.settling import Settling
-from debrisgrasp.robot.springs import Spring
+from debrisgrasp.robot.springs import GROUND, HELD, PALM, Spring
 from debrisgrasp.robot.touch import Touch
 from debrisgrasp.worlds import Ground, World, make_body
 from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam
@@ -448,8 +448,9 @@ def test_what_slips_in_the_fingers_takes_on_nothing_more():
     assert rig.grip(squeeze=60.0) == "HOLDING"
     high = rig.body("bar").p[2] + 5.2e-3
     rig.move(0.0, 0.0, 0.06, speed=5e-3, until=lambda: rig.body("bar").p[2] > high)
-    before, height, felt = rig.load[2], rig.body("bar").p[2], []
-    assert before < 4.5 * G  # of the five that it will be
+    hold = rig.fake._stage._hands["right"].hold
+    hold.borne = dict.fromkeys(hold.riders, 1.5 * G)  # of the three that it will be
+    height, felt, before = rig.body("bar").p[2], [], 3.5 * G
     while rig.body("bar").p[2] > height - 3e-3 and len(felt) < 500:
         if rig.body("bar").p[2] > height - 1e-4:
             openings = tuple(x + 5e-5 for x in rig.hand.read().openings)
@@ -459,6 +460,27 @@ def test_what_slips_in_the_fingers_takes_on_nothing_more():
     assert rig.fake.truth().held == {"right": "bar"}
     assert rig.body("bar").p[2] <= height - 3e-3
     assert max(felt) < before + 1.0
+
+
+def test_what_pressed_on_a_held_body_presses_on_as_it_begins_to_ride_on_it():
+    hold = Hold(0, np.eye(3), np.zeros(3), None, np.zeros(3), np.zeros(3), set())
+    hold.riders, hold.borne = {1: 1.0, 2: 1.0, 3: 0.5}, {2: 7.0}
+    hold.take_over(
+        [
+            Spring(owner, body, np.zeros(3), np.array([5.0, 0.0, up]), 0.0)
+            for owner, body, up in [
+                (HELD, 1, -90.0),
+                (HELD, 1, 20.0),
+                (PALM, 1, -40.0),
+                (HELD, 2, -30.0),
+                (HELD, 3, 60.0),
+                (HELD, GROUND, 80.0),
+            ]
+        ]
+    )
+    assert hold.borne == {1: 70.0, 2: 7.0, 3: 0.0}
+    hold.load(dict.fromkeys(hold.riders, 10.0), dict.fromkeys(hold.riders, 2.0), 0.1)
+    assert hold.borne == pytest.approx({1: 64.0, 2: 9.0, 3: 2.0})
 
 
 def test_a_body_that_is_let_go_comes_to_lie_on_the_hand_and_not_in_it():
