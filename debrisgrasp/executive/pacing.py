@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp.geometry import voxel_downsample
 from debrisgrasp.kinematics import Trajectory
 
 from .context import Context, LimbState
@@ -40,6 +43,15 @@ _BRAKES = 0.6
 """What is farther away may be come to as fast as the arm brakes [m/s^2]."""
 _STIFFNESS = 3e4
 """Of an arm whose hand meets the hardest thing [N/m]."""
+_TURN_STIFFNESS = 1e4
+"""Of an arm against a turn of its hand: far beside it a touch is softer [N m/rad]."""
+_HIDDEN = 0.2
+"""What is held may reach so far behind what was seen of it, or by half of its length if
+that is more [m]."""
+_CELL = 0.01
+"""Spacing of what was seen, for a look at how near it is [m]."""
+_FAR = 1.0
+"""Nothing farther away is looked for [m]."""
 _FELT_AFTER = 0.02
 """From a touch until the arm begins to brake [s]: the lag of the sensor, the median of
 three samples, and a tick."""
@@ -169,7 +181,8 @@ def met_safely(
 
     After it is felt a hand goes on until the arm has reacted, in :math:`t`, and braked:
     by :math:`p v t + p^2 v b / 2` at pace p, for the braking time falls with the pace,
-    too. Times the stiffness of the arm that is what the force grows by.
+    too. Times the stiffness of the arm, which at a lever turns the hand as well, that
+    is what the force grows by.
 
     Parameters
     ----------
@@ -182,7 +195,11 @@ def met_safely(
     reach
         Farthest point from the origin of the hand [m].
     """
-    depth = max(min(room[0], room[1] / max(reach, 1e-3)), 0.0) / _STIFFNESS
+    force, torque = max(room[0], 0.0), max(room[1], 0.0)
+    # The lever at which a torque grows fastest with the way.
+    lever = min(max(reach, 1e-3), sqrt(_TURN_STIFFNESS / _STIFFNESS))
+    give = 1.0 / (_STIFFNESS * lever) + lever / _TURN_STIFFNESS
+    depth = min(force / _STIFFNESS, torque * give)
     reacting, stopping = speed * _FELT_AFTER, speed * braking
     root = np.sqrt(reacting**2 + 2.0 * stopping * depth)
     return np.asarray(2.0 * depth / np.maximum(reacting + root, 1e-12))
@@ -214,10 +231,10 @@ def careful(
 ) -> FloatArray:
     """Paces at which what moves with a hand is slow where it may touch something.
 
-    That is near all that was seen; with a load everywhere, for its underside may reach
-    farther than was seen; and for an empty hand wherever nobody has seen that space is
-    free. Until it was seen how large what is held is, its
-    old place included: what lay under or behind it was never seen, and is near there.
+    That is near all that was seen; for an empty hand wherever nobody has seen that
+    space is free; and with a load, which may reach farther behind what was seen of it,
+    near what that might touch, or everywhere until it was seen as a whole. Its old
+    place is near until then, too: what lay under or behind it was never seen.
 
     Parameters
     ----------
@@ -238,23 +255,31 @@ def careful(
     speed[1:] = np.maximum(speed[1:], step)
     speed *= (n - 1) / trajectory.duration
     speed = np.maximum(speed, 1e-9)
-    allowed = context.settings.lift_speed + _near_speed(context, where)
-    paces = np.asarray(np.clip(allowed / speed, _LEAST, pace))
+    gap = _gap(context, where)
+    paces = np.clip(_allowed(context, gap - _NEAR) / speed, _LEAST, pace)
+    braking = (np.abs(rates) / limb.limits.planner.acceleration).max(axis=1)
+    reach = float(np.linalg.norm(points, axis=1).max())
+    blind = np.maximum(met_safely(speed, braking, room, reach), _LEAST)
     if context.held is None:
         is_free: BoolArray = np.all(context.known.is_free(where), axis=1)
         # Beside it, too: between two looks it may begin anywhere.
         is_known = np.convolve(~is_free, np.ones(3))[1:-1] < 0.5
-    else:
-        # What is held may be larger than all that was seen of it.
-        is_known = np.zeros(n, dtype=bool)
-    braking = (np.abs(rates) / limb.limits.planner.acceleration).max(axis=1)
-    reach = float(np.linalg.norm(points, axis=1).max())
-    blind = met_safely(speed, braking, room, reach)
-    return np.where(is_known, paces, np.minimum(paces, np.maximum(blind, _LEAST)))
+        return np.asarray(np.where(is_known, paces, np.minimum(paces, blind)))
+    if context.held.is_whole:
+        spare = gap - max(_HIDDEN, 0.5 * float(np.ptp(points, axis=0).max()))
+        clear = _allowed(context, spare) / speed
+        blind = np.where(spare > 0.0, np.maximum(blind, clear), blind)
+    return np.asarray(np.minimum(paces, blind))
 
 
-def _near_speed(context: Context, where: FloatArray) -> FloatArray:
-    """By how much points (n, k, 3) may be faster than near something [m/s], (n,)."""
+def _allowed(context: Context, spare: FloatArray) -> FloatArray:
+    """Speeds from which an arm brakes to that of a lift within some ways (n,) [m/s]."""
+    more = np.sqrt(2.0 * _BRAKES * np.maximum(spare, 0.0))
+    return np.asarray(context.settings.lift_speed + more)
+
+
+def _gap(context: Context, where: FloatArray) -> FloatArray:
+    """How far the nearest of points (n, k, 3) is from all that was seen [m], (n,)."""
     seen, n = context.cycle.seen, len(where)
     others = np.zeros((0, 3))
     if context.cycle.around is not None:
@@ -267,7 +292,8 @@ def _near_speed(context: Context, where: FloatArray) -> FloatArray:
     # So near to the ground it may be as fast as so much farther from anything else.
     gap = where[..., 2].min(axis=1) + is_empty * (_NEAR - _NEAR_GROUND)
     if len(others):
+        others = others[voxel_downsample(others, _CELL)]
         tree, flat = cKDTree(others), where.reshape(-1, 3)
-        near = np.asarray(tree.query(flat, distance_upper_bound=0.5)[0])
+        near = np.asarray(tree.query(flat, distance_upper_bound=_FAR)[0])
         gap = np.minimum(gap, near.reshape(n, -1).min(axis=1))
-    return np.asarray(np.sqrt(2.0 * _BRAKES * np.maximum(gap - _NEAR, 0.0)))
+    return np.asarray(gap)

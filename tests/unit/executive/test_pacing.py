@@ -144,7 +144,10 @@ def test_an_empty_hand_is_slow_only_near_the_ground_and_a_load_always(
         )
         return careful(context, limb, np.zeros((1, 3)), trajectory, 1.0, (105.0, 28.0))
 
-    empty, full = paces(None), paces(object())
+    empty, full = paces(None), paces(SimpleNamespace(is_whole=False))
+    seen = paces(SimpleNamespace(is_whole=True))
+    assert (seen >= full).all()
+    assert (seen.min() > 3.0 * full.max()) == (height > 0.2)
     if is_faster:
         assert empty.min() > 3.0 * full.max()
     else:
@@ -217,4 +220,10 @@ def test_what_is_met_is_met_with_what_the_arm_can_still_stop():
     way = pace * speed * 0.02 + pace**2 * speed * braking / 2.0
     np.testing.assert_allclose(3e4 * way, 105.0)
     assert (met_safely(speed, braking, (105.0, 28.0), 0.5) < pace).all()
+    for reach in (0.3, 0.5, 1.0):
+        pace = met_safely(speed, braking, (1e3, 28.0), reach)
+        way = pace * speed * 0.02 + pace**2 * speed * braking / 2.0
+        levers = np.linspace(1e-3, reach, 500)[:, None]
+        torque = way * levers / (1.0 / 3e4 + levers**2 / 1e4)
+        np.testing.assert_allclose(torque.max(axis=0), 28.0, rtol=1e-4)
     assert (met_safely(speed, braking, (-1.0, 28.0), 0.5) == 0.0).all()
