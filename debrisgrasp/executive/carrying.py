@@ -224,7 +224,6 @@ def transport(context: Context) -> StepResult:
             T = limb.pose(context.posture(limb))
             room = room_below(context, T.apply(held.points_hand))
             held.points_hand = longer(held.points_hand, T, room)
-        held.is_whole = False
         return fault
     return Done({"seconds": round(context.now() - begun, 3)})
 

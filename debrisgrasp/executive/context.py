@@ -149,8 +149,6 @@ class Held:
     points_hand: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     """Surface of the object, in the frame of the palm [m], shape (2 n, 3): what was
     seen of it, and then its underside."""
-    is_whole: bool = False
-    """Whether it was seen hanging in the hand, all within the picture."""
 
 
 @dataclass(eq=False, kw_only=True)

@@ -101,7 +101,6 @@ def looked_at(context: Context, held: Held) -> int:
         whole = np.concatenate([kept[~(_clearance(sight, kept) > _MOVED)], seen])
         body = with_underside(whole, grasp.width, 0.0)
         held.points_hand = T_base_hand.inverse().apply(body)
-        held.is_whole = not _is_cut(taken, seen, kept)
     pile = context.cycle.around
     if pile is None:
         pile = old[~_near(old[is_own], old, _SKIN)]
@@ -232,25 +231,6 @@ def _above_picture(taken: Capture, points: FloatArray) -> FloatArray | None:
     is_cut = (row - first[column] < _EDGE) & (row < _FRAME * len(taken.depth))
     at_edge = points[is_cut]
     return at_edge.mean(axis=0) if len(at_edge) >= _FEW else None
-
-
-def _is_cut(taken: Capture, points: FloatArray, known: FloatArray) -> bool:
-    """Whether points (n, 3) go on beyond the border of a picture, and nobody knows how.
-
-    ``known``, shape (k, 3), may tell how.
-    """
-    assert taken.depth is not None
-    assert taken.intrinsics is not None
-    assert taken.T_base_camera is not None
-    height, width = taken.depth.shape
-    last = np.array([width, height]) - 1 - _EDGE
-    uv, _ = taken.intrinsics.project(
-        taken.T_base_camera.inverse().apply(np.concatenate([points, known]))
-    )
-    is_out: BoolArray = np.any((uv < _EDGE) | (uv > last), axis=1)
-    n = len(points)
-    beyond = known[is_out[n:]]
-    return not _near(beyond, points[is_out[:n]], _BRIDGED).all()
 
 
 def _lying(

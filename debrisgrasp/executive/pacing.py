@@ -45,12 +45,9 @@ _STIFFNESS = 3e4
 """Of an arm whose hand meets the hardest thing [N/m]."""
 _TURN_STIFFNESS = 1e4
 """Of an arm against a turn of its hand: far beside it a touch is softer [N m/rad]."""
-_HIDDEN = 0.2
-"""What is held may reach so far behind what was seen of it, or by half of its length if
-that is more [m]."""
 _CELL = 0.01
 """Spacing of what was seen, for a look at how near it is [m]."""
-_FAR = 1.0
+_FAR = 0.5
 """Nothing farther away is looked for [m]."""
 _FELT_AFTER = 0.02
 """From a touch until the arm begins to brake [s]: the lag of the sensor, the median of
@@ -231,10 +228,10 @@ def careful(
 ) -> FloatArray:
     """Paces at which what moves with a hand is slow where it may touch something.
 
-    That is near all that was seen; for an empty hand wherever nobody has seen that
-    space is free; and with a load, which may reach farther behind what was seen of it,
-    near what that might touch, or everywhere until it was seen as a whole. Its old
-    place is near until then, too: what lay under or behind it was never seen.
+    That is near all that was seen; with a load everywhere, for its underside may reach
+    farther than was seen; and for an empty hand wherever nobody has seen that space is
+    free. Until it was seen how large what is held is, its
+    old place included: what lay under or behind it was never seen, and is near there.
 
     Parameters
     ----------
@@ -255,8 +252,8 @@ def careful(
     speed[1:] = np.maximum(speed[1:], step)
     speed *= (n - 1) / trajectory.duration
     speed = np.maximum(speed, 1e-9)
-    gap = _gap(context, where)
-    paces = np.clip(_allowed(context, gap - _NEAR) / speed, _LEAST, pace)
+    allowed = context.settings.lift_speed + _near_speed(context, where)
+    paces = np.clip(allowed / speed, _LEAST, pace)
     braking = (np.abs(rates) / limb.limits.planner.acceleration).max(axis=1)
     reach = float(np.linalg.norm(points, axis=1).max())
     blind = np.maximum(met_safely(speed, braking, room, reach), _LEAST)
@@ -265,21 +262,12 @@ def careful(
         # Beside it, too: between two looks it may begin anywhere.
         is_known = np.convolve(~is_free, np.ones(3))[1:-1] < 0.5
         return np.asarray(np.where(is_known, paces, np.minimum(paces, blind)))
-    if context.held.is_whole:
-        spare = gap - max(_HIDDEN, 0.5 * float(np.ptp(points, axis=0).max()))
-        clear = _allowed(context, spare) / speed
-        blind = np.where(spare > 0.0, np.maximum(blind, clear), blind)
+    # What is held may be larger than all that was seen of it.
     return np.asarray(np.minimum(paces, blind))
 
 
-def _allowed(context: Context, spare: FloatArray) -> FloatArray:
-    """Speeds from which an arm brakes to that of a lift within some ways (n,) [m/s]."""
-    more = np.sqrt(2.0 * _BRAKES * np.maximum(spare, 0.0))
-    return np.asarray(context.settings.lift_speed + more)
-
-
-def _gap(context: Context, where: FloatArray) -> FloatArray:
-    """How far the nearest of points (n, k, 3) is from all that was seen [m], (n,)."""
+def _near_speed(context: Context, where: FloatArray) -> FloatArray:
+    """By how much points (n, k, 3) may be faster than near something [m/s], (n,)."""
     seen, n = context.cycle.seen, len(where)
     others = np.zeros((0, 3))
     if context.cycle.around is not None:
@@ -296,4 +284,4 @@ def _gap(context: Context, where: FloatArray) -> FloatArray:
         tree, flat = cKDTree(others), where.reshape(-1, 3)
         near = np.asarray(tree.query(flat, distance_upper_bound=_FAR)[0])
         gap = np.minimum(gap, near.reshape(n, -1).min(axis=1))
-    return np.asarray(gap)
+    return np.asarray(np.sqrt(2.0 * _BRAKES * np.maximum(gap - _NEAR, 0.0)))

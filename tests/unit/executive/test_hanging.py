@@ -72,33 +72,6 @@ def test_what_hangs_in_the_hand_is_seen_in_its_whole_length(lifted):
     assert np.all(np.abs(points[:, :2] - BEAM.p[:2]) < 0.1)
 
 
-def test_it_is_whole_if_it_is_all_in_the_picture(lifted):
-    _, context, held = lifted
-    looked_at(context, held)
-    assert held.is_whole
-
-
-@pytest.mark.parametrize(
-    ("row", "known_row", "is_cut"),
-    [(100, None, False), (178, None, True), (178, 195, False), (178, 300, True)],
-)
-def test_what_goes_on_beyond_a_picture_is_not_whole_unless_it_is_known(
-    lifted, row, known_row, is_cut
-):
-    _, context, _ = lifted
-    taken = context.cycle.seen.capture
-
-    def at(row):
-        scaled = row / 180 * taken.depth.shape[0]
-        ray = taken.intrinsics.deproject(np.ones_like(taken.depth))[0, 200]
-        x = float(ray[0] / ray[2])
-        y = (scaled - taken.intrinsics.cy) / taken.intrinsics.fy
-        return taken.T_base_camera.apply(np.array([[x, y, 1.0]]))
-
-    known = np.zeros((0, 3)) if known_row is None else at(known_row)
-    assert hanging._is_cut(taken, at(row), known) == is_cut
-
-
 def test_the_pile_around_it_is_seen_anew_without_it(lifted):
     _, context, held = lifted
     looked_at(context, held)
@@ -132,7 +105,6 @@ def test_what_is_out_of_the_picture_remains_what_it_was_taken_for(lifted):
     )
     known = held.points_hand.copy()
     assert looked_at(context, held) == 0
-    assert not held.is_whole
     np.testing.assert_array_equal(held.points_hand, known)
     above = context.cycle.around[:, 2] > 0.35
     assert np.count_nonzero(above) < 5  # nothing stands there any more

@@ -144,10 +144,7 @@ def test_an_empty_hand_is_slow_only_near_the_ground_and_a_load_always(
         )
         return careful(context, limb, np.zeros((1, 3)), trajectory, 1.0, (105.0, 28.0))
 
-    empty, full = paces(None), paces(SimpleNamespace(is_whole=False))
-    seen = paces(SimpleNamespace(is_whole=True))
-    assert (seen >= full).all()
-    assert (seen.min() > 3.0 * full.max()) == (height > 0.2)
+    empty, full = paces(None), paces(object())
     if is_faster:
         assert empty.min() > 3.0 * full.max()
     else:
