@@ -12,6 +12,7 @@ from debrisgrasp.control._rigid import (
     Wrench,
     added,
     cross,
+    turned,
     turned_back,
 )
 
@@ -47,6 +48,10 @@ def load_of(
         on_body += [
             (shapes[i].com.tolist(), (0.0, 0.0, -borne))
             for i, borne in hold.borne.items()
+        ]
+        on_body += [
+            (added(turned(R, point.tolist()), p), force.tolist())
+            for point, force in hold.fading
         ]
     body_load = _sum_of(on_body, R, p)
     hand_load = _sum_of(on_hand, R, p)

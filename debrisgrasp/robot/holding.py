@@ -72,23 +72,39 @@ class Hold:
     """Bodies that lie on it, and the share of their weight that it carries."""
     borne: dict[int, float] = field(default_factory=dict)
     """Weight of each that it bears by now [N]: it comes on, and goes, bit by bit."""
+    fading: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
+    """Pushes of bodies that ride on it since: where, frame of the hand [m], and what is
+    left of the force, axes of odom [N], shape (3,) each."""
     is_loading: bool = False
-    """Whether that still changes."""
+    """Whether any of that still changes."""
     is_slipping: bool = False
     slipped: float = 0.0
     """How far it has slipped since it was gripped [m]."""
     turn: Vector = (0.0, 0.0, 0.0)
     """By which it turned in the fingers in the last period, frame of the hand [rad]."""
 
-    def take_over(self, springs: Sequence[Spring]) -> None:
-        """Let what pressed on it press on as it begins to ride on it."""
-        for body in self.riders.keys() - self.borne.keys():
-            up = sum(
-                float(spring.force[2])
-                for spring in springs
-                if (spring.owner, spring.body) == (HELD, body)
-            )
-            self.borne[body] = max(-up, 0.0)
+    def fade(
+        self, springs: Sequence[Spring], R: FloatArray, p: FloatArray, share: float
+    ) -> None:
+        """Let what pushed it push on for a moment where that begins to ride on it.
+
+        Parameters
+        ----------
+        springs, R, p
+            Contacts of the hand at the last look, and where the hand is, odom.
+        share
+            Of the pushes that is gone a period later.
+        """
+        new = self.riders.keys() - self.borne.keys()
+        self.fading = [
+            (point, (1.0 - share) * force)
+            for point, force in self.fading
+            if float(force @ force) > _GONE**2
+        ] + [
+            ((spring.point - p) @ R, spring.force)
+            for spring in springs
+            if spring.owner == HELD and spring.body in new
+        ]
 
     def load(
         self, wanted: Mapping[int, float], grown: Mapping[int, float], share: float
@@ -110,7 +126,7 @@ class Hold:
             value = now + step
             if body in wanted or value > _GONE:
                 borne[body] = value
-        self.is_loading = any(
+        self.is_loading = bool(self.fading) or any(
             abs(value - wanted.get(body, 0.0)) > _GONE for body, value in borne.items()
         )
         self.borne = borne

@@ -296,9 +296,8 @@ class Stage:
     ) -> None:
         """Let weights on what is held come on as the hand has moved it, and go."""
         if not (hold.riders or hold.borne):
-            hold.is_loading = False
+            hold.is_loading, hold.fading = False, []
             return
-        hold.take_over(hand.springs)
         com, p = self._rubble.shapes[hold.index].com, hand.p
         # What it slips in the fingers takes nothing on.
         way = com - p_before - R_before @ (hand.R.T @ (com - p))
@@ -309,7 +308,9 @@ class Stage:
             rider = self._rubble.shapes[i]
             wanted[i] = share * GRAVITY * rider.mass
             grown[i] = self._config.stiffness_at(dist(rider.com, p)) * moved
-        hold.load(wanted, grown, min(self._config.period / _FALLS_WITHIN, 1.0))
+        share = min(self._config.period / _FALLS_WITHIN, 1.0)
+        hold.fade(hand.springs, R_before, p_before, share)
+        hold.load(wanted, grown, share)
 
     def _check_hold(
         self,

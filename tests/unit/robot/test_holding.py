@@ -449,7 +449,7 @@ def test_what_slips_in_the_fingers_takes_on_nothing_more():
     high = rig.body("bar").p[2] + 5.2e-3
     rig.move(0.0, 0.0, 0.06, speed=5e-3, until=lambda: rig.body("bar").p[2] > high)
     hold = rig.fake._stage._hands["right"].hold
-    hold.borne = dict.fromkeys(hold.riders, 1.5 * G)  # of the three that it will be
+    hold.borne, hold.fading = dict.fromkeys(hold.riders, 1.5 * G), []  # half of it
     height, felt, before = rig.body("bar").p[2], [], 3.5 * G
     while rig.body("bar").p[2] > height - 3e-3 and len(felt) < 500:
         if rig.body("bar").p[2] > height - 1e-4:
@@ -462,25 +462,32 @@ def test_what_slips_in_the_fingers_takes_on_nothing_more():
     assert max(felt) < before + 1.0
 
 
-def test_what_pressed_on_a_held_body_presses_on_as_it_begins_to_ride_on_it():
+def test_what_pushed_a_held_body_fades_as_it_begins_to_ride_on_it():
     hold = Hold(0, np.eye(3), np.zeros(3), None, np.zeros(3), np.zeros(3), set())
-    hold.riders, hold.borne = {1: 1.0, 2: 1.0, 3: 0.5}, {2: 7.0}
-    hold.take_over(
-        [
-            Spring(owner, body, np.zeros(3), np.array([5.0, 0.0, up]), 0.0)
-            for owner, body, up in [
-                (HELD, 1, -90.0),
-                (HELD, 1, 20.0),
-                (PALM, 1, -40.0),
-                (HELD, 2, -30.0),
-                (HELD, 3, 60.0),
-                (HELD, GROUND, 80.0),
-            ]
+    hold.riders, hold.borne = {1: 1.0, 2: 1.0}, {2: 7.0}
+    R, p = so3.exp(np.array([0.0, 0.0, np.pi / 2])), np.array([1.0, 0.0, 0.0])
+    springs = [
+        Spring(owner, body, np.array([1.0, 0.2, 0.0]), np.array([5.0, 0, up]), 0.0)
+        for owner, body, up in [
+            (HELD, 1, -90.0),
+            (PALM, 1, -40.0),
+            (HELD, 2, -30.0),
+            (HELD, GROUND, 80.0),
         ]
-    )
-    assert hold.borne == {1: 70.0, 2: 7.0, 3: 0.0}
-    hold.load(dict.fromkeys(hold.riders, 10.0), dict.fromkeys(hold.riders, 2.0), 0.1)
-    assert hold.borne == pytest.approx({1: 64.0, 2: 9.0, 3: 2.0})
+    ]
+    sizes = []
+    for _ in range(200):
+        hold.fade(springs, R, p, 0.1)
+        wanted = dict.fromkeys(hold.riders, 10.0)
+        hold.load(wanted, dict.fromkeys(hold.riders, 2.0), 0.1)
+        sizes.append([force[2] for _, force in hold.fading])
+        if len(sizes) == 1:
+            ((where, force),) = hold.fading
+            assert np.allclose(where, [0.2, 0.0, 0.0])
+            assert np.allclose(force, [5.0, 0.0, -90.0])
+    assert np.allclose(np.ravel(sizes[:20]), -90.0 * 0.9 ** np.arange(20))
+    assert sizes[-1] == []
+    assert not hold.is_loading
 
 
 def test_a_body_that_is_let_go_comes_to_lie_on_the_hand_and_not_in_it():
