@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray
-from debrisgrasp.geometry import voxel_downsample
 from debrisgrasp.kinematics import Trajectory
 
 from .context import Context, LimbState
@@ -45,10 +44,6 @@ _STIFFNESS = 3e4
 """Of an arm whose hand meets the hardest thing [N/m]."""
 _TURN_STIFFNESS = 1e4
 """Of an arm against a turn of its hand: far beside it a touch is softer [N m/rad]."""
-_CELL = 0.01
-"""Spacing of what was seen, for a look at how near it is [m]."""
-_FAR = 0.5
-"""Nothing farther away is looked for [m]."""
 _FELT_AFTER = 0.02
 """From a touch until the arm begins to brake [s]: the lag of the sensor, the median of
 three samples, and a tick."""
@@ -280,8 +275,7 @@ def _near_speed(context: Context, where: FloatArray) -> FloatArray:
     # So near to the ground it may be as fast as so much farther from anything else.
     gap = where[..., 2].min(axis=1) + is_empty * (_NEAR - _NEAR_GROUND)
     if len(others):
-        others = others[voxel_downsample(others, _CELL)]
         tree, flat = cKDTree(others), where.reshape(-1, 3)
-        near = np.asarray(tree.query(flat, distance_upper_bound=_FAR)[0])
+        near = np.asarray(tree.query(flat, distance_upper_bound=0.5)[0])
         gap = np.minimum(gap, near.reshape(n, -1).min(axis=1))
     return np.asarray(np.sqrt(2.0 * _BRAKES * np.maximum(gap - _NEAR, 0.0)))

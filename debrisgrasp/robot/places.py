@@ -68,8 +68,13 @@ def _blended(normals: FloatArray, beyond: FloatArray) -> FloatArray:
 
 def is_behind(normals: FloatArray, push: FloatArray) -> BoolArray:
     """Whether sides, (..., 3), lie behind what was pushed along (3,)."""
+    return _is_within(-normals, push, -_BEHIND)
+
+
+def _is_within(normals: FloatArray, push: FloatArray, cosine: float) -> BoolArray:
+    """Whether normals (..., 3) are as near to a push (3,) as a cosine tells."""
     sizes = np.linalg.norm(normals, axis=-1) * float(np.linalg.norm(push))
-    return np.asarray(normals @ push < _BEHIND * sizes)
+    return np.asarray(normals @ push > cosine * sizes)
 
 
 def _is_facing(beyond: FloatArray, sides: Sides) -> BoolArray:
@@ -157,10 +162,7 @@ class Places:
     def _stays(self, key: Key, normal: FloatArray) -> bool:
         """Whether a place with a normal (3,) pushes as the last one did."""
         before = self._before.get(key)
-        if before is None:
-            return False
-        sizes = float(np.linalg.norm(normal)) * float(np.linalg.norm(before[0]))
-        return float(normal @ before[0]) > _ALONG * sizes
+        return before is not None and bool(_is_within(normal, before[0], _ALONG))
 
     def _add_nearest(
         self,
