@@ -23,6 +23,9 @@ from ._rigid import Rotation, Vector
 
 __all__ = ["PostureKinematics"]
 
+_LATEST = 4
+"""So many postures are remembered."""
+
 _Term = tuple[float, str]
 """A number times a product of variables; the empty product is 1."""
 
@@ -34,16 +37,10 @@ class PostureKinematics:
         self.n_joints = chain.n_joints
         self._pose = _compiled(chain, has_jacobian=False)
         self._both = _compiled(chain, has_jacobian=True)
-        self._last: tuple[tuple[float, ...], tuple[Rotation, Vector]] | None = None
 
     def pose(self, q: Sequence[float]) -> tuple[Rotation, Vector]:
         """Rotation and translation of the tip in base."""
-        last = self._last
-        if last is not None and type(q) is tuple and last[0] == q:
-            return last[1]
-        R, p = self._pose(q)
-        if type(q) is tuple:
-            self._last = q, (R, p)
+        R, p = self._pose(q if type(q) is tuple else tuple(q))
         return R, p
 
     def pose_and_jacobian(
@@ -53,7 +50,7 @@ class PostureKinematics:
 
         ``(v, omega) = J @ dq``, linear part first.
         """
-        R, p, entries = self._both(q)
+        R, p, entries = self._both(q if type(q) is tuple else tuple(q))
         return R, p, np.array(entries).reshape(6, self.n_joints)
 
 
@@ -116,7 +113,10 @@ def _constants(matrix: FloatArray) -> list[list[_Term]]:
 
 @lru_cache(maxsize=64)
 def _compiled(chain: KinematicChain, *, has_jacobian: bool) -> Callable[..., Any]:
-    """Write out and compile the function of one chain; every leg asks for it."""
+    """Write out and compile the function of one chain; every leg asks for it.
+
+    It takes a tuple.
+    """
     form, n, text = chain.form, chain.n_joints, _Text()
     first, last = _snapped(form.T_base_first), _snapped(form.T_last_tip)
     R = _constants(first[:3, :3])
@@ -150,11 +150,19 @@ def _compiled(chain: KinematicChain, *, has_jacobian: bool) -> Callable[..., Any
         ]
         entries = [_value(columns[i][k]) for k in range(6) for i in range(n)]
         results.append(f"[{', '.join(entries)}]")
-    body = "\n    ".join([*text.lines, f"return {', '.join(results)}"])
+    return _run("\n    ".join([*text.lines, f"return {', '.join(results)}"]))
+
+
+@lru_cache(maxsize=64)
+def _run(body: str) -> Callable[..., Any]:
+    """Compile the body of a function.
+
+    Several ask for the same posture within a tick; of equal chains they share the
+    function, and so the answer.
+    """
     names: dict[str, Any] = {"cos": cos, "sin": sin}
     exec(f"def kinematics(q):\n    {body}", names)
-    function: Callable[..., Any] = names["kinematics"]
-    return function
+    return lru_cache(maxsize=_LATEST)(names["kinematics"])
 
 
 def _column(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -82,8 +82,8 @@ class LimbState:
     """Its last reading; None: what it read before says nothing of the next one."""
     doubt: FaultFound | None = None
     """Why its readings can't be trusted any more: then nothing moves."""
-    sent: tuple[float, FloatArray] | None = None
-    """When joints were commanded last, by the robot's clock [s], and to where (d,)."""
+    sent: tuple[float, Sequence[float]] | None = None
+    """When joints were commanded last, by the robot's clock [s], and to where, d."""
     trail: list[FloatArray] = field(default_factory=list)
     """Postures on its way since it was at rest, each (d,); see `went`."""
     ways: FloatArray | None = None
@@ -94,9 +94,14 @@ class LimbState:
     def feel(self, q: Measured, wrench_ft: Measured) -> None:
         """Take a reading, and note whether it can follow the last one."""
         before = self.felt or Felt()
-        self.felt = before.followed_by(q, wrench_ft, self.is_own_joint.tolist())
+        self.felt = before.followed_by(q, wrench_ft, self._own_joints)
         if self.felt.fault and self.doubt is None:
             self.doubt = FaultFound(self.felt.fault, self.felt.message, self.name)
+
+    @cached_property
+    def _own_joints(self) -> list[bool]:
+        own: list[bool] = self.is_own_joint.tolist()
+        return own
 
     def pose(self, q: FloatArray) -> SE3:
         """Pose of the palm in base."""

@@ -362,7 +362,7 @@ class Drive(Senses):
     def _send(self, q: Sequence[float]) -> None:
         """Command a posture."""
         self.devices.arm.command(q)
-        self.limb.sent = self.clock.now(), np.asarray(q, dtype=np.float64)
+        self.limb.sent = self.clock.now(), q
 
     def _stands_at(self, reading: Reading) -> FloatArray:
         """Where a motion goes on: as last commanded, if that was just now.
@@ -372,8 +372,9 @@ class Drive(Senses):
         q, sent = np.asarray(reading.q, dtype=np.float64), self.limb.sent
         if sent is not None and len(q) == len(sent[1]):
             is_recent = reading.time - sent[0] <= 2.5 * self.period
-            if is_recent and np.abs(q - sent[1]).max() < _AT_START:
-                q = sent[1]
+            aim = np.asarray(sent[1], dtype=np.float64)
+            if is_recent and np.abs(q - aim).max() < _AT_START:
+                q = aim
         if len(q) != self.limits.n_joints:
             return q
         inside = np.clip(q, self.limits.lower, self.limits.upper)

@@ -303,11 +303,16 @@ def _is_over_base(
 
 def _is_met(balls: FloatArray, points_hand: FloatArray, Ts_base_hand: SE3) -> BoolArray:
     """Which poses (n,) put down the points where balls are, or above, shape (n,)."""
-    where = Ts_base_hand.R @ _thinned(points_hand).T + Ts_base_hand.p[..., None]
-    met = np.zeros(len(Ts_base_hand.p), dtype=bool)
-    for x, y, z, radius in balls.tolist():
-        away = np.linalg.norm(where - np.array([x, y, z])[:, None], axis=1)
-        met |= (away < radius).any(axis=1)
+    points = _thinned(points_hand)
+    where = Ts_base_hand.R @ points.T + Ts_base_hand.p[..., None]
+    reach = np.linalg.norm(points, axis=1).max(initial=0.0)
+    away = np.linalg.norm(Ts_base_hand.p[:, None] - balls[:, :3], axis=-1)
+    is_near = away < balls[:, 3] + reach
+    met = np.zeros(len(where), dtype=bool)
+    for (*middle, radius), near in zip(balls.tolist(), is_near.T, strict=True):
+        rows = np.flatnonzero(near & ~met)
+        away = np.linalg.norm(where[rows] - np.array(middle)[:, None], axis=1)
+        met[rows] = (away < radius).any(axis=1)
     return met
 
 

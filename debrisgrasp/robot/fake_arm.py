@@ -261,10 +261,7 @@ class FakeForceSensor:
             drawn = self._sigma * self._rng.standard_normal((_DRAWN, 6))
             self._noise = iter(drawn.tolist())
             noise = next(self._noise)
-        found = []
-        for value, drift, error, most in zip(
-            raw, self._drift, noise, self._range, strict=True
-        ):
-            told = value + drift * now + error
-            found.append(-most if told < -most else most if told > most else told)
-        return tuple(found)
+        rows = zip(raw, self._drift, noise, strict=True)
+        told = [value + drift * now + error for value, drift, error in rows]
+        within = zip(told, self._range, strict=True)
+        return tuple([-m if x < -m else m if x > m else x for x, m in within])

@@ -26,6 +26,7 @@ _COLUMN = 0.2
 _ROUNDS = 4
 _OVERLAP = 2e-4
 """Bodies may be so deep in each other and still fall freely [m]."""
+_THRICE = 3.0 * np.eye(3)
 _PUSHES_OUT, _FREED = 8, 2.0
 """So often, and so many times as far as it overlaps, a body is moved out of others."""
 
@@ -62,7 +63,7 @@ class Rubble:
         What rounding adds to rotations that follow from each other grows where bodies
         ride on each other: a step of Newton and Schulz takes it out.
         """
-        self.shapes[body].place(0.5 * R @ (3.0 * np.eye(3) - R.T @ R), p)
+        self.shapes[body].place(0.5 * R @ (_THRICE - R.T @ R), p)
         self._is_current = False
 
     def shift(self, body: int, way: FloatArray) -> None:

@@ -185,7 +185,7 @@ class Stage:
         if hold is None and is_clear:
             return
         before = hand.R, hand.p
-        R, p = hand.R, hand.p = np.reshape(axes, (3, 3)), np.array(place)
+        R, p = hand.R, hand.p = np.array(axes).reshape(3, 3), np.array(place)
         if hand.hold is not None:
             self._carry(hand.hold, R, p)
             self._bear(hand, hand.hold, *before)
