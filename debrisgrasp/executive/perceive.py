@@ -47,6 +47,8 @@ _LEAST_SEEN = 0.02
 """Share of the image of the workspace with depth below which nothing was seen."""
 _COARSE = 4
 """Of so many rows and columns one is compared with earlier looks."""
+_NOTHING_SEEN = ("empty_cloud", "depth_dropout")
+"""Of faults of an image."""
 _DROP_ROOM = 0.2
 """Around a drop-off nothing of the pile may lie [m]."""
 
@@ -59,7 +61,13 @@ def capture(context: Context) -> StepResult:
         context.shown.clear()
     else:
         head = look_towards(context, context.T_base_way.apply(gaze))
-    taken = image(context, f"capture_{look:03d}", head)
+    name = f"capture_{look:03d}"
+    taken = image(context, name, head)
+    if head is not None and isinstance(taken, FaultFound):
+        if taken.fault not in _NOTHING_SEEN:
+            return taken
+        # The robot itself may stand too near before the camera: a look in vain.
+        taken = image(context, name)
     if isinstance(taken, FaultFound):
         return taken
     is_own = _own(context, taken)

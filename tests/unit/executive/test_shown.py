@@ -9,7 +9,8 @@ import pytest
 
 from debrisgrasp.executive import SimulatedTask, TaskSettings
 from debrisgrasp.executive.choose import select
-from debrisgrasp.executive.perceive import capture
+from debrisgrasp.executive.gaze import look_towards
+from debrisgrasp.executive.perceive import capture, image
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.shown import _is_in, never_shown, was_shown
 from debrisgrasp.executive.states import State
@@ -110,6 +111,21 @@ def test_from_elsewhere_all_is_looked_at_anew(pipeline):
     assert isinstance(capture(context), Done)
     assert len(context.shown) == 1
     assert never_shown(context).middle is not None
+
+
+def test_ground_that_the_robot_itself_hides_is_looked_at_in_vain(pipeline):
+    """Pile 10525: from ahead, ground of the way was left beside the robot's hand."""
+    context = looking(pipeline, block(0.98, 1.2))
+    context.stands_elsewhere(SE3.from_parts(p=[-0.7, 0.0, 0.0]))
+    looked(context)
+    place = np.array([-0.25, -0.27, 0.0])
+    context.cycle.gaze = context.T_base_way.inverse().apply(place)
+    found = image(context, "", look_towards(context, place))
+    assert isinstance(found, FaultFound)
+    assert found.fault == "depth_dropout"
+    assert isinstance(capture(context), Done)
+    assert len(context.shown) == 2
+    assert never_shown(context).middle is None
 
 
 def test_no_pile_lies_where_the_robot_stands():
