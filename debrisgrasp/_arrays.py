@@ -120,7 +120,7 @@ def frozen(
             copy = array.view(np.ndarray)
         else:
             copy = np.array(array, dtype=dtype)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ShapeError(
             name,
             got=type(array).__name__,

@@ -43,6 +43,7 @@ _MENDS = {
     "Segmentation": "debrisgrasp.segment(capture) makes one.",
     "SelectionPolicy": "PriorityPoint(), for instance, of debrisgrasp.segmentation.",
     "Settings": "Settings.load(path) reads one.",
+    "UnknownSpace": "UnknownSpace.HIDDEN, for instance, of debrisgrasp.motion.",
     "World": "let_down(named_scene(name)).world, for instance.",
 }
 _LONGEST = 40
@@ -64,6 +65,25 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         When it is called with another type; names the argument, and what makes a right
         one.
     """
+    return _guarded(function, InputError)
+
+
+def checked_fields(record: type[T]) -> type[T]:
+    """Make a dataclass refuse fields that are not what their annotations say.
+
+    Raises
+    ------
+    InputError
+        See `checked`; a `ConfigError` if the name of the class ends in ``Config``.
+    """
+    is_config = record.__name__.endswith("Config")
+    init = _guarded(record.__init__, ConfigError if is_config else InputError)
+    setattr(record, "__init__", init)  # noqa: B010 - for mypy
+    return record
+
+
+def _guarded(function: Callable[P, T], kind: type[InputError]) -> Callable[P, T]:
+    """Make a function refuse wrong arguments with this kind of error."""
     signature = inspect.signature(function)
 
     @wraps(function)
@@ -78,16 +98,11 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
             if tuple in map(_holder, allowed):
                 given.arguments[name] = value = _tupled(value, allowed)
             if fault := _fault(name, value, allowed):
-                raise fault
+                is_kind = isinstance(fault, kind)
+                raise fault if is_kind else ConfigError.about(fault.what, fault)
         return function(*given.args, **given.kwargs)
 
     return guarded
-
-
-def checked_fields(record: type[T]) -> type[T]:
-    """Make a dataclass refuse fields that are not what their annotations say."""
-    setattr(record, "__init__", checked(record.__init__))  # noqa: B010 - for mypy
-    return record
 
 
 @dataclass(frozen=True, slots=True)

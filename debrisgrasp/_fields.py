@@ -185,6 +185,8 @@ class Fields:
 
 def _number(value: Any, where: str, wanted: str) -> float:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    # No float is as large as an integer can be.
+    is_number = is_number and abs(value) <= np.finfo(np.float64).max
     number = float(value) if is_number else np.nan
     if not np.isfinite(number):
         raise ConfigError(

@@ -102,6 +102,11 @@ _IN_YAML = {
 }
 """What people understand, and what they may do, by what the parser's message has."""
 
+_KEPT = (
+    "What was there is left as it was; give another place or make this one writable."
+)
+"""What to do where other results may have been written before."""
+
 PathLike = str | os.PathLike[str]
 
 
@@ -224,7 +229,7 @@ def naming_fields(path: PathLike, schema: str) -> Iterator[None]:
         ) from error
     except InputError as error:
         raise ConfigError.about(f"{path}: {error.what}", error) from error
-    except (AttributeError, TypeError, ValueError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise ConfigError(
             f"{path}", got=str(error), expected=f"values as in {schema}"
         ) from error
@@ -252,7 +257,7 @@ def write_atomic(path: PathLike, data: bytes | str) -> None:
     except OSError as error:
         with suppress(OSError):
             temporary.unlink()
-        raise OutputError(path, error.strerror or str(error)) from error
+        raise OutputError(path, error.strerror or str(error), mend=_KEPT) from error
 
 
 def require_writable(path: PathLike) -> None:

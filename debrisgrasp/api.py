@@ -36,6 +36,7 @@ from debrisgrasp.pipeline import (
     first_executable,
     motion_space,
 )
+from debrisgrasp.pipeline.inputs import require_limits
 from debrisgrasp.segmentation import (
     Candidate,
     Segmentation,
@@ -154,8 +155,9 @@ def plan_motion(
     InputError
         If the plan is for a floating hand.
     ConfigError
-        If the deadline is not a positive time.
+        If the seed is negative, or the deadline not a positive time.
     """
+    require_limits(seed, deadline, None)
     if result.robot is None:
         raise InputError(
             "plan", got="one for a floating hand", expected="one for a robot's arm"

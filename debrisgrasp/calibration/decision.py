@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, Bounds, so3
 
@@ -26,6 +27,7 @@ _OUT_OF_PLANE = (
 )
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationConfig:
     """Limits of acceptance, and what models assume beforehand."""
@@ -64,6 +66,10 @@ class CalibrationConfig:
             require_range(name, getattr(self, name), 1e-6, 1.0)
         require_range("significance", self.significance, 1e-9, 0.2)
         require_range("min_lever", self.min_lever, 0.0, 1.0)
+        require_range("min_places_known", self.min_places_known, 1)
+        require_range("distinct", self.distinct, 1e-6, 1.0)
+        require_range("max_shift", self.max_shift, 0.0, 10.0)
+        require_range("max_turn", self.max_turn, 0.0, np.pi)
         if min(self.min_places, self.min_places_fiducial) < 4:
             raise ConfigError(
                 "min_places, min_places_fiducial",

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
 from .fit import Terms, predicted
@@ -33,6 +34,7 @@ class DriftStatus(Enum):
     """The camera, the head or the fiducial has moved; calibrate before grasping."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriftConfig:
     """Settings of the monitor."""

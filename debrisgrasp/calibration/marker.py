@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import Intrinsics
 
@@ -21,6 +22,7 @@ _SPREAD = 1.4826
 """Standard deviation of a normal sample over its median absolute deviation."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerConfig:
     """What the marker looks like. The defaults are for a blue power LED."""
@@ -49,6 +51,9 @@ class MarkerConfig:
         require_range("search_radius", self.search_radius, 0.5 * self.diameter, 1.0)
         require_range("min_contrast", self.min_contrast, 1.0, 255.0)
         require_range("min_peak", self.min_peak, 1.0, 255.0)
+        require_range("noise_factor", self.noise_factor, 0.0, 1e3)
+        require_range("max_elongation", self.max_elongation, 1.0, 1e3)
+        require_range("max_depth_gap", self.max_depth_gap, 0.0, 10.0)
         if min(self.color) < 0 or max(self.color) <= min(self.color):
             raise InputError(
                 "color of the marker",

@@ -288,6 +288,8 @@ def _locked(folder: Path) -> Iterator[None]:
 def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise OutputError(folder, "it must be a folder, but a file is there") from error
     except OSError as error:
         raise OutputError(folder, error.strerror or str(error)) from error
 

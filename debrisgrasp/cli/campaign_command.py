@@ -48,8 +48,8 @@ def add(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--tier",
-        help="kind of scene: single, few, pile, or a scene of the paper; with mujoco: "
-        "isolated, stacked, pile, ... (default: few, or pile)",
+        help="kind of scene: single, few, pile, handle, or a scene of the paper; with "
+        "mujoco: isolated, stacked, pile, ... (default: few, or pile)",
     )
     add_site(parser)
     parser.add_argument(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -161,7 +162,7 @@ def _site(arguments: argparse.Namespace) -> str | None:
     """File of settings, if it is one that such runs can be made with."""
     if arguments.site is None:
         return None
-    site = str(arguments.site.resolve())
+    site: str = os.path.realpath(arguments.site)
     is_flying = arguments.world == "mujoco" and arguments.level == "hand"
     pipeline = pipeline_of(site)
     if is_flying:

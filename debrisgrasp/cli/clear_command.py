@@ -34,7 +34,12 @@ def add(subparsers: Subparsers) -> None:
         description="Take objects one after another from a pile and carry them to the "
         "drop-off, until nothing that can be removed is left.",
     )
-    parser.add_argument("--scene", metavar="NAME", help="one of the paper's scenes")
+    parser.add_argument(
+        "--scene",
+        metavar="NAME",
+        help="one of the paper's scenes: wood_on_truss, block_on_wood, "
+        "crate_with_handle or hedgehog",
+    )
     parser.add_argument(
         "--objects",
         type=int,
@@ -179,11 +184,11 @@ def _task(arguments: argparse.Namespace) -> SimulatedTask:
         scene=arguments.scene,
         objects=arguments.objects,
         seed=number,
-        site=None if arguments.site is None else str(arguments.site.resolve()),
+        site=None if arguments.site is None else os.path.realpath(arguments.site),
         robot=_robot_of(arguments.robot),
         gripper=arguments.gripper,
         arms=() if arguments.arm is None else (arguments.arm,),
-        mask=None if arguments.mask is None else str(arguments.mask.resolve()),
+        mask=None if arguments.mask is None else os.path.realpath(arguments.mask),
         region=None if arguments.region is None else tuple(arguments.region),
         faults=() if arguments.faults is None else tuple(arguments.faults.split(",")),
         max_removals=arguments.max_removals,
@@ -196,7 +201,7 @@ def _robot_of(given: str | None) -> str | None:
     """Name of a robot, or where its file is: a record is replayed from anywhere."""
     if given is None or Path(given).suffix not in (".yaml", ".yml"):
         return given
-    return str(Path(given).resolve())
+    return os.path.realpath(given)
 
 
 def _facts(done: Simulated) -> dict[str, object]:

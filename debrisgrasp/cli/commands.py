@@ -127,9 +127,6 @@ def run_plan(arguments: argparse.Namespace) -> int:
         arguments.report, REPORT_FORMS, arguments.out, source=arguments.capture
     )
     result = planned(arguments, settings, advise=arguments.advice)
-    if arguments.out:
-        result.save(arguments.out)
-    write_plan_reports(result, arguments.report)
     ground = result.segmentation.ground
     if arguments.json:
         print(plan_to_json(result.plan))
@@ -142,6 +139,10 @@ def run_plan(arguments: argparse.Namespace) -> int:
         if best is not None and best.score < _LIKELY and not arguments.advice:
             print("\nnone is likely to hold; --advice says what would help")
         print(f"\ntook {_seconds(result)}")
+    if arguments.out:
+        result.save(arguments.out)
+    write_plan_reports(result, arguments.report)
+    if not arguments.json:
         print_written(arguments.out, *arguments.report)
     return 0 if result.plan.grasps else 1
 
@@ -170,10 +171,6 @@ def run_segment(arguments: argparse.Namespace) -> int:
     capture = load_capture(arguments)
     segmentation = debrisgrasp.segment(capture)
     tell(pose_notes(segmentation.ground))
-    if arguments.out:
-        save_labels(capture, segmentation.labels, arguments.out)
-    if arguments.report:
-        write_segmentation_picture(capture, segmentation, (), arguments.report)
     ground = segmentation.ground
     if arguments.json:
         facts = {
@@ -207,6 +204,11 @@ def run_segment(arguments: argparse.Namespace) -> int:
             for s in segmentation.segments
         ]
         print(columns(["object", "points", "x", "y", "z", "extents [cm]"], rows))
+    if arguments.out:
+        save_labels(capture, segmentation.labels, arguments.out)
+    if arguments.report:
+        write_segmentation_picture(capture, segmentation, (), arguments.report)
+    if not arguments.json:
         print_written(arguments.out, arguments.report)
     return 0 if segmentation.segments else 1
 

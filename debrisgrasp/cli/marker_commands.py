@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Sequence
 from hashlib import sha256
 from importlib import import_module
@@ -206,7 +207,7 @@ def _require_distinct(paths: Sequence[Path], captures: Sequence[Capture]) -> Non
         earlier = first.setdefault(image.hexdigest(), path)
         if earlier is path:
             continue
-        is_same = earlier.resolve() == path.resolve()
+        is_same = os.path.realpath(earlier) == os.path.realpath(path)
         raise CaptureError(
             f"capture {path}",
             got="the same file twice" if is_same else f"the same image as {earlier}",

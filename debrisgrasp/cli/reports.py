@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from argparse import ArgumentParser
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
@@ -82,12 +83,12 @@ def require_places(
                 got=str(path),
                 expected="a name that ends in " + " or ".join(forms),
             )
-    taken = set() if source is None else {source.resolve()}
+    taken = set() if source is None else {os.path.realpath(source)}
     for path in (*wanted, *(path for path in others if path)):
         require_writable(path)
-        if path.resolve() in taken:
+        if os.path.realpath(path) in taken:
             raise OutputError(path, "it is what is read, or another result goes there")
-        taken.add(path.resolve())
+        taken.add(os.path.realpath(path))
 
 
 def print_written(*paths: Path | None) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError
 
 from .loads import LoadModel
@@ -20,6 +21,7 @@ from .readings import BiasBound
 __all__ = ["BaselineConfig", "BaselineLook", "BaselineVerdict", "judge_baseline"]
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaselineConfig:
     """What counts as proof."""

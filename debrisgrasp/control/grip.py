@@ -12,6 +12,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from debrisgrasp._arrays import require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
 __all__ = [
@@ -52,6 +53,7 @@ _LENGTHS = ("opening", "width", "empty_margin", "tolerance", "slip_travel")
 _ENDED = (GripPhase.EMPTY, GripPhase.SLIPPED, GripPhase.JAMMED, GripPhase.LOST)
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GripConfig:
     """One grip, taken from the prototype that the planner chose."""

@@ -7,6 +7,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from debrisgrasp._arrays import require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError
 
 from ._rigid import Wrench
@@ -47,6 +48,7 @@ class LegOutcome(Enum):
     STOPPED = "stopped"
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerConfig:
     """Settings of a leg."""
@@ -76,7 +78,15 @@ class ControllerConfig:
 
     def __post_init__(self) -> None:
         require_range("ControllerConfig.period [s]", self.period, 1e-4, 0.1)
-        for name in ("speed", "turn_rate", "ramp", "lag", "lag_turn", "patience"):
+        for name in (
+            "speed",
+            "turn_rate",
+            "tau",
+            "ramp",
+            "lag",
+            "lag_turn",
+            "patience",
+        ):
             require_range(f"ControllerConfig.{name}", getattr(self, name), 1e-6, 1e3)
 
 

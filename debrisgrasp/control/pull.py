@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import voxel_cells
 
@@ -17,6 +18,7 @@ _ASLANT = 3
 """Columns at an angle to the cells reach so many farther."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PullConfig:
     """What a pull looks like."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._checked import checked_fields
 
 from ._rigid import Rotation, Vector, Wrench
 from .faults import Stop
@@ -53,6 +54,7 @@ class BiasBound:
         )
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyConfig:
     """When readings are too old, too equal or too large to go on."""

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv, dpotrf, dsyevd
 
 from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.kinematics import KinematicChain, LimitSet
 
@@ -39,6 +40,7 @@ _OFF = 0.02
 """Share of a displacement by which the hand may stray so that a joint can stand."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServoConfig:
     """Settings of the differential inverse kinematics."""

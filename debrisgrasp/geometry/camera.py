@@ -58,7 +58,9 @@ class Intrinsics:
                 "K",
                 got=K.tolist(),
                 expected="[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0",
-                mend="Rectify images of a camera with skew first." if has_skew else "",
+                mend="Rectify images of a camera with skew first."
+                if has_skew
+                else "Give it row by row, in pixels of this image.",
             )
         # Fields of view beyond these bounds belong to no depth camera; they are what
         # a K of another resolution, or in millimetres, looks like.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, require_finite, require_trailing
-from debrisgrasp.errors import InputError
+from debrisgrasp.errors import InputError, ShapeError
 
 from . import so3
 
@@ -29,13 +29,24 @@ _ROUNDED = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SE3:
-    """One rigid transform, or an array of them."""
+    """One rigid transform, or an array of them.
+
+    The constructor and `from_parts` believe what they are given; `from_matrix` checks
+    what comes from outside.
+    """
 
     matrix: FloatArray
     """Homogeneous matrices, shape (..., 4, 4); translation [m]."""
 
     def __post_init__(self) -> None:
-        matrix = np.asarray(self.matrix, dtype=np.float64)
+        try:
+            matrix = np.asarray(self.matrix, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ShapeError(
+                "homogeneous matrix",
+                got=type(self.matrix).__name__,
+                expected="numbers of shape (..., 4, 4)",
+            ) from error
         require_trailing(matrix, "homogeneous matrix", (4, 4))
         matrix = matrix.view()
         matrix.flags.writeable = False

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, sealed
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._files import PULL, is_pointer, write_atomic
-from debrisgrasp.errors import CaptureError
+from debrisgrasp._words import shortened
+from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.geometry import (
     SE3,
     Intrinsics,
@@ -141,9 +142,20 @@ class Capture:
         ------
         CaptureError
             For ``"level"``, if the capture has no `T_level_camera`.
+        InputError
+            If it is neither that nor a transform.
         """
-        if camera_pose != "level":
+        if isinstance(camera_pose, SE3):
             return replace(self, T_base_camera=camera_pose)
+        if not isinstance(camera_pose, str) or camera_pose != "level":
+            raise InputError(
+                "camera pose",
+                got=shortened(repr(camera_pose))
+                if isinstance(camera_pose, str)
+                else type(camera_pose).__name__,
+                expected="an SE3 or 'level'",
+                mend="SE3.from_matrix(matrix) makes one.",
+            )
         if self.T_level_camera is None:
             raise CaptureError(
                 f"camera pose of {self.name}",
@@ -235,6 +247,10 @@ def _read(path: Path, camera_file: str | os.PathLike[str] | None) -> CaptureFiel
     if not path.exists():
         raise CaptureError(
             "capture", got="no such file or folder", expected="an existing path"
+        )
+    if not (path.is_file() or path.is_dir()):
+        raise CaptureError(
+            "capture", got="a pipe or a device", expected="a regular file or a folder"
         )
     if is_pointer(path):
         raise CaptureError(

@@ -257,7 +257,7 @@ def _vector(values: Any, name: str, sizes: tuple[int, ...]) -> Vector:
 def _number(value: Any, name: str) -> float:
     try:
         number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise ConfigError(name, got=repr(value), expected="a finite number")

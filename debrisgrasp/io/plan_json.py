@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from debrisgrasp._arrays import require_metres, require_range
 from debrisgrasp._files import naming_fields, read_schema, write_atomic
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.planning import Advice, LoadForecast, Retreat, SuccessForecast
@@ -18,6 +19,8 @@ from debrisgrasp.planning.plan import Grasp, GraspPlan, PassedOver
 __all__ = ["SCHEMA", "load_plan", "plan_to_dict", "plan_to_json", "save_plan"]
 
 SCHEMA = "debrisgrasp/grasps/1"
+_WIDEST, _FARTHEST = 2.0, 1e3
+"""No hand opens wider [m], and no joint is farther from zero [rad or m]."""
 _DIGITS = 9
 _INTERVALS = ("mass", "force", "torque", "grip", "margins")
 _NUMBERS = ("lever", "lever_error", "tilt", "margin")
@@ -190,15 +193,37 @@ def _advice_to_dict(advice: Advice) -> dict[str, Any]:
     }
 
 
+def _pose(matrix: Any, name: str) -> SE3:
+    T_base_hand = SE3.from_matrix(matrix, name)
+    require_metres(f"place of a {name}", T_base_hand.p)
+    return T_base_hand
+
+
+def _gap(content: dict[str, Any], name: str) -> float:
+    """Distance between finger pads."""
+    gap = float(content[name])
+    require_range(f"{name} of a grasp [m]", gap, 0.0, _WIDEST)
+    return gap
+
+
+def _joints(content: dict[str, Any]) -> dict[str, float]:
+    joints = {str(name): float(value) for name, value in content.items()}
+    for name, value in joints.items():
+        require_range(f"joint {name} of a grasp", value, -_FARTHEST, _FARTHEST)
+    return joints
+
+
 def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
-    joints = content["joints"]
+    joints, arm = content["joints"], content["arm"]
+    if not (arm is None or isinstance(arm, str)):
+        raise ValueError(f"arm is {arm!r}, not a name")
     return Grasp(
-        T_base_hand=SE3.from_matrix(content["pose"], "pose"),
-        T_base_pregrasp=SE3.from_matrix(content["approach"]["pregrasp"], "pregrasp"),
+        T_base_hand=_pose(content["pose"], "pose"),
+        T_base_pregrasp=_pose(content["approach"]["pregrasp"], "pregrasp"),
         gripper=str(content["gripper"]),
         preshape=str(content["preshape"]),
-        opening=float(content["opening"]),
-        width=float(content["width"]),
+        opening=_gap(content, "opening"),
+        width=_gap(content, "width"),
         prototype=str(content["prototype"]),
         S=float(content["S"]),
         C=float(content["C"]),
@@ -208,10 +233,8 @@ def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
         support=int(content.get("support", 0)),
         expected=float(content.get("expected", content["score"])),
         score=float(content["score"]),
-        arm=content["arm"],
-        joints=None
-        if joints is None
-        else {str(name): float(value) for name, value in joints.items()},
+        arm=arm,
+        joints=None if joints is None else _joints(joints),
         object_label=int(content["object"]),
         load=None if content.get("load") is None else _load_from_dict(content["load"]),
         retreat=None

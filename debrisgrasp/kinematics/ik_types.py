@@ -9,6 +9,7 @@ from enum import IntEnum
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
 __all__ = ["Freedom", "IkConfig", "IkResult", "IkStatus"]
@@ -69,6 +70,7 @@ class Freedom:
         return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IkConfig:
     """Settings of the solver; the defaults suit arms of about a metre."""

@@ -14,8 +14,10 @@ from debrisgrasp._arrays import (
     IntArray,
     Rng,
     require_finite,
+    require_range,
     require_trailing,
 )
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError, ShapeError
 from debrisgrasp.geometry import SE3
 
@@ -32,6 +34,7 @@ _COARSE = 48
 """Placements of the first look that the solver compares."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacementConfig:
     """Which placements are compared."""
@@ -59,6 +62,8 @@ class PlacementConfig:
                     got=getattr(self, name),
                     expected="above zero",
                 )
+        for name in ("spacing", "clearance", "turn_weight"):
+            require_range(f"PlacementConfig.{name}", getattr(self, name), 0.0, 10.0)
         if self.reach / self.step > 50:
             raise ConfigError(
                 "PlacementConfig.step",

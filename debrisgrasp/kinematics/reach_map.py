@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, bounded
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
 from .chain import KinematicChain
@@ -44,6 +45,7 @@ _CHUNK = 4096
 """Postures evaluated at once while building; keeps the lanes in cache."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReachMapConfig:
     """Size of a map; the defaults take half a second and eight megabytes."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
 from .ik_types import IkConfig, IkStatus
@@ -25,6 +26,7 @@ HITS_SCENE = "arm hits the scene"
 HITS_ITSELF = "arm hits itself"
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReachConfig:
     """How hard to look for a posture, and which to prefer."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -193,7 +194,12 @@ class _Reader:
         return value
 
     def text(self, field: str) -> str:
-        return str(self._get(field, str, "a name"))
+        text = str(self._get(field, str, "a name"))
+        if not text.isprintable():
+            raise ConfigError(
+                f"{field} in {self.where}", got=repr(text), expected="a name"
+            )
+        return text
 
     def flag(self, field: str) -> bool:
         return bool(self._get(field, bool, "true or false"))
@@ -244,5 +250,9 @@ class _Reader:
 
 
 def _is_number(value: object) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and math.isfinite(value)  # type: ignore[arg-type]  # a number
+    # No float is as large as an integer can be.
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and abs(value) <= sys.float_info.max
+    )

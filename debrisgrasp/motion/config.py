@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from debrisgrasp._arrays import require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.kinematics import IkConfig
 
 from .rrt import PathSearch, connect
@@ -16,6 +17,7 @@ Engine = Callable[..., PathSearch]
 """Called as ``engine(query, rng=rng)``: `connect`, or `ompl_engine.connect_by_ompl`."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionConfig:
     """What motions keep, and how hard they are sought."""

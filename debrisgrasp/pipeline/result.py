@@ -36,6 +36,9 @@ class PlanningResult:
     dictionary: tuple[GraspPrototype, ...] = ()
     """The prototypes that were sought, in the order in which `Rejections` has them."""
 
+    def __repr__(self) -> str:
+        return f"<PlanningResult on {self.capture.name}: {self.plan!r}>"
+
     @property
     def object_points(self) -> FloatArray:
         """Points of what the plan is for [m], base frame, shape (n, 3)."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
 __all__ = ["LogQuality", "Proposal", "Schedule", "Walkers", "anneal", "sweep"]
@@ -96,6 +97,7 @@ class Walkers:
         return self.moved(value > self.best_log_quality, candidates, value)
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schedule:
     """How the temperature falls."""

@@ -17,6 +17,7 @@ from debrisgrasp._arrays import (
     IntArray,
     require_range,
 )
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
 from .hands import PackedHands
@@ -35,6 +36,7 @@ _TOGETHER = 150_000
 """Points of all poses that are looked at together: their arrays stay in the cache."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ApproachConfig:
     """Which straight ways to a grasp are tried."""

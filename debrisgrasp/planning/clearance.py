@@ -20,6 +20,7 @@ from debrisgrasp._arrays import (
     bounded,
     require_range,
 )
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.geometry import Space
 
 from .hands import SPHERE_RADIUS, PackedHands
@@ -33,6 +34,7 @@ _FEW = 4
 _UNKNOWN = np.uint8(Space.UNKNOWN)
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClearanceConfig:
     """How much contact the search tolerates."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from debrisgrasp._arrays import require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
 from .annealing import Schedule
@@ -41,6 +42,7 @@ _COUNTS = (
 )
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannerConfig:
     """Everything about the search that is worth tuning."""

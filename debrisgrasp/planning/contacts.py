@@ -22,6 +22,7 @@ from debrisgrasp._arrays import (
     bounded,
     require_range,
 )
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.prototypes import PrototypeLibrary
 
 from .borders import is_behind
@@ -59,6 +60,7 @@ _TOGETHER = 200_000
 """Points of all poses looked at together: their arrays stay in the cache."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactConfig:
     """When a pad holds on a face."""

@@ -18,6 +18,7 @@ from debrisgrasp._arrays import (
     IntArray,
     require_range,
 )
+from debrisgrasp._checked import checked_fields
 
 from .hand_space import MARGIN_SHIFT, HandSpace
 from .hands import PackedHands
@@ -26,6 +27,7 @@ from .scene import GraspScene
 __all__ = ["Inspection", "InspectionConfig", "Inspector"]
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InspectionConfig:
     """When a measured point counts as hit, and how many hits a grasp survives."""

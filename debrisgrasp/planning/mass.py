@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from debrisgrasp._arrays import BoolArray, FloatArray, require_finite, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import ConfigError, InputError
 
@@ -50,6 +51,7 @@ class Build(Enum):
     """Flat and thin."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadConfig:
     """What debris may weigh, and what fingers hold."""

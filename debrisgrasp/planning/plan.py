@@ -76,6 +76,14 @@ class Grasp:
     success: SuccessForecast | None = None
     """How likely it holds; None in files of earlier versions."""
 
+    def __repr__(self) -> str:
+        x, y, z = self.T_base_hand.p.tolist()
+        arm = "" if self.arm is None else f", {self.arm} arm"
+        words = (
+            f"{self.prototype} by {self.gripper}{arm}, at ({x:.2f}, {y:.2f}, {z:.2f})"
+        )
+        return f"<Grasp {words}, score {self.score:.2f}>"
+
     @property
     def Q(self) -> float:
         """Grasp quality Q = S R C (Eq. 2)."""
@@ -139,3 +147,9 @@ class GraspPlan:
     the plan is empty, or asked for."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Time spent in each stage; not part of the saved plan."""
+
+    def __repr__(self) -> str:
+        if not self.grasps:
+            return f"<GraspPlan without a grasp: {self.why_empty}>"
+        n, best = len(self.grasps), self.grasps[0]
+        return f"<GraspPlan of {n} on object {self.object_label}, first {best!r}>"

@@ -15,6 +15,7 @@ from debrisgrasp._arrays import (
     IntArray,
     require_range,
 )
+from debrisgrasp._checked import checked_fields
 from debrisgrasp._workers import beside
 from debrisgrasp.errors import CaptureError, ShapeError
 from debrisgrasp.geometry import (
@@ -41,6 +42,7 @@ NEAREST_MASK = np.int32(UNKNOWN_FLAG - 1)
 """The rest of it: the index of a point."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneConfig:
     """How finely the scene is represented."""

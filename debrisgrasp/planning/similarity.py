@@ -28,6 +28,7 @@ from debrisgrasp._arrays import (
     IntArray,
     require_range,
 )
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.geometry import so3
 
 from .matching import Match, match_surface
@@ -48,6 +49,7 @@ _ARM = 0.05
 """Lever over which a turn is weighed against a shift [m]."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimilarityConfig:
     """What counts as a match."""

@@ -242,6 +242,13 @@ FURTHER_HANDS = "The folder of your own hands is given as --grippers, or gripper
 """How a hand that does not ship is made known."""
 
 
+def _what_is_there(folder: str | os.PathLike[str]) -> str:
+    path = Path(folder)
+    if path.is_dir():
+        return "no .yaml file"
+    return "a file, not a folder" if path.exists() else "no such folder"
+
+
 def load_grippers(
     folder: str | os.PathLike[str] | None = None,
 ) -> dict[str, GripperModel]:
@@ -259,7 +266,7 @@ def load_grippers(
     if not files:
         raise ConfigError(
             f"grippers in {folder}",
-            got="no .yaml file" if Path(folder).is_dir() else "no such folder",
+            got=_what_is_there(folder),
             expected="one file per hand",
         )
     for path in files:

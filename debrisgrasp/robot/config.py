@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from debrisgrasp._arrays import require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, Intrinsics
 from debrisgrasp.worlds import RestConfig, StereoNoise
@@ -16,6 +17,7 @@ _D435 = Intrinsics(fx=168.6, fy=168.6, cx=159.5, cy=89.5, width=320, height=180)
 """The depth imager of a D435 (87 by 56 degrees) at a quarter of its resolution."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FakeConfig:
     """Settings of a `FakeRobot`; the defaults are those of a robot in good order."""

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds, PointCloud
 
@@ -38,6 +39,7 @@ _MIN_STANDING = 6
 fewer are noise."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundConfig:
     """The evidence that removal of the ground needs."""
@@ -64,7 +66,8 @@ class GroundConfig:
     centimetres, so that boards stay whole."""
 
     def __post_init__(self) -> None:
-        for name in ("max_tilt", "max_height", "clearance"):
+        require_range("max_tilt [rad]", self.max_tilt, 1e-6, np.pi)
+        for name in ("max_height", "clearance"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ConfigError(name, got=getattr(self, name), expected="above 0")
         for name in ("min_inlier_share", "max_removed_share"):

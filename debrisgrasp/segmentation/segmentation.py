@@ -167,6 +167,12 @@ class Segmentation:
     mark covers, as they would be without it, largest first, shape (k,); fewer than two
     if it may well be one object, None if nothing was marked."""
 
+    def __repr__(self) -> str:
+        n, of = len(self.segments), self.labels.size
+        return (
+            f"<Segmentation of {of} points: {n} objects, ground {self.ground.status}>"
+        )
+
     def segment(self, label: int) -> Segment:
         """Look up a segment by its label.
 

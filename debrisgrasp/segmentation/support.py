@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import PointCloud
@@ -41,6 +42,7 @@ _LEANING = 0.5
 """Sine of the elevation of the face of contact below which an object leans."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SupportConfig:
     """How contacts are found, and what objects may weigh."""

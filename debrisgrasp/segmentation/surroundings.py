@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
 
@@ -35,6 +36,7 @@ _FLAT = float(np.cos(np.deg2rad(15)))
 """Cosine of the largest tilt of the floor of a container."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurroundingsConfig:
     """What is taken for a wall or a container around the scene."""

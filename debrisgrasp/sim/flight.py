@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from debrisgrasp._arrays import require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.control import Compliance
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, Solid
@@ -72,6 +73,7 @@ class FlownGrasp(Protocol):
         ...
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightConfig:
     """How a grasp is flown, and what counts as held."""
@@ -116,6 +118,8 @@ class FlightConfig:
         require_range("pull_speed", self.pull_speed, 0.01, 2.0)
         require_range("length of pull", float(np.linalg.norm(self.pull)), 0.05, 5.0)
         require_range("resistance", self.resistance, 0.1, 1e4)
+        require_range("least_rise", self.least_rise, 0.0, 5.0)
+        require_range("deepest", self.deepest, 0.0, 1.0)
         for phase in ("closing", "squeeze", "settle", "lift", "hold"):
             name = f"{phase}_time"
             require_range(name, getattr(self, name), 0.05, 60.0)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError
 from debrisgrasp.worlds import Body, World, corners_around
 
@@ -22,6 +23,7 @@ _PARKED = 30.0
 """Height at which bodies wait that are not let down yet [m]."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettleConfig:
     """How bodies are let down, and when they are at rest."""

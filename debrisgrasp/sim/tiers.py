@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray, Rng, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Capsule, Cylinder, Intrinsics, so3
 from debrisgrasp.worlds import (
@@ -40,6 +41,7 @@ _FEWEST_PIXELS = 150
 _BARS = ("lumber_2x4", "lumber_2x4", "lumber_4x4", "pipe", "board")
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneConfig:
     """What a planner is up against."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.geometry import SE3, so3
 
 __all__ = ["Wrist", "WristConfig"]
@@ -17,6 +18,7 @@ _MASS, _INERTIA = 8.0, 0.07
 """Of hand and reflected arm, for the damping [kg], [kg m^2]."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WristConfig:
     """Spring, damper and limits between the commanded pose and the hand."""

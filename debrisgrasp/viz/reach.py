@@ -279,7 +279,7 @@ def _row(
 def _draw_table(axes: Axes, rows: Sequence[Sequence[str]]) -> None:
     axes.set_facecolor("white")
     # Words in the first columns are wider than the figures that follow.
-    starts = np.array([14, 102, 174, 226, 268, 344])[: len(rows[0])]
+    starts = np.array([14, 98, 174, 224, 276, 352])[: len(rows[0])]
     for line, row in enumerate(rows[:_MOST_ROWS]):
         for x, cell in zip(starts, row, strict=True):
             axes.text(

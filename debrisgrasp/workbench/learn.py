@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import squareform
 
 from debrisgrasp._arrays import FloatArray, IntArray, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import (
@@ -36,6 +37,7 @@ _COMPARED = 150
 """Points of a surface that are sought in another one, which keeps all of its own."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnConfig:
     """When surfaces count as alike, and which kinds are kept."""

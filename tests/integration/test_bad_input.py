@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 from PIL import Image
 
 import debrisgrasp
+from debrisgrasp import viz
 from debrisgrasp._files import data_path
+from debrisgrasp.errors import OutputError
 from tests.scenes import CAMERA, LOOKING_DOWN_AND_AHEAD
 
 H, W = CAMERA.height, CAMERA.width
@@ -201,6 +204,31 @@ def test_a_place_that_is_not_there_is_refused_before_the_work(
     message = refused("plan", pipe_file, option, path)
     assert f"can't write {path}" in message
     assert "Nothing was changed" in message
+
+
+def test_links_in_a_circle_and_pipes_are_refused(refused, tmp_path):
+    loop, pipe = tmp_path / "loop.npz", tmp_path / "pipe.npz"
+    loop.symlink_to(loop)
+    os.mkfifo(pipe)
+    assert "no such file" in refused("segment", loop)
+    assert "a pipe" in refused("segment", pipe)
+
+
+def test_what_was_found_is_told_before_a_picture_that_cannot_be_written(
+    run, monkeypatch, pipe_file, tmp_path
+):
+    labels, picture = tmp_path / "labels.npz", tmp_path / "picture.png"
+
+    def full(*_, order):
+        assert order == ()
+        raise OutputError(picture, "No space left on device", mend="Make room.")
+
+    monkeypatch.setattr(viz, "segmentation_png", full)
+    ended = run("segment", pipe_file, "--out", labels, "--report", picture)
+    assert ended.status == 2
+    assert "extents [cm]" in ended.out
+    assert labels.is_file()
+    assert "Make room" in ended.err
 
 
 def test_what_cannot_be_written_is_said_and_nothing_is_lost(

@@ -137,6 +137,8 @@ def test_a_lift_that_no_arm_can_do_passes_every_grasp_over(result):
 
 
 def test_bad_input_is_refused(result):
+    with pytest.raises(ConfigError, match="seed"):
+        debrisgrasp.plan_motion(result, seed=-1)
     with pytest.raises(ConfigError, match="deadline"):
         debrisgrasp.plan_motion(result, deadline=0.0)
     floating = debrisgrasp.plan(result.capture, robot="none", gripper="robotiq_3f")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from importlib import import_module
+from pkgutil import walk_packages
 from typing import Protocol
 
 import numpy as np
@@ -41,6 +43,43 @@ def serve(
 ) -> int:
     """Serve."""
     return (count, share, path, tell, who, points)[0]
+
+
+def has_default(setting) -> bool:
+    return {setting.default, setting.default_factory} != {MISSING}
+
+
+def settings_of(config) -> Iterator[tuple[str, object]]:
+    """Names and values of the numbers in a configuration."""
+    for setting in fields(config):
+        value = getattr(config, setting.name)
+        is_number = isinstance(value, float | int) and not isinstance(value, bool)
+        if setting.init and is_number:
+            yield setting.name, value
+
+
+CONFIGS = [
+    config
+    for module in walk_packages(debrisgrasp.__path__, "debrisgrasp.")
+    if not module.name.endswith("__main__")
+    for name, config in vars(import_module(module.name)).items()
+    if isinstance(config, type)
+    and config.__module__ == module.name
+    and name.endswith(("Config", "Schedule"))
+    and is_dataclass(config)
+    and all(has_default(setting) for setting in fields(config))
+]
+
+
+@pytest.mark.parametrize("config", CONFIGS, ids=lambda config: config.__name__)
+def test_every_setting_refuses_what_is_no_such_number(config):
+    for name, value in settings_of(config()):
+        wrong = ["text", np.nan]
+        if isinstance(value, int):
+            wrong += [np.inf, 2.5]
+        for other in wrong:
+            with pytest.raises(InputError, match=name):
+                config(**{name: other})
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
 from debrisgrasp.segmentation.marked import covered_shares
@@ -41,6 +42,7 @@ _SPECK = 10
 """Cells of the smallest object."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SingulationConfig:
     """How planar patches are found, and what joins them to objects."""

@@ -235,3 +235,7 @@ def test_settings_out_of_range():
         CalibrationConfig(min_places=3)
     with pytest.raises(ConfigError):
         CalibrationConfig(max_rms=-1.0)
+    for name in ("distinct", "max_shift", "max_turn", "min_places_known"):
+        for value in (-1, np.nan, "much"):
+            with pytest.raises(ConfigError, match=name):
+                CalibrationConfig(**{name: value})

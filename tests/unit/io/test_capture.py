@@ -67,6 +67,12 @@ def test_bad_depth_is_refused(depth, camera):
         Capture(depth=depth)
 
 
+@pytest.mark.parametrize("pose", [np.eye(4), None, "tilted", [0, 0, 1]])
+def test_only_a_transform_is_a_pose(depth, camera, pose):
+    with pytest.raises(InputError, match="SE3"):
+        Capture(depth=depth, intrinsics=camera).posed(pose)
+
+
 def test_bad_points_are_refused(points):
     view = np.array([0.0, 0.0, 2.0])
     two = np.full((10, 3), np.nan)

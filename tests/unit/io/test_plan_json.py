@@ -157,6 +157,13 @@ def test_equal_plans_are_equal_bytes_whatever_the_times_and_last_digits(plan):
         (("grasps",), 3, "grasps.json"),
         (("region",), {"lower": [0, 0, 0], "upper": [0, 0, 0]}, "region"),
         (("seed",), None, "grasps.json"),
+        (("grasps", 0, "width"), -0.05, "width of a grasp"),
+        (("grasps", 0, "opening"), 120.0, "opening of a grasp"),
+        (("grasps", 0, "opening"), 10**400, "grasps.json"),
+        (("grasps", 0, "arm"), -1, "arm is -1"),
+        (("grasps", 0, "joints"), {"elbow": 1e30}, "joint elbow"),
+        (("grasps", 0, "pose", 0, 3), 1282.6, "place of a pose.* metres"),
+        (("grasps", 0, "approach", "pregrasp", 2, 3), 900.0, "pregrasp.* metres"),
     ],
 )
 def test_wrong_values_are_refused(plan, tmp_path, place, value, message):
