@@ -24,6 +24,7 @@ from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, measured, point_colors
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.io.observations_file import ObservationFile, load_observations
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.pipeline import (
     GraspMotions,
@@ -89,7 +90,7 @@ def select(
 def plan(
     capture: Capture,
     *,
-    robot: str = "roman",
+    robot: str | os.PathLike[str] | RobotModel = "roman",
     arm: str | None = None,
     gripper: str | None = None,
     prototypes: str | os.PathLike[str] | None = None,

@@ -27,11 +27,11 @@ LEAST_MASS, MOST_MASS = 1e-3, 1e4
 """Less or more [kg] can only be another unit."""
 
 
-def robot_of(robot: str | RobotModel) -> RobotModel | None:
+def robot_of(robot: str | os.PathLike[str] | RobotModel) -> RobotModel | None:
     """Load a robot unless it is one; None for a floating hand."""
     if isinstance(robot, RobotModel):
         return robot
-    return None if robot == "none" else RobotModel.load(robot)
+    return None if robot == "none" else RobotModel.load(os.fspath(robot))
 
 
 def with_hands(robot: RobotModel, grippers: Mapping[str, GripperModel]) -> RobotModel:

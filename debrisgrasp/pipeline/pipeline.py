@@ -85,7 +85,7 @@ class Pipeline:
     def __init__(
         self,
         *,
-        robot: str | RobotModel = "roman",
+        robot: str | os.PathLike[str] | RobotModel = "roman",
         arm: str | None = None,
         gripper: str | None = None,
         prototypes: str | os.PathLike[str] | None = None,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from debrisgrasp.io import data_path
 from debrisgrasp.kinematics import ArmReach, RobotModel
 from debrisgrasp.pipeline import Pipeline
 
@@ -25,3 +26,10 @@ def test_a_hand_that_the_urdf_lacks_may_not_touch_the_own_arm():
     missed = known.collision.hits_itself(q) & ~without.collision.hits_itself(q)
     assert missed.sum() > 20
     assert arm.collision.hits_itself(q)[missed].mean() > 0.8
+
+
+def test_a_robot_is_named_given_as_a_path_or_given_as_it_is():
+    path = data_path("robots", "roman.yaml")
+    for robot in ("roman", str(path), path, RobotModel.load(path)):
+        (arm,) = Pipeline(robot=robot, arm="right").arms
+        assert arm.name == "right"
