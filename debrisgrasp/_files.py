@@ -297,11 +297,10 @@ def read_text(path: PathLike) -> str:
         reason = error.strerror or str(error)
         raise ConfigError(str(path), got=reason, expected="a readable file") from error
     except UnicodeDecodeError as error:
-        raise ConfigError(
-            str(path),
-            got=f"a byte that is no UTF-8 at offset {error.start}",
-            expected="a text file",
-        ) from error
+        got = f"a byte that is no UTF-8 at offset {error.start}"
+        if zipfile.is_zipfile(path):
+            got = "arrays (.npz), such as a capture"
+        raise ConfigError(str(path), got=got, expected="a text file") from error
 
 
 class _Once(yaml.constructor.SafeConstructor):

@@ -12,7 +12,6 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-from zipfile import is_zipfile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -209,8 +208,7 @@ def load_calibration(path: str | os.PathLike[str]) -> StoredCalibration:
     try:
         content = read_schema(path, SCHEMA)
     except ConfigError as error:
-        got = "arrays (.npz), such as a capture" if is_zipfile(path) else error.got
-        raise ConfigError(error.what, got=got, expected=_EXPECTED) from error
+        raise ConfigError(error.what, got=error.got, expected=_EXPECTED) from error
     with naming_fields(path, SCHEMA):
         return _stored(content, path)
 

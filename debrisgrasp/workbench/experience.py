@@ -127,6 +127,10 @@ def load_records(folder: str | os.PathLike[str]) -> tuple[GraspRecord, ...]:
 
 def _records(folder: Path) -> Iterator[GraspRecord]:
     path = folder / _LINES
+    if folder.is_file():
+        raise ConfigError(
+            str(folder), got="a file", expected=f"a folder of records with {_LINES}"
+        )
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         where = f"{path}, line {number}"
         try:

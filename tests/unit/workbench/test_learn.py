@@ -188,3 +188,10 @@ def test_the_command_writes_a_dictionary_that_loads(records, tmp_path, capsys):
     assert run(words) == 2
     assert "not empty" in capsys.readouterr().err
     assert run([*words[:-1], str(tmp_path / "b"), "--radius", "9"]) == 2
+
+
+def test_a_file_is_no_folder_of_records(tmp_path):
+    path = tmp_path / "pile.npz"
+    np.savez(path, depth=np.ones((4, 4)))
+    with pytest.raises(ConfigError, match="a folder of records"):
+        load_records(path)
