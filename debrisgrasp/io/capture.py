@@ -90,6 +90,18 @@ class Capture:
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
+    def __repr__(self) -> str:
+        words = []
+        if self.depth is not None:
+            height, width = self.depth.shape
+            words.append(f"depth of {width} x {height} pixels")
+        if self.points is not None:
+            words.append(f"{len(self.points)} points")
+        for name in ("T_base_camera", "T_level_camera", "rgb", "mask", "labels"):
+            if getattr(self, name) is not None:
+                words.append(name)
+        return f"<Capture {self.name}: {', '.join(words)}>"
+
     @classmethod
     @checked
     def load(

@@ -131,6 +131,13 @@ class Pipeline:
         pipeline.policy = settings.selection(pipeline._openings())
         return pipeline
 
+    def __repr__(self) -> str:
+        robot = "a floating hand" if self.robot is None else self.robot.name
+        arms = ", ".join(arm.name for arm in self.arms)
+        hands = ", ".join(hand.name for hand in self._used_hands())
+        words = f"{robot}, arms {arms}" if arms else robot
+        return f"<Pipeline for {words}; hands {hands}; {len(self.library)} prototypes>"
+
     def _openings(self) -> tuple[float, ...]:
         """Widest opening of each hand in use [m]."""
         return tuple(hand.opening_range[1] for hand in self._used_hands())

@@ -60,6 +60,19 @@ def roman_result(dictionary):
     return roman.plan(capture_of([FAR_PIPE, NEAR_PIPE]))
 
 
+def test_what_a_plan_is_made_of_shows_itself_in_a_line(floating, pipe_result):
+    grasp = pipe_result.plan.grasps[0]
+    assert repr(floating).startswith("<Pipeline for a floating hand; hands ")
+    assert f"{grasp.prototype} by {grasp.gripper}" in repr(grasp)
+    assert repr(grasp) in repr(pipe_result.plan)
+    assert repr(pipe_result.plan) in repr(pipe_result)
+    assert len(repr(pipe_result)) < 300
+    n_objects = len(pipe_result.segmentation.segments)
+    assert f"{n_objects} objects" in repr(pipe_result.segmentation)
+    empty = replace(pipe_result.plan, grasps=(), why_empty="too far")
+    assert repr(empty) == "<GraspPlan without a grasp: too far>"
+
+
 def test_equal_input_and_seed_give_an_equal_plan(floating, pipe_capture, pipe_result):
     floating.plan(pipe_capture, seed=1)
     again = floating.plan(pipe_capture)

@@ -67,6 +67,16 @@ def test_bad_depth_is_refused(depth, camera):
         Capture(depth=depth)
 
 
+def test_a_capture_shows_itself_in_a_line(depth, camera, points, T_base_camera):
+    image = Capture(depth=depth, intrinsics=camera, T_base_camera=T_base_camera)
+    height, width = depth.shape
+    assert repr(image) == (
+        f"<Capture capture: depth of {width} x {height} pixels, T_base_camera>"
+    )
+    cloud = Capture(points=points, viewpoint=np.zeros(3), name="lidar")
+    assert repr(cloud) == f"<Capture lidar: {len(points)} points>"
+
+
 @pytest.mark.parametrize("pose", [np.eye(4), None, "tilted", [0, 0, 1]])
 def test_only_a_transform_is_a_pose(depth, camera, pose):
     with pytest.raises(InputError, match="SE3"):
