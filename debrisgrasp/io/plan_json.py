@@ -194,9 +194,9 @@ def _advice_to_dict(advice: Advice) -> dict[str, Any]:
 
 
 def _pose(matrix: Any, name: str) -> SE3:
-    T_base_hand = SE3.from_matrix(matrix, name)
-    require_metres(f"place of a {name}", T_base_hand.p)
-    return T_base_hand
+    pose = SE3.from_matrix(matrix, name)
+    require_metres(f"place of a {name}", pose.p)
+    return pose
 
 
 def _gap(content: dict[str, Any], name: str) -> float:

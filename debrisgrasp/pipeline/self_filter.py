@@ -90,11 +90,8 @@ def body_at(
 def are_near(points: FloatArray, body: Iterable[tuple[Solid, float]]) -> BoolArray:
     """Which points (n, 3) are as near to a solid as is given with it [m], (n,)."""
     found = np.zeros(len(points), dtype=bool)
-    x, y, z = np.ascontiguousarray(points.T)
     for solid, within in body:
-        low, high = solid.bounds.lower - within, solid.bounds.upper + within
-        is_inside = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
-        rows = np.flatnonzero(is_inside & (z > low[2]) & (z < high[2]))
+        rows = np.flatnonzero(solid.bounds.grown(within).contains(points))
         found[rows] |= solid.signed_distance(points[rows]) < within
     return found
 

@@ -51,7 +51,6 @@ class FakeArm:
         self._is_engaged = self._is_stopped = self._is_following = False
         self._commanded: tuple[int, tuple[float, ...], tuple[float, ...]] | None = None
         self._q: tuple[int, tuple[float, ...]] = (-1, ())
-        self._pose: tuple[tuple[float, ...], tuple[Rotation, Vector]] | None = None
         self._ranges = tuple(zip(self._lower, self._upper, strict=True))
         self._rates = tuple(
             (_SLACK * most + _ROUNDING, _SLACK * gain)
@@ -99,10 +98,7 @@ class FakeArm:
 
     def pose(self) -> tuple[Rotation, Vector]:
         """Rotation and position of the hand in base, as plain numbers."""
-        q = self.q
-        if self._pose is None or self._pose[0] != q:
-            self._pose = q, self._kinematics.pose(q)
-        return self._pose[1]
+        return self._kinematics.pose(self.q)
 
     def engage(self) -> None:
         """Begin to follow commands after a moment; not while a stop is latched."""
