@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from typing import Any
@@ -12,7 +13,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, UnknownNameError
 
-__all__ = ["MAX_LENGTH", "Fields"]
+__all__ = ["MAX_LENGTH", "Fields", "is_number"]
 
 MAX_LENGTH = 1.0
 """Longest length in a file of hands and prototypes [m]; above it, it is millimetres."""
@@ -183,19 +184,25 @@ class Fields:
         return f"{self.section}.{name}" if self.section else name
 
 
-def _number(value: Any, where: str, wanted: str) -> float:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+def is_number(value: object) -> bool:
+    """Whether a value is a number that a float can be, and finite."""
     # No float is as large as an integer can be.
-    is_number = is_number and abs(value) <= np.finfo(np.float64).max
-    number = float(value) if is_number else np.nan
-    if not np.isfinite(number):
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and abs(value) <= sys.float_info.max
+    )
+
+
+def _number(value: Any, where: str, wanted: str) -> float:
+    if not is_number(value):
         raise ConfigError(
             where,
             got=_shown(value),
             expected=f"a finite number ({wanted})",
             mend=_AS_TEXT if _is_number_as_text(value) else "",
         )
-    return number
+    return float(value)
 
 
 def _is_number_as_text(value: object) -> bool:

@@ -63,9 +63,8 @@ def capture(context: Context) -> StepResult:
         head = look_towards(context, context.T_base_way.apply(gaze))
     name = f"capture_{look:03d}"
     taken = image(context, name, head)
-    if head is not None and isinstance(taken, FaultFound):
-        if taken.fault not in _NOTHING_SEEN:
-            return taken
+    fault = taken.fault if isinstance(taken, FaultFound) else ""
+    if head is not None and fault in _NOTHING_SEEN:
         # The robot itself may stand too near before the camera: a look in vain.
         taken = image(context, name)
     if isinstance(taken, FaultFound):

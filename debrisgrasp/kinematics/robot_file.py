@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import require_metres
+from debrisgrasp._fields import is_number
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
@@ -218,7 +218,7 @@ class _Reader:
     def numbers(self, field: str) -> dict[str, float]:
         values = self.mapping(field)
         for joint, value in values.items():
-            if not _is_number(value):
+            if not is_number(value):
                 raise ConfigError(
                     f"{field}.{joint} in {self.where}",
                     got=repr(value),
@@ -228,7 +228,7 @@ class _Reader:
 
     def triple(self, field: str) -> tuple[float, ...]:
         values = self._get(field, list, "three numbers [m or rad]")
-        if len(values) != 3 or not all(map(_is_number, values)):
+        if len(values) != 3 or not all(map(is_number, values)):
             raise ConfigError(
                 f"{field} in {self.where}",
                 got=values,
@@ -247,12 +247,3 @@ class _Reader:
                     f"{field} in {self.where}", got=pair, expected="[link, link]"
                 )
         return frozenset(frozenset(map(str, pair)) for pair in pairs)
-
-
-def _is_number(value: object) -> bool:
-    # No float is as large as an integer can be.
-    return (
-        isinstance(value, int | float)
-        and not isinstance(value, bool)
-        and abs(value) <= sys.float_info.max
-    )
