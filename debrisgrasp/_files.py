@@ -27,6 +27,7 @@ __all__ = [
     "data_path",
     "is_pointer",
     "json_found",
+    "last_changed",
     "naming_fields",
     "read_json",
     "read_schema",
@@ -135,6 +136,16 @@ def data_path(*parts: str) -> Path:
     installed = package / "data"
     root = installed if installed.is_dir() else package.parent / "data"
     return root.joinpath(*parts)
+
+
+def last_changed(path: Path) -> tuple[tuple[str, int, int], ...]:
+    """Name, time of the last change and size of a file, or of all in a folder.
+
+    What was read of it is as it was, as long as these are.
+    """
+    found = sorted(path.iterdir()) if path.is_dir() else [path]
+    stats = ((file, file.stat()) for file in found)
+    return tuple((str(file), stat.st_mtime_ns, stat.st_size) for file, stat in stats)
 
 
 def read_yaml(path: PathLike) -> Any:

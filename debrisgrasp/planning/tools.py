@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray
-from debrisgrasp.prototypes import PrototypeLibrary
+from debrisgrasp.prototypes import GraspPrototype, GripperModel, PrototypeLibrary
 
 from .clearance import ClearanceConfig
 from .config import PlannerConfig
@@ -40,22 +41,36 @@ class Tools:
 
     @classmethod
     def of(cls, library: PrototypeLibrary, config: PlannerConfig) -> Tools:
-        """Collect them."""
-        packed = library.packed()
-        return cls(
-            hands=PackedHands.pack(
-                library,
-                approach=config.clearance.approach,
-                tolerance=config.inspection.tolerance,
-            ),
-            coarse=VisibleSurfaces.pack(packed, config.search_points),
-            fine=VisibleSurfaces.pack(packed, config.final_points),
-            zones=PadZones.of(library, config.contact),
-            levers=GripLevers.on(library, config.load),
-            success=SuccessModel.load(),
-            gripper_of=np.array([p.gripper for p in library]),
-            config=config,
-        )
+        """Collect them; those of the same prototypes and hands are not made again."""
+        used = dict.fromkeys(prototype.gripper for prototype in library)
+        hands = tuple((name, library.grippers[name]) for name in used)
+        made = _made(library.prototypes, hands, config)
+        return replace(made, success=SuccessModel.load())
+
+
+@lru_cache(maxsize=2)
+def _made(
+    prototypes: tuple[GraspPrototype, ...],
+    hands: tuple[tuple[str, GripperModel], ...],
+    config: PlannerConfig,
+) -> Tools:
+    """Tools of a dictionary, which take seconds to make."""
+    library = PrototypeLibrary(prototypes, dict(hands))
+    packed = library.packed()
+    return Tools(
+        hands=PackedHands.pack(
+            library,
+            approach=config.clearance.approach,
+            tolerance=config.inspection.tolerance,
+        ),
+        coarse=VisibleSurfaces.pack(packed, config.search_points),
+        fine=VisibleSurfaces.pack(packed, config.final_points),
+        zones=PadZones.of(library, config.contact),
+        levers=GripLevers.on(library, config.load),
+        success=SuccessModel.load(),
+        gripper_of=np.array([prototype.gripper for prototype in prototypes]),
+        config=config,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

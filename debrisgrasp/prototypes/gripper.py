@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import data_path
+from debrisgrasp._files import data_path, last_changed
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.solids import Box, Solid, SphereSet
@@ -60,12 +60,13 @@ class GripperModel:
             If the file is malformed; it names file, field and range.
         """
         path = Path(name_or_path)
-        if path.suffix.lower() not in (".yaml", ".yml"):
-            known = known_grippers()
-            if str(name_or_path) not in known:
-                raise UnknownNameError("gripper", str(name_or_path), known)
-            path = data_path("grippers", f"{name_or_path}.yaml")
-        return cls(**read_hand(path))
+        if path.suffix.lower() in (".yaml", ".yml"):
+            return cls(**read_hand(path))
+        known = known_grippers()
+        if str(name_or_path) not in known:
+            raise UnknownNameError("gripper", str(name_or_path), known)
+        path = data_path("grippers", f"{name_or_path}.yaml")
+        return _shipped(path, last_changed(path))
 
     def preshape(self, name: str) -> Preshape:
         """Preshape of that name; an unknown one raises `UnknownNameError`."""
@@ -225,6 +226,12 @@ class GripperModel:
     def _values(self, preshape: str, opening: float) -> dict[str, float]:
         command = self.opening_to_command(preshape, opening)
         return self.preshape(preshape).values(command)
+
+
+@lru_cache(maxsize=8)
+def _shipped(path: Path, _changed: object) -> GripperModel:
+    """Hand of a shipped file: one object for all who ask, for much is derived of it."""
+    return GripperModel(**read_hand(path))
 
 
 @lru_cache(maxsize=256)

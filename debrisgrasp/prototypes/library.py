@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from debrisgrasp._files import data_path
+from debrisgrasp._files import data_path, last_changed
 from debrisgrasp.errors import ChoiceError, ConfigError, OutputError, UnknownNameError
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 
@@ -63,19 +64,12 @@ class PrototypeLibrary:
         """
         if grippers is None:
             grippers = load_grippers()
-        definitions: dict[str, PrototypeDefinition] = {}
-        sources: dict[str, Path] = {}
-        for file in _files(data_path("prototypes") if path is None else Path(path)):
-            definition = read_prototype(file, grippers)
-            if definition.name in definitions:
-                raise ConfigError(
-                    f"{file}, field name",
-                    got=repr(definition.name),
-                    expected=f"a new name: {sources[definition.name]} has it",
-                )
-            definitions[definition.name] = definition
-            sources[definition.name] = file
-        return cls.build(definitions.values(), grippers, density=density)
+        if path is not None:
+            return _read(Path(path), grippers, density)
+        shipped = data_path("prototypes")
+        hands = tuple(sorted(grippers.items()))
+        found = _shipped(shipped, last_changed(shipped), hands, density)
+        return cls(found.prototypes, grippers)
 
     @classmethod
     def build(
@@ -181,6 +175,36 @@ class PrototypeLibrary:
 
 
 _CHOOSE_MORE = "The choice of hand, names and kind leaves nothing."
+
+
+@lru_cache(maxsize=4)
+def _shipped(
+    path: Path,
+    _changed: object,
+    grippers: tuple[tuple[str, GripperModel], ...],
+    density: float,
+) -> PrototypeLibrary:
+    """Prototypes that ship: the same ones for all who ask, for they are sampled."""
+    return _read(path, dict(grippers), density)
+
+
+def _read(
+    path: Path, grippers: Mapping[str, GripperModel], density: float
+) -> PrototypeLibrary:
+    """Prototypes of a folder, or of one file."""
+    definitions: dict[str, PrototypeDefinition] = {}
+    sources: dict[str, Path] = {}
+    for file in _files(path):
+        definition = read_prototype(file, grippers)
+        if definition.name in definitions:
+            raise ConfigError(
+                f"{file}, field name",
+                got=repr(definition.name),
+                expected=f"a new name: {sources[definition.name]} has it",
+            )
+        definitions[definition.name] = definition
+        sources[definition.name] = file
+    return PrototypeLibrary.build(definitions.values(), grippers, density=density)
 
 
 def _files(path: Path) -> list[Path]:

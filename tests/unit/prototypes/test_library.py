@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from debrisgrasp._files import data_path
 from debrisgrasp.errors import (
     ConfigError,
     DebrisGraspError,
     OutputError,
     UnknownNameError,
 )
-from debrisgrasp.prototypes import PrototypeLibrary, nearest_view
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, nearest_view
+from debrisgrasp.prototypes import gripper as gripper_module
+from debrisgrasp.prototypes import library as library_module
 
 SOUND = """\
 name: pipe
@@ -190,6 +194,35 @@ def test_of_a_misspelt_field_the_right_one_and_its_file_are_named(
         load_text(tmp_path, re.sub(rf"\b{field}:", f"{misspelt}:", sound))
     assert repr(misspelt) in str(caught.value)
     assert str(tmp_path / "pipe.yaml") in str(caught.value)
+
+
+def test_what_ships_is_read_again_only_where_it_has_changed(
+    library: PrototypeLibrary, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert PrototypeLibrary.load().prototypes is library.prototypes
+    assert GripperModel.load("camhand") is library.grippers["camhand"]
+    coarser = PrototypeLibrary.load(density=2000.0)
+    assert len(coarser.prototypes[0].points) < 0.5 * len(library.prototypes[0].points)
+    copy = shutil.copytree(data_path(), tmp_path / "data")
+    monkeypatch.setattr(library_module, "data_path", copy.joinpath)
+    monkeypatch.setattr(gripper_module, "data_path", copy.joinpath)
+    before = PrototypeLibrary.load()
+    file = copy / "prototypes" / "bar_4x4.yaml"
+    file.write_text(file.read_text().replace("name: bar_4x4", "name: bar_four"))
+    after = PrototypeLibrary.load()
+    assert "bar_four" in after.names
+    assert "bar_four" not in before.names
+    file = copy / "grippers" / "camhand.yaml"
+    file.write_text(file.read_text().replace("name: camhand", "name: claw_hand"))
+    assert GripperModel.load("camhand").name == "claw_hand"
+
+
+def test_one_dictionary_may_be_added_to_without_the_next(
+    library: PrototypeLibrary,
+) -> None:
+    mine = dict(library.grippers, other=library.grippers["camhand"])
+    assert "other" in PrototypeLibrary.load(grippers=mine).grippers
+    assert "other" not in PrototypeLibrary.load().grippers
 
 
 def test_a_name_given_twice_names_both_files(tmp_path: Path) -> None:
