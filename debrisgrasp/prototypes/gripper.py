@@ -198,13 +198,14 @@ class GripperModel:
         for faces, side in zip(inner, (-1, 1), strict=True):
             for solid in self.finger_solids(preshape, opening, side):
                 low, high = solid.bounds.lower, solid.bounds.upper
+                is_level = (heights > low[2] - _STEP) & (heights < high[2] + _STEP)
                 x = np.arange(low[0], high[0] + _STEP, _STEP)
                 y = low[1] + (high - low)[1] * _ACROSS
-                places = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1)
-                depth = solid.signed_distance(places.reshape(-1, 3))
-                is_in = depth.reshape(places.shape[:3]).min(axis=1) < 0.5 * _STEP
+                grid = np.meshgrid(x, y, heights[is_level], indexing="ij")
+                depth = solid.signed_distance(np.stack(grid, axis=-1))
+                is_in = depth.min(axis=1) < 0.5 * _STEP
                 ends = np.where(is_in, side * x[:, None], np.inf).min(axis=0)
-                np.minimum(faces, ends, out=faces)
+                faces[is_level] = np.minimum(faces[is_level], ends)
         return inner
 
     def closing_region(self, preshape: str, opening: float) -> Box:
