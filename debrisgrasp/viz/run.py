@@ -54,9 +54,16 @@ ul{margin:6px 0;padding-left:20px}table{border-collapse:collapse;width:100%}
 td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid #edf0f3;
 vertical-align:top}th{color:#5d6878;font-weight:600}
 svg{display:block;width:100%;height:auto}svg text{font:11px system-ui;fill:#5d6878}
+svg text.label{paint-order:stroke;stroke:#fff;stroke-width:3px}
 .key span{display:inline-block;margin-right:16px}.key i{display:inline-block;width:11px;
 height:11px;border-radius:2px;margin-right:5px;box-sizing:border-box}
+.ticks{position:relative;height:17px;font-size:11px;color:#5d6878}
+.ticks span{position:absolute;transform:translateX(-50%);white-space:nowrap}
+.most{margin:6px 0 0;font-size:13px}.most span{margin-right:16px;display:inline-block}
+.key:last-child{margin-bottom:2px}
 @media(max-width:900px){.try{grid-template-columns:1fr}.try img{width:100%}}
+@media(max-width:600px){.ticks span:nth-child(odd){display:none}
+svg text.label{font-size:17px}}
 """
 
 
@@ -202,27 +209,27 @@ def _timeline(
             f"{escape(str(fault['fault']))}</title></path>"
         )
     shown = {group.get(state, "other") for state, _, _ in lasting}
-    ticks = _ticks(total, scale, y=68)
-    picture = f'<svg viewBox="0 0 1000 74">{"".join(bars)}{ticks}</svg>'
-    return picture + _key(shown, has_faults=bool(faults))
+    picture = f'<svg viewBox="0 0 1000 54">{"".join(bars)}</svg>'
+    return picture + _ticks(total) + _key(shown, has_faults=bool(faults))
 
 
-def _ticks(total: float, scale: float, *, y: int) -> str:
+def _ticks(total: float) -> str:
     """Write times below an axis: 1, 2 or 5 times a power of ten, about ten of them.
+
+    They are no part of the picture, so that they can be read where that is small.
 
     Parameters
     ----------
     total
         Length of the axis [s].
-    scale
-        Widths of the picture for each second.
     """
     size = 10.0 ** np.floor(np.log10(total / 10.0))
     step = next(k * size for k in (1, 2, 5, 10) if k * size >= total / 10.0)
-    return "".join(
-        f'<text x="{scale * t:.1f}" y="{y}" text-anchor="middle">{t:g} s</text>'
+    times = "".join(
+        f'<span style="left:{100.0 * t / total:.2f}%">{t:g} s</span>'
         for t in np.arange(step, 0.96 * total, step)
     )
+    return f'<div class="ticks">{times}</div>'
 
 
 def _key(shown: Set[str], *, has_faults: bool) -> str:
@@ -304,9 +311,8 @@ def _forces(rows: Sequence[Sequence[float]]) -> str:
     values = np.array(rows)
     t, force, torque = values.T
     span = max(float(t[-1] - t[0]), 1e-9)
-    scale = 560.0 / span
-    x = scale * (t - t[0])
-    curves: list[str] = []
+    x = 560.0 / span * (t - t[0])
+    curves, words = "", ""
     for series, color, unit, top in (
         (force, "#c2702a", "N", 150.0),
         (torque, "#3b6ea5", "N m", 40.0),
@@ -314,15 +320,17 @@ def _forces(rows: Sequence[Sequence[float]]) -> str:
         most = max(top, float(series.max()))
         y = 110.0 - 100.0 * series / most
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-        curves.append(
+        curves += (
             f'<polyline points="{points}" fill="none" stroke="{color}" '
-            f'stroke-width="1.3"/><text x="4" y="{24 + 13 * len(curves)}" '
-            f'style="fill:{color}">at most {series.max():.0f} {unit} '
-            f"(full height {most:.0f} {unit})</text>"
+            'stroke-width="1.3"/>'
+        )
+        words += (
+            f'<span style="color:{color}">at most {series.max():.0f} {unit} '
+            f"(full height {most:.0f} {unit})</span>"
         )
     frame = '<path d="M0 10V110H560" fill="none" stroke="#c9cfd8"/>'
-    ticks = _ticks(span, scale, y=122)
-    return f'<svg viewBox="0 0 560 126">{frame}{"".join(curves)}{ticks}</svg>'
+    picture = f'<svg viewBox="0 0 560 112">{frame}{curves}</svg>'
+    return f'<p class="most">{words}</p>{picture}{_ticks(span)}'
 
 
 def _picture(item: _Try, run: RecordedRun) -> str:

@@ -94,22 +94,24 @@ def map_svg(events: Sequence[Mapping[str, Any]], points: FloatArray | None) -> s
     ends = [place for _, place in places] + [place for _, _, place in pushes]
     frame = _Frame.around([*drop_offs.values(), *ends])
     parts = [] if points is None else [_ground(points, frame)]
-    parts += [_circle(arm, frame, *place) for arm, place in drop_offs.items()]
+    parts += [_circle(frame, *place) for place in drop_offs.values()]
     parts += [_number(number, _PLACED, frame, place) for number, place in places]
     for number, begin, end in pushes:
         parts += [_line(frame, begin, end), _number(number, _PUSHED, frame, end)]
+    parts += [_label(arm, frame, *place) for arm, place in drop_offs.items()]
     x, y = frame.at(0.0, 0.0)
     parts.append(
         f'<path d="M{x:.0f} {y - 14:.0f}l10 20h-20z" fill="{_ROBOT}"/>'
-        f'<text x="{x + 14:.0f}" y="{y + 4:.0f}">robot</text>'
+        f'<text class="label" x="{x:.0f}" y="{y + 22:.0f}" '
+        'text-anchor="middle">robot</text>'
     )
     width, height = frame.size
     bar = 0.5 * frame.scale
     parts.append(
         f'<path d="M10 {height - 16:.0f}v6h{bar:.1f}v-6" fill="none" '
         f'stroke="{_ROBOT}" stroke-width="1.5"/>'
-        f'<text x="{10 + bar / 2:.1f}" y="{height - 16:.0f}" text-anchor="middle">'
-        "0.5 m</text>"
+        f'<text class="label" x="{10 + bar / 2:.1f}" y="{height - 16:.0f}" '
+        'text-anchor="middle">0.5 m</text>'
     )
     return (
         f'<svg viewBox="0 0 {width:.0f} {height:.0f}" style="max-width:{width:.0f}px">'
@@ -180,13 +182,20 @@ def _drop_offs(
             yield arm, (x, y)
 
 
-def _circle(arm: str, frame: _Frame, x: float, y: float) -> str:
-    """Draw a circle around the drop-off of an arm."""
+def _circle(frame: _Frame, x: float, y: float) -> str:
+    """Draw a circle around a drop-off."""
     (x, y), radius = frame.at(x, y), frame.scale * _AREA
     return (
         f'<circle cx="{x:.0f}" cy="{y:.0f}" r="{radius:.0f}" fill="none" '
         f'stroke="{_DROP}" stroke-width="1.5" stroke-dasharray="5 4"/>'
-        f'<text x="{x:.0f}" y="{y + radius + 13:.0f}" '
+    )
+
+
+def _label(arm: str, frame: _Frame, x: float, y: float) -> str:
+    """Name the drop-off of an arm below its circle, over whatever was put down."""
+    (x, y), radius = frame.at(x, y), frame.scale * _AREA
+    return (
+        f'<text class="label" x="{x:.0f}" y="{y + radius + 15:.0f}" '
         f'text-anchor="middle">drop-off, {escape(arm_called(arm))}</text>'
     )
 

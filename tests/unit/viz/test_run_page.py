@@ -51,6 +51,24 @@ def test_the_key_names_what_the_timeline_shows_and_nothing_else(tmp_path):
     assert "fault" not in key
 
 
+def test_times_and_peaks_can_be_read_on_a_narrow_screen(tmp_path):
+    rows = [[0.1 * k, 30.0 if k == 5 else 2.0, 1.5] for k in range(100)]
+    page = page_of(
+        tmp_path,
+        *states("capture", "close", "retreat"),
+        {"event": "trace", "state": "close", "rows": rows},
+        {"event": "attempt", "number": 1, "removed": False},
+    )
+    # Texts in a picture shrink with it.
+    assert "<text" not in page
+    assert re.findall(r'<span style="left:([\d.]+)%">(\d+) s<', page)[:2] == [
+        ("10.00", "2"),
+        ("20.00", "4"),
+    ]
+    assert "at most 30 N (full height 150 N)" in page
+    assert "at most 2 N m (full height 40 N m)" in page
+
+
 def test_a_fault_has_one_colour_in_the_picture_and_in_the_key(tmp_path):
     fault = {
         "event": "fault", "fault": "empty_grip", "state": "close", "time": 5.0,
@@ -98,7 +116,7 @@ def test_the_forces_of_an_attempt_have_a_time_axis(tmp_path):
         tmp_path, *states("capture", "lift"), trace,
         {"event": "attempt", "number": 1, "removed": True},
     )  # fmt: skip
-    forces = page.split('viewBox="0 0 560')[1].split("</svg>")[0]
+    forces = page.split('viewBox="0 0 560')[1].split("</svg>")[1].split("</div>")[0]
     assert [f">{t} s<" in forces for t in (2, 10, 18, 20)] == [True, True, True, False]
 
 
