@@ -23,8 +23,9 @@ demo: $(VENV)/usable
 	@echo "open $(OUT)/report.html; '. $(BIN)/activate' makes debrisgrasp a command"
 
 # One process for each core; a process that computes on several would slow the others.
+# Many tests start programs, which compile themselves anew where no bytecode is kept.
 test: $(VENV)/ready
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
+	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
 
 lint: $(VENV)/ready
 	$(BIN)/ruff format --check .

@@ -42,7 +42,8 @@ _COMMANDS = {
 def run(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
     given = list(sys.argv[1:] if argv is None else argv)
-    only = given[0] if given and given[0] in _COMMANDS else None
+    is_alone = given[:1] == ["--version"] or (given and given[0] in _COMMANDS)
+    only = given[0] if is_alone else None
     try:
         arguments = build_parser(only).parse_args(given)
         with _warnings_shown():

@@ -112,6 +112,20 @@ def test_import_prints_nothing_and_loads_nothing_heavy():
     assert fresh(code) == "[]"
 
 
+def test_the_version_is_told_at_once():
+    code = (
+        "import sys\n"
+        "from debrisgrasp.cli import main\n"
+        "try:\n"
+        "    main(['--version'])\n"
+        "except SystemExit as end:\n"
+        "    print(end.code, {'numpy', 'scipy'} & set(sys.modules))"
+    )
+    told, rest = fresh(code).splitlines()
+    assert told.startswith("debrisgrasp ")
+    assert rest == "0 set()"
+
+
 def test_import_of_the_facade_leaves_random_state_and_log_handlers_alone():
     code = (
         "import logging, random, numpy as np\n"
