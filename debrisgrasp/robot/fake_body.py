@@ -7,7 +7,7 @@ from math import copysign, cos, isfinite, sin
 
 import numpy as np
 
-from debrisgrasp._arrays import Rng
+from debrisgrasp._arrays import FloatArray, Rng
 from debrisgrasp.geometry import SE3, Solid, so3
 from debrisgrasp.worlds import World, render
 
@@ -163,19 +163,26 @@ class FakeDepthCamera:
         self._config, self._rng = config, rng
 
     def capture(self) -> DepthFrame:
-        """Take an image of the world as it is now."""
+        """Take an image of the present world; dark if a body is over the lens."""
         config = self._config
         world, pose, solids = self._view()
+        parts = (solid for body in world.bodies for solid in body.solids)
+        if any(part.contains(pose.p) for part in parts):
+            size = config.intrinsics.height, config.intrinsics.width
+            return self._frame_of(np.zeros(size), np.zeros((*size, 3), np.uint8))
         picture = render(
             world, config.intrinsics, pose, extra=solids, max_depth=config.max_depth
         )
         depth = picture.depth
         if config.noise is not None:
             depth = config.noise.noisy(depth, config.intrinsics, rng=self._rng).depth
+        return self._frame_of(depth, picture.rgb)
+
+    def _frame_of(self, depth: FloatArray, rgb: np.ndarray) -> DepthFrame:
         return DepthFrame(
             time=self._timeline.now,
             depth=depth,
-            intrinsics=config.intrinsics,
-            rgb=picture.rgb,
+            intrinsics=self._config.intrinsics,
+            rgb=rgb,
             frame=self._frame,
         )

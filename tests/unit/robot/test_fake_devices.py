@@ -58,6 +58,22 @@ def test_the_camera_sees_the_world_from_where_it_is():
     assert frame.frame == ROMAN.camera
 
 
+def test_a_camera_with_something_over_its_lens_sees_nothing():
+    eye = made().truth().T_base_camera.p
+    over = beam("over", 2.0, tuple(eye.tolist()))
+    fake = fake_robot(
+        ROMAN,
+        World((FAR, over)),
+        rng=np.random.default_rng(0),
+        config=FakeConfig(),
+        grippers=GRIPPERS,
+    )
+    frame = fake.robot.camera.capture()
+    assert frame.depth.shape == frame.rgb.shape[:2]
+    assert not frame.depth.any()
+    assert not frame.rgb.any()
+
+
 def test_a_calibration_error_moves_the_camera_but_not_what_the_model_says():
     error = SE3.exp([0.03, 0.0, 0.0, 0.0, 0.02, 0.0])
     right = made(noise=None, sees_itself=False).robot.camera.capture()
