@@ -42,8 +42,7 @@ _COMMANDS = {
 def run(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
     given = list(sys.argv[1:] if argv is None else argv)
-    is_alone = given[:1] == ["--version"] or (given and given[0] in _COMMANDS)
-    only = given[0] if is_alone else None
+    only = given[0] if given and given[0] in (*_COMMANDS, "--version") else None
     try:
         arguments = build_parser(only).parse_args(given)
         with _warnings_shown():

@@ -9,7 +9,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray, Rng
 from debrisgrasp.geometry import SE3, Solid, so3
-from debrisgrasp.worlds import World, render
+from debrisgrasp.worlds import World, body_around, render
 
 from .config import FakeConfig
 from .drives import Timeline, Violation
@@ -166,8 +166,7 @@ class FakeDepthCamera:
         """Take an image of the present world; dark if a body is over the lens."""
         config = self._config
         world, pose, solids = self._view()
-        parts = (solid for body in world.bodies for solid in body.solids)
-        if any(part.contains(pose.p) for part in parts):
+        if body_around(world, pose.p) is not None:
             size = config.intrinsics.height, config.intrinsics.width
             return self._frame_of(np.zeros(size), np.zeros((*size, 3), np.uint8))
         picture = render(

@@ -8,7 +8,7 @@ from .kinds import KINDS, Kind, draw_body, make_body
 from .noise import Measured, StereoNoise
 from .piles import ARRANGEMENTS, PileConfig, generate_pile
 from .raycast import corners_around, first_hits
-from .render import Rendered, render
+from .render import Rendered, body_around, render
 from .rest import RestConfig, Rested, come_to_rest, let_down
 from .scenes import SCENES, named_scene
 from .world import World
@@ -29,6 +29,7 @@ __all__ = [
     "Rested",
     "StereoNoise",
     "World",
+    "body_around",
     "come_to_rest",
     "corners_around",
     "draw_body",

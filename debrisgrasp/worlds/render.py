@@ -12,12 +12,12 @@ from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Intrinsics, Solid
 
-from .body import Part, as_part
+from .body import Body, Part, as_part
 from .raycast import corners_around, first_hits
 from .slopes import points_and_normals
 from .world import World
 
-__all__ = ["Rendered", "render"]
+__all__ = ["Rendered", "body_around", "render"]
 
 _NEAR = 0.02
 """Closest depth at which a corner still bounds the picture of its solid [m]."""
@@ -102,16 +102,23 @@ def render(
     return Rendered(depth, labels, rgb)
 
 
+def body_around(world: World, place: FloatArray) -> Body | None:
+    """Find a body that a place (3,) of the world [m] is inside of."""
+    bodies = world.bodies
+    around = (b for b in bodies if any(part.contains(place) for part in b.solids))
+    return next(around, None)
+
+
 def _require_free(world: World, extra: Sequence[Solid], eye: FloatArray) -> None:
     if eye[2] <= float(world.ground.height(eye[:2])):
         raise InputError(
             "camera", got=f"{eye[2]:g} m high", expected="a place above the ground"
         )
-    for body in world.bodies:
-        if any(solid.contains(eye) for solid in body.solids):
-            raise InputError(
-                "camera", got=f"a place inside {body.name}", expected="a free place"
-            )
+    over = body_around(world, eye)
+    if over is not None:
+        raise InputError(
+            "camera", got=f"a place inside {over.name}", expected="a free place"
+        )
     if any(part.contains(eye) for part in extra):
         raise InputError(
             "camera", got="a place inside an extra solid", expected="a free place"
