@@ -28,14 +28,20 @@ def load_of(
 ) -> tuple[Wrench, Wrench]:
     """Load on what is held but for the fingers, and on the hand.
 
-    Both in the frame of the hand; plain numbers, as its pose in odom is.
+    Both in the frame of the hand; plain numbers, as its pose in odom is. What is held
+    is pushed where it is touched, though the hand feels that bit by bit: bent by a push
+    that lags, it would be turned deeper into what pushes it.
     """
     on_body: list[tuple[Vector, Vector]] = []
     on_hand: list[tuple[Vector, Vector]] = []
     hold = hand.hold
+    lagging: Vector = (0.0, 0.0, 0.0)
     for spring in hand.springs:
         of = on_body if spring.owner == HELD else on_hand
-        of.append((spring.point.tolist(), spring.force.tolist()))
+        force = spring.force.tolist()
+        of.append((spring.point.tolist(), force))
+        if spring.owner == HELD:
+            lagging = added(lagging, cross(spring.lag.tolist(), force))
     if hold is not None:
         body = shapes[hold.index]
         weight = GRAVITY * body.mass
@@ -54,8 +60,9 @@ def load_of(
             for point, force in hold.fading
         ]
     body_load = _sum_of(on_body, R, p)
-    hand_load = _sum_of(on_hand, R, p)
-    return body_load, tuple(map(add, body_load, hand_load))
+    hand_load = tuple(map(add, body_load, _sum_of(on_hand, R, p)))
+    bent = added(body_load[3:], turned_back(R, lagging))
+    return (*body_load[:3], *bent), hand_load
 
 
 def _sum_of(loads: Sequence[tuple[Vector, Vector]], R: Rotation, p: Vector) -> Wrench:

@@ -218,4 +218,5 @@ def _shifted(place: Near, before: FloatArray) -> Near:
     far = float(np.linalg.norm(way))
     if far <= _SHIFTS:
         return place
-    return place._replace(point=before + _SHIFTS / far * way)
+    point = before + _SHIFTS / far * way
+    return place._replace(point=point, lag=place.point - point)

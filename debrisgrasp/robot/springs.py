@@ -35,6 +35,7 @@ HELD = -1
 """Owner of the points of what the hand holds."""
 REACH = 0.004
 """So far at most is a hand bent against what it would not reach [m]."""
+_NO_LAG: FloatArray = np.zeros(3)
 
 
 class Stand(NamedTuple):
@@ -80,6 +81,8 @@ class Spring(NamedTuple):
     depth: float
     """How deep it would be pressed in by an arm that does not bend [m]; negative where
     only a bent one reaches it."""
+    lag: FloatArray = _NO_LAG
+    """See `Near.lag`."""
 
 
 class Near(NamedTuple):
@@ -92,6 +95,9 @@ class Near(NamedTuple):
     """Away from what is there, frame odom, shape (3,); shorter where sides differ."""
     depth: float
     """How deep it is in there, negative outside [m]."""
+    lag: FloatArray = _NO_LAG
+    """So far beyond that point it really is, frame odom [m], shape (3,): a hand feels
+    a push go over to another place bit by bit."""
 
     def spring(self, stiffness: float) -> Spring:
         """How it pushes with so many N/m."""
@@ -158,7 +164,7 @@ def yielded(near: Sequence[Near], p: FloatArray, config: FakeConfig) -> list[Spr
     root = np.linalg.cholesky(stiffness * give + np.diag(1.0 / sizes))
     pressed, _ = nnls(root.T, np.linalg.solve(root, depths))
     return [
-        Spring(*place[:3], force * way, place.depth)
+        Spring(*place[:3], force * way, place.depth, place.lag)
         for place, force, way in zip(
             near, (stiffness * pressed).tolist(), ways, strict=True
         )

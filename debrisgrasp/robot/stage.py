@@ -224,10 +224,10 @@ class Stage:
             body = GROUND if hand.hold is None else hand.hold.index
             hand.grip = Grip.of(hand.touch.grip, body, hand.touch)
         forces = list(hand.grip.felt)
-        for owner, _, point, force, _ in hand.springs:
-            if owner > PALM:
-                felt = hand.touch.felt(owner, (point - p) @ R, force @ R)
-                forces[owner - 1] += felt
+        for spring in hand.springs:
+            if spring.owner > PALM:
+                point, force = (spring.point - p) @ R, spring.force @ R
+                forces[spring.owner - 1] += hand.touch.felt(spring.owner, point, force)
         hand.gripper.forces = forces
 
     def _try_hold(self, hand: HandState, R: FloatArray, p: FloatArray) -> None:
@@ -333,7 +333,7 @@ class Stage:
         shape, model = self._rubble.shapes[hold.index], hand.gripper.model
         leaning = Leaning(
             (
-                tuple(((spring.point - hand.p) @ hand.R).tolist())
+                tuple(((spring.point + spring.lag - hand.p) @ hand.R).tolist())
                 for spring in hand.springs
                 if spring.owner == HELD
             ),

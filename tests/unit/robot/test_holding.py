@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from debrisgrasp.control import GripCommand
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.robot import FakeConfig
+from debrisgrasp.robot.burden import load_of
 from debrisgrasp.robot.drives import Timeline
 from debrisgrasp.robot.fake_hand import FakeGripper
 from debrisgrasp.robot.holding import Hold, is_enclosed
@@ -459,6 +462,28 @@ def test_what_slips_in_the_fingers_takes_on_nothing_more():
     assert rig.fake.truth().held == {"right": "bar"}
     assert rig.body("bar").p[2] <= height - 3e-3
     assert max(felt) < before + 1.0
+
+
+def test_a_held_body_is_pushed_where_it_is_touched_though_the_hand_feels_that_later():
+    """Else a beam that comes down on its other end is turned deeper into the ground."""
+    hold = Hold(0, np.eye(3), np.zeros(3), None, np.zeros(3), np.zeros(3), set())
+    turn = so3.exp(np.array([0.0, 0.0, 0.7]))
+    felt_at, touched_at = np.array([0.3, 0.1, 0.0]), np.array([-0.4, 0.2, 0.0])
+    up, pressed = np.array([0.0, 0.0, 50.0]), np.array([7.0, 0.0, 0.0])
+    springs = [
+        Spring(HELD, GROUND, felt_at, up, 1e-3, touched_at - felt_at),
+        Spring(PALM, GROUND, felt_at, pressed, 1e-3, touched_at - felt_at),
+    ]
+    hand = SimpleNamespace(hold=hold, springs=springs)
+    body = SimpleNamespace(mass=2.0, com=np.array([0.0, 0.05, 0.0]))
+    on_body, on_hand = load_of(hand, [body], tuple(turn.ravel()), (0.0, 0.0, 0.0))
+    weight = np.array([0.0, 0.0, -2.0 * G])
+    hung = np.cross(body.com, weight)
+    np.testing.assert_allclose(on_body[:3], (up + weight) @ turn)
+    np.testing.assert_allclose(on_body[3:], (hung + np.cross(touched_at, up)) @ turn)
+    felt = hung + np.cross(felt_at, up + pressed)
+    np.testing.assert_allclose(on_hand[:3], (up + weight + pressed) @ turn)
+    np.testing.assert_allclose(on_hand[3:], felt @ turn, atol=1e-12)
 
 
 def test_what_pushed_a_held_body_fades_as_it_begins_to_ride_on_it():
