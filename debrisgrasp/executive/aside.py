@@ -14,7 +14,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import LegOutcome, TarePolicy
 from debrisgrasp.control._rigid import Wrench
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.motion import MotionSpace, UnknownSpace
 from debrisgrasp.segmentation import Segment
@@ -27,7 +27,7 @@ from .folding import free_share, straight
 from .marks import Mark
 from .moves import CAUGHT, planned
 from .obstacles import room_for
-from .pacing import hand_corners, widest_corners
+from .pacing import hand_corners
 from .relief import relieve
 from .resting import put_away
 from .result import Done, FaultFound, StepResult
@@ -70,8 +70,6 @@ _WITHIN = 0.15
 """Of where it should be by then its middle may seem to be, seen from elsewhere [m]."""
 _UP, _SHORT = 0.15, 5e-3
 """So far the hand rises on its way to rest; a shorter leg is none [m]."""
-_STIRRED = 0.2
-"""So far around what was pushed things may have moved [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -306,8 +304,7 @@ def _taken_there(context: Context, drive: Drive, push: _Push) -> FaultFound | No
     fault = open_hand(drive, *_closed(push.limb))
     if fault is not None:
         return fault
-    corners = widest_corners(push.limb)
-    fault = drive.follow(push.reach, pace=context.cycle.speed, points=corners)
+    fault = drive.follow(push.reach, pace=context.cycle.speed)
     context.is_in_pile = push.limb.name
     return fault
 
@@ -319,8 +316,6 @@ def _remember(context: Context, mark: Mark, own: FloatArray, shift: FloatArray) 
     assert cycle.is_own is not None
     others = cycle.seen.cloud.points[~cycle.is_own]
     cycle.around = np.concatenate([others, own + shift])
-    ends = np.concatenate([own, own + shift])
-    context.known.stirred(Bounds.around(ends, _STIRRED))
     mark.centroid, mark.within = mark.centroid + shift, _WITHIN
     if not context.is_in_way((own + shift).mean(axis=0)):
         context.dropped.append(own + shift)

@@ -21,8 +21,6 @@ from .drive import Drive
 from .gaze import look_of, turn_head
 from .moves import planned, reversed_motion
 from .obstacles import BARE
-from .pacing import widest_corners
-from .perceive import look_around
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["calib_check"]
@@ -85,7 +83,6 @@ def calib_check(context: Context) -> StepResult:
     sank.
     """
     limb = next(iter(context.limbs.values()))
-    look_around(context)
     empty = _looked(context)
     if isinstance(empty, FaultFound):
         return empty
@@ -93,12 +90,11 @@ def calib_check(context: Context) -> StepResult:
     if isinstance(motion, FaultFound):
         return Done({"hand_seen": False, "why": motion.message})
     drive = Drive(context, limb.name)
-    corners = widest_corners(limb)
-    fault = drive.follow(motion, points=corners)
+    fault = drive.follow(motion)
     if fault is not None:
         return fault
     report = _compared(context, limb, empty)
-    back = drive.follow(reversed_motion(motion), points=corners)
+    back = drive.follow(reversed_motion(motion))
     if back is not None:
         return back
     limb.limb.arm.disengage()
@@ -195,7 +191,6 @@ def _way_into_view(
         return FaultFound("plan_collision", "nothing was seen around it", limb.name)
     depth = np.asarray(capture.depth, dtype=np.float32)
     sight = DepthSight(depth, frame.intrinsics, T_base_camera)
-    context.known.saw(sight)
     fault: FaultFound | None = None
     for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
         space = MotionSpace.build(cloud, sight, BARE, unknown=unknown)

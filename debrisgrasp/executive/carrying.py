@@ -214,7 +214,7 @@ def transport(context: Context) -> StepResult:
     assert found.trajectory is not None
     context.is_in_pile = None
     begun = context.now()
-    fault = drive.follow(found.trajectory, pace=pace, points=held.points_hand)
+    fault = drive.follow(found.trajectory, pace=pace)
     if fault is not None:
         # It is larger than it looked: what it may touch next must be met more slowly.
         context.cycle.speed = max(0.5 * context.cycle.speed, _SLOWEST)
@@ -253,7 +253,6 @@ def taken_back(context: Context) -> FaultFound | None:
     fault = Drive(context, held.arm).follow(
         found.trajectory,
         pace=_CAREFUL * context.settings.carry_speed * context.cycle.speed,
-        points=held.points_hand,
     )
     if fault is None or fault.fault not in MET:
         return fault

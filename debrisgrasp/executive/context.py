@@ -28,7 +28,6 @@ from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.robot import Arm, Base, DepthFrame, Head, Limb, Robot
 from debrisgrasp.robot.kinds import odd_image
 
-from .known import KnownSpace
 from .marks import Marks
 from .plausible import Felt, Measured
 from .result import FaultFound, FaultRaised
@@ -243,7 +242,6 @@ class Context:
     other could be got."""
     T_base_way: SE3 = field(default_factory=SE3.identity)
     """Where the base stood when the task began: in that frame the workspace is."""
-    known: KnownSpace = field(default_factory=KnownSpace)
     last_seen: Perception | None = None
     """The last look, until the base moves; a new cycle has none of its own at first."""
     dropped: list[FloatArray] = field(default_factory=list)
@@ -332,7 +330,6 @@ class Context:
 
     def forget(self) -> None:
         """Forget what was seen: it was seen from elsewhere."""
-        self.known = KnownSpace()
         self.cycle.seen = self.cycle.around = self.cycle.gaze = self.last_seen = None
 
     @property

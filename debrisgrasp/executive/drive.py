@@ -27,14 +27,13 @@ from debrisgrasp.control import (
 )
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.errors import ConfigError, InputError
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .along import taken_along
 from .felt import feel_out
-from .lingering import Lingering
 from .noticed import OUTSIDE, misplaced, refused
-from .pacing import careful, left_of, paced, widest_corners
+from .pacing import careful, moving_points, paced
 from .result import FaultFound, LegEnd
 from .senses import SAFETY, Senses
 
@@ -52,11 +51,6 @@ _STILL = 0.02
 """... as often [s] ..."""
 _CREEP = 0.01
 """... until its joints are slower than this [rad/s or m/s]."""
-_SLOW, _SLID = 0.3, 0.5
-"""Share of its planned speed at which a hand pushes something on, and how far around it
-that may have slid [m]."""
-_LOOKS = 300
-"""So many times on its way at most it is noted where the hand is."""
 _STRIDE = 25
 """Every so many ticks a posture of the way is remembered."""
 _RUN_OUT = 1.5
@@ -116,35 +110,18 @@ class Drive(Senses):
                 break
         return readings
 
-    def follow(
-        self,
-        trajectory: Trajectory,
-        *,
-        pace: float = 1.0,
-        points: FloatArray | None = None,
-    ) -> FaultFound | None:
+    def follow(self, trajectory: Trajectory, *, pace: float = 1.0) -> FaultFound | None:
         """Follow a planned motion at a share of its speed, supervised.
 
-        Parameters
-        ----------
-        points
-            Of what moves with the hand, its frame [m], shape (n, 3): slow where they
-            may touch something. None: they are where they can't.
+        It is slower than that where a touch could break the hand.
         """
-        found = self._followed(trajectory, pace, points)
-        if isinstance(found, Trajectory):
-            T = self.limb.pose(self.context.posture(self.limb))
-            self.context.known.stirred(Bounds.around(T.p[None], _SLID))
-            found = self._followed(found, _SLOW * pace, points)
-            assert not isinstance(found, Trajectory)
+        found = self._followed(trajectory, pace)
         if found and (found.fault, found.arm) == ("plan_collision", self.limb.name):
             feel_out(self)  # the next way leads around it
         return found
 
-    def _followed(
-        self, trajectory: Trajectory, pace: float, points: FloatArray | None
-    ) -> FaultFound | Trajectory | None:
-        """Follow a motion; give what is left of it where it pushes something along."""
+    def _followed(self, trajectory: Trajectory, pace: float) -> FaultFound | None:
+        """Follow a motion until it ends, or meets something."""
         limits = self.limb.limits.planner
         try:
             limits.require_same(trajectory.limits_hash, "a trajectory")
@@ -154,7 +131,8 @@ class Drive(Senses):
         if engaged is not None:
             return engaged
         # Before the first baseline nobody knows what the sensor is worth.
-        is_free = self.context.held is None and self.limb.baseline_time > 0.0
+        context = self.context
+        is_free = context.held is None and self.limb.baseline_time > 0.0
         supervisor, begun = self.supervised(is_free=is_free, is_planned=True)
         if isinstance(begun, FaultFound):
             return begun
@@ -166,15 +144,11 @@ class Drive(Senses):
         fault, state, now = self.ticked(supervisor, state, begun.q, is_moving=False)
         if fault is not None:
             return fault
-        paces = np.atleast_1d(pace)
-        if points is not None:
-            room = self.room(supervisor.config)
-            paces = careful(self.context, self.limb, points, trajectory, pace, room)
+        points, room = moving_points(context, self.limb), self.room(supervisor.config)
+        paces = careful(context, self.limb, points, trajectory, pace, room)
         start = self._stands_at(now)
         path = paced(trajectory, paces, start, self.period, limits.acceleration)
         rows, along = path.tolist(), taken_along(self, trajectory.q)
-        is_slow = not is_free or pace <= _SLOW
-        lingering = None if is_slow else Lingering(self.load, self.period)
         for i, q in enumerate(rows):
             self._send(q)
             fault, state, _ = self.ticked(supervisor, state, q, is_moving=True)
@@ -184,15 +158,7 @@ class Drive(Senses):
                 self._halt()
                 self.limb.went(path[: i + 1 : _STRIDE])
                 return fault
-            if lingering is not None and lingering.is_met(self.load):
-                self._brake()
-                self.limb.went(path[: i + 1 : _STRIDE])
-                return left_of(trajectory, self.context.posture(self.limb))
         self.limb.went(np.concatenate([path[::_STRIDE], path[-1:]]))
-        if points is not None:
-            T = self.limb.reach.chain.fk(path[:: len(path) // _LOOKS + 1])
-            points = np.concatenate([points, widest_corners(self.limb)])
-            self.context.known.passed(T[:, None].apply(points))
         return self._settle(supervisor, state, rows[-1])
 
     def _settle(

@@ -26,7 +26,6 @@ from .drive import Drive
 from .fingers import open_hand
 from .moves import planned
 from .obstacles import room_for
-from .pacing import hand_corners
 from .result import Done, FaultFound, LegEnd, StepResult
 
 __all__ = [
@@ -74,8 +73,7 @@ def pregrasp(context: Context) -> StepResult:
             return found
         assert found.trajectory is not None
         reach = found.trajectory
-    corners = hand_corners(limb, grasp.preshape, opening_of(limb, grasp))
-    fault = drive.follow(reach, pace=context.cycle.speed, points=corners)
+    fault = drive.follow(reach, pace=context.cycle.speed)
     if fault is not None:
         return fault
     context.is_in_pile = motion.arm

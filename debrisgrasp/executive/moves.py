@@ -10,7 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import LegOutcome, TarePolicy
 from debrisgrasp.control._rigid import Wrench
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitSet, Trajectory
 from debrisgrasp.kinematics.limits import LEAST_MARGIN
 from debrisgrasp.motion import (
@@ -65,8 +65,6 @@ _FIRST = 10
 """Looks at the weight before any may count as less."""
 _LOWERED_UP_TO = 0.95
 """Share of the controller's limits up to which what hangs is lowered."""
-_ROLLS = 0.8
-"""What was let go may roll or slide so far [m]: there only later looks count."""
 
 
 def reversed_motion(trajectory: Trajectory) -> Trajectory:
@@ -264,9 +262,4 @@ def let_go(context: Context, opening: float | None = None) -> FaultFound | None:
         return fault
     context.held = None
     context.cycle.speed = 1.0  # what was held swings and touches no more
-    if held.is_lifted:
-        limb = context.limbs[held.arm]
-        T = limb.pose(context.posture(limb))
-        points = np.concatenate([T.apply(held.points_hand), T.p[None]])
-        context.known.stirred(Bounds.around(points, _ROLLS))
     return None

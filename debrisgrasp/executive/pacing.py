@@ -17,8 +17,8 @@ __all__ = [
     "careful",
     "feasible",
     "hand_corners",
-    "left_of",
     "met_safely",
+    "moving_points",
     "paced",
     "times_at",
     "widest_corners",
@@ -38,8 +38,6 @@ _BLEND = 1.0
 _NEAR, _NEAR_GROUND = 0.05, 0.02
 """What is nearer than this may be touched [m]; an empty hand, whose shape is known,
 touches the ground only if it is as near as the other length."""
-_BRAKES = 0.6
-"""What is farther away may be come to as fast as the arm brakes [m/s^2]."""
 _STIFFNESS = 3e4
 """Of an arm whose hand meets the hardest thing [N/m]."""
 _TURN_STIFFNESS = 1e4
@@ -50,8 +48,8 @@ three samples, and a tick."""
 _LIES_AFTER = 0.1
 """Until an arm stands that felt the weight on its hand fall: that lag, the mean of five
 readings, and its brakes, in which what is held swings on [s]."""
-_LEAST, _CREEP = 0.02, 1e-3
-"""Of the pace; and where it begins on a way."""
+_LEAST = 0.02
+"""Of the pace."""
 _MOST_POINTS = 400
 _GROUND = 0.02
 """Points no higher are the ground, which bounds the gap by itself [m]."""
@@ -132,11 +130,6 @@ def paced(
     period
         Of a tick [s].
     """
-    if trajectory.dq[0].any():  # it is what was left of one: its begin is at rest, too
-        n = max(int(np.ceil(trajectory.duration / _KNOT)) + 1, 2, len(paces))
-        knots = np.linspace(0.0, 1.0, n)
-        paces = np.interp(knots, np.linspace(0.0, 1.0, len(paces)), paces)
-        paces[0] = _CREEP
     paces = feasible(trajectory, paces, acceleration)
     path = trajectory.at(times_at(trajectory, _SPARE * paces, period))[0]
     share = np.minimum(period * np.arange(1, len(path) + 1) / _BLEND, 1.0)
@@ -144,14 +137,6 @@ def paced(
     path = path + fade[:, None] * (q_start - trajectory.q[0])
     # Where it stands first: speeds count from the tick of the last command.
     return np.concatenate([[q_start], path])
-
-
-def left_of(trajectory: Trajectory, q: FloatArray) -> Trajectory:
-    """Give what is left of a motion that was stopped near a posture (d,)."""
-    n = int(np.ceil(trajectory.duration / _GRAIN)) + 2
-    times = np.linspace(0.0, trajectory.duration, n)[:-1]
-    away = np.abs(trajectory.at(times)[0] - q).max(axis=1)
-    return trajectory.after(float(times[away.argmin()]))
 
 
 def hand_corners(limb: LimbState, preshape: str, opening: float) -> FloatArray:
@@ -164,6 +149,14 @@ def widest_corners(limb: LimbState) -> FloatArray:
     """Corners of an open hand's solids, whatever its preshape, frame of it, (n, 3)."""
     preshape = limb.first_preshape
     return hand_corners(limb, preshape, limb.hand.preshape(preshape).widest)
+
+
+def moving_points(context: Context, limb: LimbState) -> FloatArray:
+    """Points of a hand, however it is opened, and of what it holds; its frame [m]."""
+    corners, held = widest_corners(limb), context.held
+    if held is None or held.arm != limb.name:
+        return corners
+    return np.concatenate([corners, held.points_hand])
 
 
 def met_safely(
@@ -221,23 +214,21 @@ def careful(
     pace: float,
     room: tuple[float, float],
 ) -> FloatArray:
-    """Paces at which what moves with a hand is slow where it may touch something.
+    """Paces at which whatever a hand, or what it holds, meets stays below the limits.
 
-    That is near all that was seen; with a load everywhere, for its underside may reach
-    farther than was seen; and for an empty hand wherever nobody has seen that space is
-    free. Until it was seen how large what is held is, its
-    old place included: what lay under or behind it was never seen, and is near there.
+    What was free when the camera looked may not be by now, and the underside of what is
+    held may reach farther than was seen. Near all that was seen they are those of a
+    lift. Until it was seen how large what is held is, its old place is included: what
+    lay under or behind it was never seen, and is near there.
 
     Parameters
     ----------
     points
-        Of hand or held object, frame of the hand [m], shape (n, 3).
+        See `moving_points`, shape (n, 3).
     room
         See `met_safely`.
     """
     n = max(int(np.ceil(trajectory.duration / _KNOT)) + 1, 2)
-    if not len(points):
-        return np.full(n, pace)
     points = points[:: max(1, len(points) // _MOST_POINTS)]
     rows, rates, _ = trajectory.at(np.linspace(0.0, trajectory.duration, n))
     T = limb.reach.chain.fk(rows)
@@ -247,22 +238,15 @@ def careful(
     speed[1:] = np.maximum(speed[1:], step)
     speed *= (n - 1) / trajectory.duration
     speed = np.maximum(speed, 1e-9)
-    allowed = context.settings.lift_speed + _near_speed(context, where)
-    paces = np.clip(allowed / speed, _LEAST, pace)
     braking = (np.abs(rates) / limb.limits.planner.acceleration).max(axis=1)
     reach = float(np.linalg.norm(points, axis=1).max())
-    blind = np.maximum(met_safely(speed, braking, room, reach), _LEAST)
-    if context.held is None:
-        is_free: BoolArray = np.all(context.known.is_free(where), axis=1)
-        # Beside it, too: between two looks it may begin anywhere.
-        is_known = np.convolve(~is_free, np.ones(3))[1:-1] < 0.5
-        return np.asarray(np.where(is_known, paces, np.minimum(paces, blind)))
-    # What is held may be larger than all that was seen of it.
-    return np.asarray(np.minimum(paces, blind))
+    paces = met_safely(speed, braking, room, reach)
+    slow = np.where(_is_near(context, where), context.settings.lift_speed / speed, pace)
+    return np.asarray(np.clip(np.minimum(paces, slow), _LEAST, pace))
 
 
-def _near_speed(context: Context, where: FloatArray) -> FloatArray:
-    """By how much points (n, k, 3) may be faster than near something [m/s], (n,)."""
+def _is_near(context: Context, where: FloatArray) -> BoolArray:
+    """Whether any of points (n, k, 3) is near what was seen, or to the ground, (n,)."""
     seen, n = context.cycle.seen, len(where)
     others = np.zeros((0, 3))
     if context.cycle.around is not None:
@@ -271,11 +255,10 @@ def _near_speed(context: Context, where: FloatArray) -> FloatArray:
     elif seen is not None:
         others = seen.cloud.points[seen.segmentation.labels != 0]
     others = np.concatenate([others, *context.put_down, *context.fallen])
-    is_empty = context.held is None
-    # So near to the ground it may be as fast as so much farther from anything else.
-    gap = where[..., 2].min(axis=1) + is_empty * (_NEAR - _NEAR_GROUND)
+    least = _NEAR if context.held is not None else _NEAR_GROUND
+    is_near: BoolArray = where[..., 2].min(axis=1) < least
     if len(others):
-        tree, flat = cKDTree(others), where.reshape(-1, 3)
-        near = np.asarray(tree.query(flat, distance_upper_bound=0.5)[0])
-        gap = np.minimum(gap, near.reshape(n, -1).min(axis=1))
-    return np.asarray(np.sqrt(2.0 * _BRAKES * np.maximum(gap - _NEAR, 0.0)))
+        flat = where.reshape(-1, 3)
+        gaps = cKDTree(others).query(flat, distance_upper_bound=_NEAR)[0]
+        is_near |= np.isfinite(gaps).reshape(n, -1).any(axis=1)
+    return is_near

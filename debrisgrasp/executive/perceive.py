@@ -19,14 +19,12 @@ from debrisgrasp.robot import DepthFrame
 
 from .context import Context
 from .gaze import look_of, look_towards, turn_head
-from .known import KnownSpace
 from .result import Done, FaultFound, StepResult
 
 __all__ = [
     "capture",
     "image",
     "is_close",
-    "look_around",
     "segment",
     "sight_of",
 ]
@@ -35,18 +33,10 @@ logger = logging.getLogger(__name__)
 
 _OLDEST = 0.2
 """An image may be so much older than the wish for it [s]."""
-_TOWARDS = 0.75
-"""Of the way from the middle of the pile to a drop-off it is looked at ..."""
-_BESIDE = (0.15, 0.95)
-"""... so high [m]."""
 _CLOSE = 2.5
 """Ground that is nearer to the robot every camera measures [m]."""
-_LOW = 0.3
-"""Height of what is looked at beside the robot [m]."""
 _LEAST_SEEN = 0.02
 """Share of the image of the workspace with depth below which nothing was seen."""
-_COARSE = 4
-"""Of so many rows and columns one is compared with earlier looks."""
 _NOTHING_SEEN = ("empty_cloud", "depth_dropout")
 """Of faults of an image."""
 _DROP_ROOM = 0.2
@@ -55,7 +45,6 @@ _DROP_ROOM = 0.2
 
 def capture(context: Context) -> StepResult:
     """Take an image, and refuse what is old, empty or full of holes."""
-    look_around(context)
     look, gaze, head = context.n_looks + 1, context.cycle.gaze, None
     if gaze is None:
         context.shown.clear()
@@ -73,13 +62,7 @@ def capture(context: Context) -> StepResult:
     if isinstance(is_own, FaultFound):
         return is_own
     taken = replace(taken, depth=np.where(is_own, np.nan, np.asarray(taken.depth)))
-    sight = sight_of(taken)
-    if context.known.is_contradicted(_measured(context, taken, sight)):
-        logger.info("look %d shows other things than those before it", look)
-        context.known = KnownSpace()
-        context.known.saw(sight)
-        look_around(context)
-    context.shown.append(sight)
+    context.shown.append(sight_of(taken))
     taken = _marked(context, taken)
     context.cycle.capture, context.n_looks = taken, look
     context.record.keep(taken, taken.name)
@@ -116,39 +99,6 @@ def sight_of(taken: Capture) -> DepthSight:
     assert taken.T_base_camera is not None
     depth = np.asarray(taken.depth, dtype=np.float32)
     return DepthSight(depth, taken.intrinsics, taken.T_base_camera)
-
-
-def _measured(context: Context, taken: Capture, sight: DepthSight) -> FloatArray:
-    """Return some points measured in the workspace, base frame [m], shape (n, 3)."""
-    points = sight.intrinsics.deproject(np.asarray(taken.depth))[::_COARSE, ::_COARSE]
-    points = sight.T_base_camera.apply(points.reshape(-1, 3))
-    return np.asarray(points[context.is_in_way(points)])
-
-
-def look_around(context: Context) -> None:
-    """See what is free where arms will move, above the pile and beside the robot.
-
-    A look that shows nothing to go by is none. Once is enough while the base stands.
-    """
-    if not context.known.is_new:
-        return
-    low, high = context.settings.bounds.lower, context.settings.bounds.upper
-    middle = 0.5 * (low + high)
-    places = [np.array([*middle[:2], 0.75 * high[2]])]
-    for name, limb in context.limbs.items():
-        drop_off = np.array(context.settings.drop_off[name])
-        place = _TOWARDS * drop_off + (1.0 - _TOWARDS) * middle[:2]
-        places += [np.array([*place, height]) for height in _BESIDE]
-        # To and from its rest a hand swings wide of the robot: twice the middle of rest
-        # and drop-off is beside it.
-        hand = limb.pose(context.posture(limb)).p
-        aside = np.array([*(hand[:2] + drop_off), _LOW])
-        places.append(context.T_base_way.inverse().apply(aside))
-    links = context.model.links_solids(context.joint_values())
-    context.known.stands([solid.bounds for _, solid in links])
-    for place in places:
-        look = look_towards(context, context.T_base_way.apply(place))
-        image(context, "around", look, is_wanted=is_close)
 
 
 def is_close(points: FloatArray) -> BoolArray:
@@ -195,7 +145,6 @@ def image(
         raise
     except DebrisGraspError as error:
         return FaultFound("stale_cloud", f"the image can't be used: {error}")
-    context.known.saw(sight_of(taken))
     return taken
 
 

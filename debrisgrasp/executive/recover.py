@@ -7,7 +7,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import TarePolicy
 from debrisgrasp.errors import DriverError
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3
 
 from .carrying import MET, taken_back
 from .caught import felt_out
@@ -38,8 +38,6 @@ _PRESSED = 0.03
 """Share of a limit above which it gives way to what may only press on it."""
 _LOOK = 0.1
 """How long a hand that should be empty is weighed [s]."""
-_STIRRED = 0.2
-"""So far around a hand things may have slid or rolled [m]."""
 _LOW = 5e-3
 """What hangs no higher than it lay falls no way [m]."""
 _GOES_ON = (*MET, "oscillation", "bias_jump")
@@ -96,8 +94,6 @@ def clear_up(context: Context) -> FaultFound | None:
     place = None if held is None else _remember(context, held)
     if fault is not None:
         return fault
-    if busy is not None:
-        _stir(context, busy, held)
     # A trunk that both arms share must be back before the idle arm is at rest again,
     # and turns with the other one, which may stand among other things.
     first, motion = busy, context.cycle.motion
@@ -172,13 +168,6 @@ def _remember(context: Context, held: Held) -> FloatArray | None:
         lies = np.concatenate([body, lies])  # it stands: its lower end was not seen
     (context.fallen if is_seen else context.dropped).append(lies)
     return None if is_seen else lies.mean(axis=0)
-
-
-def _stir(context: Context, arm: str, held: Held | None) -> None:
-    """Forget what was seen to be free around a hand that moved something."""
-    T = context.limbs[arm].pose(context.posture(context.limbs[arm]))
-    points = T.p[None] if held is None else T.apply(held.points_hand).reshape(-1, 3)
-    context.known.stirred(Bounds.around(np.vstack([points, T.p]), _STIRRED))
 
 
 def _hanging(context: Context, arm: str) -> FaultFound | None:

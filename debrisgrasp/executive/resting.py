@@ -23,7 +23,6 @@ from .folding import is_folded, straight, unfolds
 from .hanging import looked_after, looked_again, looked_around
 from .moves import LAST_RESORT, planned, pull_of, reversed_motion
 from .obstacles import space_of
-from .pacing import widest_corners
 from .relief import relieve
 from .result import FaultFound
 
@@ -201,8 +200,7 @@ def _back(drive: Drive, trajectory: Trajectory) -> FaultFound | None:
     After a touch the next motion is a slower one, around what was touched.
     """
     cycle = drive.context.cycle
-    corners = widest_corners(drive.limb)
-    fault = drive.follow(trajectory, pace=cycle.speed, points=corners)
+    fault = drive.follow(trajectory, pace=cycle.speed)
     if fault is None:
         drive.limb.trail.clear()
     else:

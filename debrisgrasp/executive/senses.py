@@ -38,7 +38,7 @@ _CARRYING = replace(SAFETY, motion_force=30.0, motion_torque=8.0)
 _UNSURE_COM = 0.15
 """... but how high its centre of mass lies was only seen, to this [m]: as the hand
 leans, the torque changes by so much times the weight."""
-_TOUCH, _MORE = (45.0, 12.0), (15.0, 4.0)
+_TOUCH, _MORE = (25.0, 8.0), (15.0, 4.0)
 """An empty hand that is taken elsewhere touches something when it bears so much, or
 more than at first by so much [N, N m]: it is as fast as the plan lets it, and what it
 bears grows until it stands."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,17 +72,6 @@ class Trajectory:
         speed = np.where(is_outside, 0.0, ((3.0 * a * u + 2.0 * b) * u + m0) / h)
         acceleration = np.where(is_outside, 0.0, (6.0 * a * u + 2.0 * b) / (h * h))
         return ((a * u + b) * u + m0) * u + q0, speed, acceleration
-
-    def after(self, t: float) -> Trajectory:
-        """Give what is left of it from a time on, in [0, duration) [s]."""
-        (q,), (dq,), _ = self.at(np.array([t]))
-        left = self.times > t
-        return replace(
-            self,
-            times=np.append(0.0, self.times[left] - t),
-            q=np.vstack([q, self.q[left]]),
-            dq=np.vstack([dq, self.dq[left]]),
-        )
 
     def violation(self, limits: LimitSet, period: float = 0.004) -> str:
         """First limit broken at samples of a period [s], in words; empty if none."""

@@ -25,7 +25,7 @@ def test_a_push_on_the_other_arm_ends_a_motion_of_the_trunk(pipeline, monkeypatc
     trajectory = planned(context, limb, away, space).trajectory
     for each in context.limbs.values():
         each.baseline_time = 1.0
-    loads = iter([0.0, 20.0, 30.0, 61.0, np.nan, 61.0, 61.0, 500.0])
+    loads = iter([0.0, 10.0, 20.0, 61.0, np.nan, 61.0, 61.0, 500.0])
 
     def bears(_):
         force = next(loads)
@@ -40,9 +40,9 @@ def test_a_push_on_the_other_arm_ends_a_motion_of_the_trunk(pipeline, monkeypatc
 @pytest.mark.parametrize(
     ("force", "torque", "fault"),
     [
-        (44.0, 1.0, None),
+        (24.0, 1.0, None),
         (130.0, 1.0, "plan_collision"),
-        (10.0, 13.0, "plan_collision"),
+        (10.0, 9.0, "plan_collision"),
         (np.nan, np.nan, "wrench_nan"),
     ],
 )

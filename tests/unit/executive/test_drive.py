@@ -141,7 +141,7 @@ def test_an_empty_hand_on_a_planned_way_stops_at_what_nobody_saw(pipeline, speed
     found = drive.follow(way, pace=speed / (steps.max() * 199 / way.duration))
     assert found.fault == "plan_collision"
     force = fake.truth().peak_force["right"]
-    assert 40.0 < force < limb.limits.hardware.force
+    assert 25.0 < force < limb.limits.hardware.force
     assert fake.truth().violations == ()
 
 

@@ -250,7 +250,6 @@ def test_what_was_put_down_is_in_the_way_wherever_the_base_stands(pipeline):
     space = space_of(context, unknown=UnknownSpace.HIDDEN)
     assert not limb.planner.stands_free(context.posture(limb), space)
     assert context.last_seen is None
-    assert context.known.is_new
 
 
 def test_the_way_to_a_grasp_is_no_way_back_where_the_base_has_moved(
