@@ -51,9 +51,10 @@ def plan_grasp(context: Context) -> StepResult:
     failed = [] if mark is None else mark.failed
     in_vain = [] if mark is None else mark.in_vain(cycle.seen)
     # A search is drawn: what found nothing good is repeated, and all finds count.
-    n_searches = 1 if mark is None else min(1 + mark.searches + mark.tries, _SEARCHES)
-    grasps: list[Grasp] = []
-    for _ in range(n_searches):
+    offered = [] if mark is None else mark.offered.get(cycle.seen, [])
+    grasps = [g for g in offered if not any(_is_like(g, other) for other in in_vain)]
+    n_before = 0 if mark is None or offered else mark.searches + mark.tries
+    for _ in range(min(1 + n_before, _SEARCHES)):
         seed = int(context.rng.integers(2**31))
         found = context.pipeline.plan(cycle.seen, object_label=label, seed=seed)
         for grasp in found.plan.grasps:
@@ -74,14 +75,17 @@ def plan_grasp(context: Context) -> StepResult:
         found, plan=replace(found.plan, grasps=_ordered(grasps, cycle.triage, failed))
     )
     best = cycle.plan.plan.grasps[0]
-    if _is_put_off(context, best):
+    if _is_put_off(context, cycle.plan.plan.grasps):
         return Done({"put_off": _grasp_facts(best)}, State.SELECT)
     return Done({"seed": seed, "grasps": len(grasps), "best": _grasp_facts(best)})
 
 
-def _is_put_off(context: Context, best: Grasp) -> bool:
-    """Whether what an object offers is so poor that all others are tried before it."""
-    cycle, n_changes = context.cycle, context.n_changes
+def _is_put_off(context: Context, grasps: Sequence[Grasp]) -> bool:
+    """Whether what an object offers is so poor that all others are tried before it.
+
+    Its grasps, the best first, are kept for its turn.
+    """
+    cycle, n_changes, best = context.cycle, context.n_changes, grasps[0]
     assert cycle.seen is not None
     assert cycle.triage is not None
     is_only = cycle.seen.is_marked is not None or cycle.triage.way is Way.DRAG
@@ -89,7 +93,9 @@ def _is_put_off(context: Context, best: Grasp) -> bool:
         return False
     if context.marks.promise(cycle.centroid, n_changes) is not None:
         return False
-    context.marks.put_off(cycle.centroid, best.rank, n_changes)
+    context.marks.put_off(cycle.centroid, best.rank, n_changes).offered[cycle.seen] = (
+        list(grasps)
+    )
     return True
 
 
@@ -192,7 +198,7 @@ def plan_motion(context: Context) -> StepResult:
         is_far = all(MotionStatus.NO_GOAL_POSTURE.value in r for r in reasons)
         name = "unreachable" if is_far else "plan_collision"
         return FaultFound(name, found.why_none)
-    if _is_put_off(context, found.chosen.grasp):
+    if _is_put_off(context, cycle.plan.plan.grasps[found.chosen.index :]):
         return Done({"put_off": _grasp_facts(found.chosen.grasp)}, State.SELECT)
     cycle.motion = found.chosen
     limb, path = context.limbs[found.chosen.arm], found.chosen.reach.path

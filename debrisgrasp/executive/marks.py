@@ -65,6 +65,9 @@ class Mark:
     """By look, as long as it is kept: grasps to which no way was found as the pile lies
     there."""
 
+    offered: Memo[object, list[Grasp]] = field(default_factory=Memo)
+    """By look, too: grasps that were found on it when it was put off."""
+
     def is_sought(self, n_changes: int) -> bool:
         """Whether a way was sought often enough since something has changed."""
         is_enough = self.searches >= _SEARCHES or self.is_hopeless
@@ -122,10 +125,11 @@ class Marks:
         mark.is_heavy |= is_weighed or mark.n_stuck >= _STUCK
         return mark
 
-    def put_off(self, centroid: ArrayLike, promise: float, n_changes: int) -> None:
+    def put_off(self, centroid: ArrayLike, promise: float, n_changes: int) -> Mark:
         """Leave an object for last that is hardly likely to be held."""
         mark = self._at(centroid)
         mark.promise, mark.n_promised = promise, n_changes
+        return mark
 
     def _at(self, centroid: ArrayLike) -> Mark:
         """Mark of the object at a place, or a new one."""
@@ -145,6 +149,7 @@ class Marks:
         for mark in self.marks:
             mark.failed.clear()
             mark.unreached.clear()
+            mark.offered.clear()
             mark.n_stayed = 0
 
     def promise(self, centroid: ArrayLike, n_changes: int) -> float | None:

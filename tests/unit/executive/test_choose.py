@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +15,7 @@ from debrisgrasp.executive.marks import Marks
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.triage import Triage, Way
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.pipeline import PlanningResult
 from debrisgrasp.planning import GraspPlan
 from tests.unit.executive.rigs import before_a_brick, look
@@ -121,4 +121,28 @@ def test_what_is_put_off_keeps_its_try_after_a_removal(fault, is_search, values)
 def test_an_object_that_is_the_only_one_sought_is_never_put_off(pipeline, monkeypatch):
     context = before_a_chosen_brick(pipeline)
     monkeypatch.setattr(context.cycle, "seen", SimpleNamespace(is_marked=np.ones(1)))
-    assert not choose_grasp._is_put_off(context, grasp(0.01))
+    assert not choose_grasp._is_put_off(context, [grasp(0.01)])
+
+
+def test_what_was_found_on_an_object_that_was_put_off_is_kept_for_its_turn(
+    pipeline, monkeypatch
+):
+    context = before_a_chosen_brick(pipeline)
+    context.marks.add(context.cycle.centroid, FaultFound("slip", "it slipped"), 0)
+    turned = SE3.from_parts(so3.exp(np.array([0.0, 0.0, 1.0])))
+    searches = iter([(0.3, 0.0), (0.4, 0.2), (0.2, 0.4), (0.1, 0.6), (0.05, 0.8)])
+
+    def plan(*_, **__):
+        rank, x = next(searches)
+        found = grasp(rank)
+        found.T_base_hand = SE3.from_parts(p=[x, 0.0, 0.0]) @ turned
+        return blank(PlanningResult, plan=blank(GraspPlan, grasps=(found,)))
+
+    monkeypatch.setattr(type(context.pipeline), "plan", plan)
+    assert choose_grasp.plan_grasp(context).next is State.SELECT  # two searches
+    assert choose_grasp.plan_grasp(context).next is None  # one more
+    kept = [g.rank for g in context.cycle.plan.plan.grasps]
+    assert kept == [0.4, 0.3, 0.2]
+    context.cycle.seen = replace(context.cycle.seen)  # another look
+    choose_grasp.plan_grasp(context)
+    assert [g.rank for g in context.cycle.plan.plan.grasps] == [0.1, 0.05]
