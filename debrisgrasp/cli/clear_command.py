@@ -240,7 +240,7 @@ def _summary(done: Simulated) -> str:
         f"{done_so_far}; "
         + (f"counts as {counted_as}" if counted_as else "not counted")
     )
-    if failure is not None and result.faults:
+    if failure is not None and counted_as and result.faults:
         lines.append(f"ended by: {result.faults[-1].message}")
     if result.is_nothing_there:
         lines.append("nothing was taken: nothing lies in the way")

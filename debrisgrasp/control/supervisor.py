@@ -94,8 +94,8 @@ class Supervisor:
         if not is_whole or not isfinite(reading.time):
             raise InputError(
                 "first reading",
-                got=f"joints {shortened(str(reading.q))}, "
-                f"wrench {shortened(str(reading.wrench_ft))}, at {reading.time} s",
+                got=f"joints {shortened(str(q))}, wrench {shortened(str(raw))}, "
+                f"at {reading.time} s",
                 expected=f"{self._kinematics.n_joints} and 6 finite numbers",
                 mend="See why the driver sends none; nothing is moved without.",
             )

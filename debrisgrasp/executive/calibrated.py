@@ -10,6 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp._words import arm_called
 from debrisgrasp.calibration import DriftMonitor, DriftReport, Head, Observations
+from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.geometry import DepthSight, Solid
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import KinematicChain, Trajectory
@@ -182,9 +183,12 @@ def _way_into_view(
     spec = context.model.arm(limb.name)
     q = limb.reach.chain.vector(context.model.posture(limb.name, spec.present))
     T_base_camera = context.model.T_base_camera(context.joint_values())
-    capture = Capture(
-        depth=frame.depth, intrinsics=frame.intrinsics, T_base_camera=T_base_camera
-    )
+    try:
+        capture = Capture(
+            depth=frame.depth, intrinsics=frame.intrinsics, T_base_camera=T_base_camera
+        )
+    except (CaptureError, InputError) as error:  # the next capture tells
+        return FaultFound("plan_collision", f"nothing was seen: {error}", limb.name)
     assert capture.depth is not None
     cloud = capture.cloud()
     if len(cloud) < _LEAST:

@@ -50,6 +50,8 @@ _SLANT = 0.25
 STANDING = 0.24
 """How long an arm stands while forces are averaged [s]."""
 _GUARD = ContactGuard(force=50.0)
+_LEAST_TORQUE = 4.0
+"""Less than that is in the noise of a touch [N m]."""
 _SLOWEST = 0.002
 """An approach that may only be slower than this takes too long [m/s]."""
 
@@ -120,6 +122,13 @@ def switch(context: Context) -> StepResult:
 
 def require_room(limits: LimitSet, load_share: float) -> None:
     """Raise `InputError` if limits leave no room between a touch and too much of it."""
+    if limits.torque * load_share < _LEAST_TORQUE:
+        raise InputError(
+            "limit of the torque at the hand",
+            got=f"{limits.torque:g} N m",
+            expected=f"{_LEAST_TORQUE / load_share:.0f} N m or more",
+            mend="A touch turns the hand by as much before the arm stands.",
+        )
     if _GUARD.largest_speed(limits.scaled(load=load_share)) < _SLOWEST:
         least = _GUARD.force + _GUARD.stiffness * _GUARD.reaction_time * _SLOWEST
         raise InputError(

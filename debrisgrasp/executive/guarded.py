@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DriverError
+from debrisgrasp.robot.kinds import odd_answers, unlike_numbers
 
+from .context import Context
 from .result import FaultFound, FaultRaised, StepResult
 
-__all__ = ["guarded"]
+__all__ = ["guarded", "nonsense"]
 
 
-def guarded(step: Callable[[], StepResult]) -> StepResult:
-    """Run something; whatever it raises becomes a fault with evidence."""
+def guarded(context: Context, step: Callable[[], StepResult]) -> StepResult:
+    """Run something; whatever it raises becomes a fault with evidence.
+
+    What a step trips over while a device answers in another kind than its protocol asks
+    for is that device's fault, and else our software's.
+    """
     try:
         return step()
     except FaultRaised as raised:
@@ -22,7 +29,39 @@ def guarded(step: Callable[[], StepResult]) -> StepResult:
     except DriverError as error:
         return FaultFound("connection_lost", str(error))
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a robot survives software
+        found = nonsense(context)
+        if found is not None:
+            return found
         at = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(at.filename).name}, line {at.lineno}, in {at.name}"
         words = f"{type(error).__name__} in {where}: {error}"
         return FaultFound("software_error", words)
+
+
+def nonsense(context: Context) -> FaultFound | None:
+    """Name a device at rest whose answers are not of the kind that is asked for."""
+    for name, limb in context.robot.limbs.items():
+        used = context.limbs.get(name)
+        n_fingers = None if used is None else len(used.hand.fingers)
+        odd = _first(odd_answers(limb, n_fingers))
+        if odd:
+            words = f"a driver of the {arm_called(name)} sends nonsense: {odd}"
+            return FaultFound("connection_lost", words, name)
+    head = context.robot.head
+    if head is None:
+        return None
+    odd = _first(unlike_numbers(head.read().q, len(head.joint_names)) for _ in (0,))
+    if odd:
+        words = f"the driver of the head sends nonsense: {odd}"
+        return FaultFound("connection_lost", words)
+    return None
+
+
+def _first(found: Iterator[str]) -> str:
+    """Return what is said first, or what kept it from being said."""
+    try:
+        return next(found, "")
+    except DriverError as error:
+        return str(error)
+    except Exception as error:  # noqa: BLE001 - a driver may raise anything
+        return f"it raises {type(error).__name__}: {error}"

@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray
-from debrisgrasp._words import arm_called
+from debrisgrasp._words import arm_called, shortened
 from debrisgrasp.control import PostureKinematics
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
@@ -18,15 +18,54 @@ from debrisgrasp.robot import Robot
 
 from .context import LimbState
 from .grasping import require_room
+from .reposition import FARTHEST
 from .settings import TaskSettings
 
-__all__ = ["limbs_of", "require_drop_off", "require_own_sides"]
+__all__ = ["limbs_of", "require_devices", "require_drop_off", "require_own_sides"]
 
 _BESIDE_ANOTHER = 0.2
 """What is so much nearer to another hand than to the own is on the other's side [m]."""
 _HEIGHT = 0.35
 """Of the palm over a drop-off at which it must be able to be [m]."""
 _TILTS, _YAWS = (0.0, np.pi / 4.0), 8
+
+
+def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
+    """Raise `InputError` if a robot lacks what no task goes without.
+
+    Parameters
+    ----------
+    look
+        Joints of the head for a capture [rad or m].
+    """
+    if robot.camera is None:
+        raise InputError(
+            "camera of the robot",
+            got="none",
+            expected="a DepthCamera",
+            mend="Nothing is moved that is not seen; give it to Robot(camera=...).",
+        )
+    model = robot.model
+    for name, limb in robot.limbs.items():
+        said, expected = limb.arm.joint_names, model.chain(name).joint_names
+        if not isinstance(said, (tuple, list)) or tuple(said) != expected:
+            raise InputError(
+                f"joint_names of the {arm_called(name)}",
+                got=shortened(repr(said)),
+                expected=", ".join(expected),
+                mend="A driver names the joints of the model, from the base on.",
+            )
+    model.T_base_camera()
+    assert model.camera is not None
+    for joint in model.tree.joints_above(model.camera):
+        value = look.get(joint.name, 0.0)
+        if joint.name in look and not joint.lower <= value <= joint.upper:
+            raise InputError(
+                f"look of {joint.name}",
+                got=value,
+                expected=f"{joint.lower:g} to {joint.upper:g} rad or m",
+                mend="Angles are in radians.",
+            )
 
 
 def limbs_of(
@@ -135,13 +174,16 @@ def require_drop_off(reach: ArmReach, place: tuple[float, float]) -> None:
 
     The robot may not stand there, and a palm that faces down must get above it.
     """
-    if reach.robot.stands_at(place):
-        raise InputError(
-            f"drop-off of the {arm_called(reach.name)}",
-            got=f"({place[0]:g}, {place[1]:g}), where the robot stands",
-            expected="a place beside the robot",
-            mend="Put things down on the side of the arm, clear of the robot.",
-        )
+    back = FARTHEST if reach.robot.drives else 0.0
+    for way in np.linspace(0.0, back, 8):
+        if reach.robot.stands_at((place[0] + float(way), place[1])):
+            where = "stands" if not way else "may drive back to"
+            raise InputError(
+                f"drop-off of the {arm_called(reach.name)}",
+                got=f"({place[0]:g}, {place[1]:g}), where the robot {where}",
+                expected="a place beside the robot",
+                mend="Put things down on the side of the arm, clear of the robot.",
+            )
     poses = []
     for tilt in _TILTS:
         for yaw in np.linspace(0.0, 2.0 * np.pi, _YAWS, endpoint=False):

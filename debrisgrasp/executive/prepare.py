@@ -17,11 +17,12 @@ from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitFamily
 from debrisgrasp.motion import UnknownSpace
-from debrisgrasp.robot.kinds import odd_answers, odd_openings
+from debrisgrasp.robot.kinds import odd_openings
 
 from .context import Context, LimbState
 from .drive import Drive
 from .fingers import open_hand
+from .guarded import nonsense
 from .moves import planned
 from .noticed import misplaced
 from .obstacles import space_of
@@ -44,8 +45,11 @@ _FIRST_AGE = 3600.0
 def self_test(context: Context) -> StepResult:
     """See that limits, grippers, signs and zeros are what they are said to be."""
     facts: dict[str, object] = {}
+    odd = nonsense(context)
+    if odd is not None:
+        return odd
     for limb in context.limbs.values():
-        fault = _answers(limb) or _limits(limb) or _gripper(context, limb)
+        fault = _limits(limb) or _gripper(context, limb)
         if fault is not None:
             return fault
     for limb in context.limbs.values():
@@ -62,13 +66,6 @@ def self_test(context: Context) -> StepResult:
             "drop_off": list(context.settings.drop_off[limb.name]),
         }
     return Done(facts)
-
-
-def _answers(limb: LimbState) -> FaultFound | None:
-    """See that all devices answer in numbers, and as many as there should be."""
-    odd = next(odd_answers(limb.limb, len(limb.hand.fingers)), "")
-    words = f"a driver of the {arm_called(limb.name)} sends nonsense: {odd}"
-    return FaultFound("connection_lost", words, limb.name) if odd else None
 
 
 def _limits(limb: LimbState) -> FaultFound | None:

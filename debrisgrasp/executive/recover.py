@@ -16,6 +16,7 @@ from .drive import Drive
 from .faults import Action
 from .fingers import loosen
 from .folding import free_share
+from .guarded import nonsense
 from .inside import moved_inside
 from .moves import back_out, let_go, lower, lowering_speed, put_down
 from .outcome import FaultEvent
@@ -235,7 +236,7 @@ def _reconnected(context: Context) -> FaultFound | None:
             words = str(error)
             context.wait(0.1)
             continue
-        return None
+        return nonsense(context)
     return FaultFound("connection_lost", f"{words} Asked for {_RECONNECT:g} s.")
 
 

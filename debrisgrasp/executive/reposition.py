@@ -11,14 +11,14 @@ from debrisgrasp.robot import Base
 
 from .context import Context
 
-__all__ = ["repositioned", "stepped_back"]
+__all__ = ["FARTHEST", "repositioned", "stepped_back"]
 
 _STANDS = (0.95, 0.8, 1.1)
 """Ahead of the base an arm reaches most in the first: there an object is brought to; in
 the others it is seen and reached otherwise [m]."""
 _LEAST, _MOST = 0.08, 0.35
 """Ways worth driving, and as far as is driven without another look [m]."""
-_FARTHEST = 0.7
+FARTHEST = 0.7
 """From where the task began, ahead or back [m]."""
 _FRONT, _HALF_WIDTH = 0.43, 0.33
 """Of the base: its front end, and half its width with room beside it [m]."""
@@ -87,7 +87,7 @@ def stepped_back(context: Context, missing: float) -> float:
     if base is None or context.n_moves >= context.settings.repositions:
         return 0.0
     gone = float(-context.T_base_way.p[0])
-    way = max(-_STEP, -_FARTHEST - gone)
+    way = max(-_STEP, -FARTHEST - gone)
     if missing < _SHOWN or missing > _STILL * context.missing or -way < _LEAST:
         return 0.0
     context.missing = missing
@@ -113,8 +113,8 @@ def _way(context: Context, wanted: float) -> float:
     seen = context.cycle.seen
     assert seen is not None
     gone = float(-context.T_base_way.p[0])
-    way = float(np.clip(wanted, max(-_MOST, -_FARTHEST - gone), _MOST))
-    way = min(way, _FARTHEST - gone)
+    way = float(np.clip(wanted, max(-_MOST, -FARTHEST - gone), _MOST))
+    way = min(way, FARTHEST - gone)
     clouds = [seen.cloud.points, *context.put_down, *context.fallen]
     points = np.concatenate(clouds)
     is_ahead = (np.abs(points[:, 1]) < _HALF_WIDTH) & (points[:, 0] > _FRONT)

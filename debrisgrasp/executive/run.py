@@ -20,7 +20,7 @@ from debrisgrasp.robot import Robot
 from .context import Context, Cycle, Recorder
 from .faults import Action, fault_named
 from .guarded import guarded
-from .limbs import limbs_of
+from .limbs import limbs_of, require_devices
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
 from .record import NoRecord
 from .recover import clear_up, recover
@@ -90,8 +90,9 @@ class Executive:
         pipeline = pipeline or Pipeline(robot=robot.model)
         hands = {**load_grippers(), **pipeline.grippers}
         model = with_hands(robot.model, hands)
-        limbs = limbs_of(robot, settings, model, hands)
         model.joint_values(settings.look)
+        require_devices(robot, settings.look or {})
+        limbs = limbs_of(robot, settings, model, hands)
         self.context = Context(
             robot=robot,
             model=model,
@@ -166,7 +167,7 @@ class Executive:
 
     def _stepped(self, state: State) -> StepResult:
         """Run one step; whatever it raises becomes a fault."""
-        return guarded(lambda: STEPS[state](self.context))
+        return guarded(self.context, lambda: STEPS[state](self.context))
 
     def _answered(self, state: State, found: FaultFound) -> State:
         """Do what the table says about a fault; returns where to go on."""
@@ -221,7 +222,7 @@ class Executive:
         """Carry an answer out; a state if that failed, and the run must end there."""
         context = self.context
         for n_left in reversed(range(_RECOVERIES)):
-            result = guarded(partial(recover, context, event, answer))
+            result = guarded(context, partial(recover, context, event, answer))
             self._flush_trace(State.RECOVER)
             if not isinstance(result, FaultFound):
                 return None
@@ -256,7 +257,7 @@ class Executive:
             return self._stopped()
         if context.held is None and context.is_in_pile is None:
             return RunEnd.LEFT if _is_nothing_more(last) else RunEnd.ABORTED
-        result = guarded(lambda: _cleared_up(context))
+        result = guarded(context, lambda: _cleared_up(context))
         self._flush_trace(State.ABORT)
         if isinstance(result, FaultFound):
             # The class of the run is that of what it was aborted for.

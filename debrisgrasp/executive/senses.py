@@ -40,8 +40,7 @@ _UNSURE_COM = 0.15
 leans, the torque changes by so much times the weight."""
 _TOUCH, _MORE = (25.0, 8.0), (15.0, 4.0)
 """An empty hand that is taken elsewhere touches something when it bears so much, or
-more than at first by so much [N, N m]: it is as fast as the plan lets it, and what it
-bears grows until it stands."""
+more than at first by so much, whichever is more [N, N m]."""
 _CLOSING = (State.CLOSE, State.VERIFY_GRASP)
 _SLACK = 10.0
 """With which fingers stay where they were stopped [N]."""
@@ -175,7 +174,7 @@ class Senses:
         return not is_shut and held.grip.weakest(fingers.forces) >= _STILL_FELT
 
     def room(self, safety: SafetyConfig) -> tuple[float, float]:
-        """From where a touch ends a motion of an empty hand to the limits [N, N m]."""
+        """From where a touch ends a planned motion to the limits [N, N m]."""
         most, stops = self.limb.limits.controller, self.limits
         return (
             most.force - min(safety.motion_force or np.inf, stops.force),

@@ -48,6 +48,8 @@ __all__ = ["Simulated", "SimulatedTask", "injections_of", "simulate"]
 
 _CENTER = (0.98, 0.0)
 """Middle of a pile that both arms reach [m]."""
+_OF_THE_RECORD = {"schema", "version"}
+"""Among the inputs of a run, beside those of the task."""
 _NEAREST, _HALF_WIDTH = 0.5, 0.45
 """So far ahead of the robot piles begin, as wide as the way it takes [m]."""
 
@@ -145,6 +147,14 @@ class SimulatedTask:
     def from_json(cls, content: Mapping[str, Any]) -> SimulatedTask:
         """Read what `to_json` wrote, or raise `ConfigError`."""
         known = {field.name for field in fields(cls)}
+        unknown = set(content) - known - _OF_THE_RECORD
+        if unknown:
+            raise ConfigError(
+                "inputs of a run",
+                got=", ".join(sorted(unknown)),
+                expected=", ".join(sorted(known)),
+                mend="Correct the name, or replay with the version that wrote it.",
+            )
         given: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value
             for key, value in content.items()

@@ -218,13 +218,14 @@ def test_the_settings_of_a_site_hold_for_the_task(tmp_path):
     assert both.settings(both.pipeline()).arms == ("right",)
 
 
-def test_a_force_too_low_to_feel_a_touch_by_is_refused(tmp_path, capsys):
+@pytest.mark.parametrize(("what", "limit"), [("force", 50), ("torque", 0.001)])
+def test_a_limit_too_low_to_feel_a_touch_by_is_refused(tmp_path, capsys, what, limit):
     site = tmp_path / "site.yaml"
-    site.write_text("schema: debrisgrasp/site/1\nlimits: {force: 50}\n")
+    site.write_text(f"schema: debrisgrasp/site/1\nlimits: {{{what}: {limit}}}\n")
     record = tmp_path / "run"
     words = ["clear", "--site", str(site), "--record", str(record)]
     assert debrisgrasp(words) == 2
-    assert "limit of the force at the hand" in capsys.readouterr().err
+    assert f"limit of the {what} at the hand" in capsys.readouterr().err
     # What was refused leaves nothing that is in the way of the next try.
     assert RunRecord(record, {}).fault == ""
 
@@ -334,7 +335,7 @@ def test_replayed_records_of_different_tasks_are_not_the_same(tmp_path, capsys):
     inputs = tmp_path / "other" / "inputs.json"
     inputs.write_text(inputs.read_text().replace('"seed": 4', '"sead": 4'))
     assert debrisgrasp(["replay", one, "--against", other]) == 2
-    assert f"{other}: inputs of a run: got no seed" in capsys.readouterr().err
+    assert f"{other}: inputs of a run: got sead" in capsys.readouterr().err
 
 
 def test_an_interrupted_record_is_compared_as_far_as_it_got(tmp_path, capsys):

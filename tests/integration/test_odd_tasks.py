@@ -192,6 +192,62 @@ def test_a_driver_that_sends_nonsense_is_named_before_anything_moves(
 
 
 @pytest.mark.parametrize(
+    ("device", "answer", "state", "words"),
+    [
+        ("arm", None, State.CALIB_CHECK, "its arm: reads None without q"),
+        ("arm", {"q": ("a",) * 8}, State.LIFT, "its arm: reads"),
+        ("sensor", None, State.PREGRASP, "its force sensor: reads None"),
+        ("sensor", {"wrench_ft": ("x",) * 6}, State.LIFT, "its force sensor: reads"),
+        ("gripper", None, State.LIFT, "its gripper's openings: reads None"),
+        ("gripper", {"forces": None}, State.CLOSE, "its gripper's forces: reads None"),
+        ("sensor", ValueError("bug"), State.PREGRASP, "it raises ValueError: bug"),
+    ],
+)
+def test_a_driver_that_begins_to_send_nonsense_is_named_and_no_error_of_ours(
+    pipeline, beam, device, answer, state, words
+):
+    def broken(robot, record):
+        here = getattr(robot.limbs["right"], device)
+
+        def read():
+            reading = here.read()
+            if not any(event.get("state") == state.value for event in record.events):
+                return reading
+            if isinstance(answer, Exception):
+                raise answer
+            return reading._replace(**answer) if answer else None
+
+        return with_limb(robot, device, read=read)
+
+    done = run_struck(pipeline, beam, ONE, change=broken)
+    found = {fault.fault for fault in done.result.faults}
+    assert "software_error" not in found, done.result.faults[0].message
+    fault = next(f for f in done.result.faults if f.fault == "connection_lost")
+    assert "right arm" in fault.message
+    assert words in fault.message
+    assert done.result.end is RunEnd.STOPPED
+    assert all(arm.is_stopped for arm in done.fake.arms.values())
+    assert_within_limits(done)
+
+
+@pytest.mark.parametrize("depth", [0.0, np.nan, np.inf, -1.0])
+def test_a_camera_that_is_dark_from_the_start_is_an_empty_image(pipeline, beam, depth):
+    def dark(robot, _record):
+        frame = robot.camera.capture()
+
+        def capture():
+            covered = np.full(np.shape(frame.depth), depth)
+            return replace(robot.camera.capture(), depth=covered)
+
+        return replace(robot, camera=Changed(robot.camera, capture=capture))
+
+    done = run_struck(pipeline, beam, ONE, change=dark)
+    assert {fault.fault for fault in done.result.faults} == {"empty_cloud"}
+    assert done.result.fault_class is FaultClass.PERCEPTION
+    assert done.result.end is RunEnd.ABORTED
+
+
+@pytest.mark.parametrize(
     ("depth", "words"),
     [
         (None, "gives None without time, depth"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,7 @@ from debrisgrasp.executive import run as module
 from debrisgrasp.executive.recover import recover
 from debrisgrasp.executive.result import Done, FaultFound
 from tests.unit.executive.stepped import failing
+from tests.unit.robot.broken_robots import with_limb
 
 
 def test_as_many_removals_as_asked_for_end_the_run(run):
@@ -66,13 +69,38 @@ def test_the_way_is_clear_when_select_says_so(run):
         (TaskSettings(rest="nowhere"), "unknown posture.*nowhere"),
         (TaskSettings(look={"neck": 0.1}), "unknown joint.*neck"),
         (TaskSettings(look={"ptu_pan_joint": float("nan")}), "ptu_pan_joint.*number"),
+        (
+            TaskSettings(look={"ptu_pan_joint": 50.0}),
+            "ptu_pan_joint: got 50.0.*radians",
+        ),
     ],
-    ids=("rest", "joint", "nan"),
+    ids=("rest", "joint", "nan", "degrees"),
 )
 def test_a_rest_or_a_look_that_the_robot_lacks_is_refused(
     fake, pipeline, settings, words
 ):
     with pytest.raises((InputError, UnknownNameError), match=words):
+        Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("names", [None, ("a",) * 8, 8])
+def test_a_driver_that_names_other_joints_than_the_model_is_refused(
+    fake, pipeline, names
+):
+    robot = with_limb(fake.robot, "arm", joint_names=names)
+    with pytest.raises(InputError, match="joint_names of the right arm"):
+        Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+def test_a_robot_without_a_camera_is_refused(fake, pipeline):
+    robot = replace(fake.robot, camera=None)
+    with pytest.raises(InputError, match="camera of the robot: got none"):
+        Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+def test_what_the_robot_may_drive_back_to_is_no_drop_off(fake, pipeline):
+    settings = TaskSettings(arms=("right",), drop_off={"right": (-0.8, 0.0)})
+    with pytest.raises(InputError, match="where the robot may drive back to"):
         Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
