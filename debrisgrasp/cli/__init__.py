@@ -9,6 +9,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 
+from .loading import signals_wait
+
 __all__ = ["main"]
 
 _INTERRUPTED = 130
@@ -22,7 +24,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         with _ended_as_by_a_person():
-            status: int = import_module("debrisgrasp.cli.program").run(argv)
+            with signals_wait():
+                program = import_module("debrisgrasp.cli.program")
+            status: int = program.run(argv)
     except KeyboardInterrupt:
         print("debrisgrasp: interrupted; no file is half-written", file=sys.stderr)
         return _INTERRUPTED

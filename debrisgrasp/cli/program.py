@@ -18,6 +18,8 @@ from typing import Any, NoReturn
 from debrisgrasp import __version__
 from debrisgrasp.errors import DebrisGraspError, InputError
 
+from .loading import signals_wait
+
 __all__ = ["build_parser", "run"]
 
 _COMMANDS = {
@@ -129,6 +131,7 @@ def build_parser(only: str | None = None) -> argparse.ArgumentParser:
     )
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     wanted = [home for name, home in _COMMANDS.items() if only in (None, name)]
-    for module, function in dict.fromkeys(wanted):
-        getattr(import_module(f".{module}", __package__), function)(subparsers)
+    with signals_wait():
+        for module, function in dict.fromkeys(wanted):
+            getattr(import_module(f".{module}", __package__), function)(subparsers)
     return parser
