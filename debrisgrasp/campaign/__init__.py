@@ -14,7 +14,7 @@ from .accounting import (
 )
 from .again import Change, asked_apart, changes, done_again, run_function
 from .arm_run import run_arm
-from .contents import contents_of_site, digest, edited_since
+from .contents import contents_of_site, digest, edited, edited_since
 from .fake_run import pipeline_of, run_fake
 from .flight_picture import save_flight
 from .flights import FlightGroup, draw_flight, flight_of, grouped
@@ -72,6 +72,7 @@ __all__ = [
     "done_again",
     "draw_flight",
     "draw_specs",
+    "edited",
     "edited_since",
     "fake_world",
     "flight_of",

@@ -17,6 +17,7 @@ from .commands import Subparsers, version
 from .reports import PAGE_FORMS, print_written, require_places
 from .site_arguments import add_site
 from .tables import columns
+from .task_files import contents_of
 from .values import add_region, number, region_of, seed, some_path
 
 if TYPE_CHECKING:
@@ -117,7 +118,8 @@ def _clear(arguments: argparse.Namespace) -> int:
     pipeline = task.pipeline()
     settings = task.settings(pipeline)
     require_places([arguments.report], PAGE_FORMS)
-    inputs = {**task.to_json(), "version": version()}
+    contents = contents_of(task)
+    inputs = {**task.to_json(), "version": version(), "contents": contents}
     record: RunRecord | MemoryRecord = MemoryRecord(inputs)
     if arguments.record:
         record = RunRecord(arguments.record, inputs)

@@ -13,6 +13,7 @@ from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError
 
 from .commands import Subparsers, version
+from .task_files import contents_of
 from .values import some_path
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
     else:
         events, by = _done_again(before), version()
     versions = {"before": _made_by(before.inputs), "now": by}
+    files = _edited(before, other)
     taken, events = _comparable(before, events, other)
     found = differences(taken, events)
     if arguments.json:
@@ -130,6 +132,7 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
             "is_whole": before.is_whole,
             "missing": before.missing,
             "versions": versions,
+            "edited": files,
             "tasks": apart,
         }
         if other is not None:
@@ -137,6 +140,8 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
         print(json.dumps({**facts, "differences": [str(d) for d in found]}))
     else:
         print(", ".join(f"{when}: {what}" for when, what in versions.items()))
+        for words in files:
+            print(f"not as before: {words}")
         same = _tell_apart(apart)
         for path, missing in lacking.items():
             if missing:
@@ -144,6 +149,20 @@ def _replay_of_decisions(arguments: argparse.Namespace) -> int:
         n = counted(len(taken), "decision")
         print("\n".join(map(str, found)) or f"{same} {n}")
     return 1 if apart or found or any(lacking.values()) else 0
+
+
+def _edited(before: StoredRun, other: StoredRun | None) -> list[str]:
+    """Say which files of a run are others now, or in another record.
+
+    Nothing is said of a record by an older version, which kept no digests.
+    """
+    from debrisgrasp.campaign import edited  # slow to load
+
+    kept = before.inputs.get("contents")
+    now = contents_of(_task(before)) if other is None else other.inputs.get("contents")
+    if not isinstance(kept, dict) or not isinstance(now, dict):
+        return []
+    return edited(kept, now)
 
 
 def _done_again(run: StoredRun) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from .record import plain
 __all__ = ["Difference", "decisions", "differences", "tasks_apart"]
 
 _DECISIONS = ("done", "fault", "attempt", "recovered", "stop", "end")
-_NO_TASK = ("name", "schema", "version")
+_NO_TASK = ("name", "schema", "version", "contents")
 _CLOSE = 1e-6
 """Numbers that differ by no more, as a share of the larger one, are the same."""
 

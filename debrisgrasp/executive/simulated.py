@@ -48,7 +48,7 @@ __all__ = ["Simulated", "SimulatedTask", "injections_of", "simulate"]
 
 _CENTER = (0.98, 0.0)
 """Middle of a pile that both arms reach [m]."""
-_OF_THE_RECORD = {"schema", "version"}
+_OF_THE_RECORD = {"schema", "version", "contents"}
 """Among the inputs of a run, beside those of the task."""
 _NEAREST, _HALF_WIDTH = 0.5, 0.45
 """So far ahead of the robot piles begin, as wide as the way it takes [m]."""

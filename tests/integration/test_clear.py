@@ -293,6 +293,25 @@ def test_a_record_that_lacks_something_is_replayed_and_says_what(tmp_path, capsy
     assert debrisgrasp(["replay", str(folder)]) == 0
 
 
+def test_a_replay_tells_that_the_file_of_the_site_was_edited_since(tmp_path, capsys):
+    site, folder = tmp_path / "site.yaml", tmp_path / "run"
+    site.write_text("schema: debrisgrasp/site/1\n")
+    words = ["clear", "--site", str(site), "--objects", "1", "--seed", "3"]
+    words += ["--faults", "wrench_sign", "--record", str(folder)]
+    assert debrisgrasp(words) == 1
+    capsys.readouterr()
+    assert debrisgrasp(["replay", str(folder)]) == 0
+    assert "not as before" not in capsys.readouterr().out
+    site.write_text("schema: debrisgrasp/site/1\nlimits: {hand_speed: 0.2}\n")
+    debrisgrasp(["replay", str(folder)])
+    told = capsys.readouterr().out
+    assert f"not as before: {site} with another content" in told
+    debrisgrasp(["replay", str(folder), "--json"])
+    assert json.loads(capsys.readouterr().out)["edited"] == [
+        f"{site} with another content"
+    ]
+
+
 def test_a_comparison_tells_which_versions_made_the_records(tmp_path, capsys):
     for name, made_by in (("old", {"version": "debrisgrasp 0.0.1"}), ("new", {})):
         record = RunRecord(tmp_path / name, {"seed": 3, "faults": (), **made_by})
