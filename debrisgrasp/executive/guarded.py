@@ -8,7 +8,7 @@ from pathlib import Path
 
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DriverError
-from debrisgrasp.robot.kinds import odd_answers, unlike_numbers
+from debrisgrasp.robot.kinds import odd_answers, odd_head
 
 from .context import Context
 from .result import FaultFound, FaultRaised, StepResult
@@ -48,13 +48,9 @@ def nonsense(context: Context) -> FaultFound | None:
             words = f"a driver of the {arm_called(name)} sends nonsense: {odd}"
             return FaultFound("connection_lost", words, name)
     head = context.robot.head
-    if head is None:
-        return None
-    odd = _first(unlike_numbers(head.read().q, len(head.joint_names)) for _ in (0,))
-    if odd:
-        words = f"the driver of the head sends nonsense: {odd}"
-        return FaultFound("connection_lost", words)
-    return None
+    odd = "" if head is None else _first(odd_head(head))
+    words = f"the driver of the head sends nonsense: {odd}"
+    return FaultFound("connection_lost", words) if odd else None
 
 
 def _first(found: Iterator[str]) -> str:

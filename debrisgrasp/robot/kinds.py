@@ -11,10 +11,11 @@ from debrisgrasp._words import shortened
 from debrisgrasp.geometry import Intrinsics
 from debrisgrasp.kinematics import LimitSet
 
-from .interface import DepthFrame, Limb
+from .interface import DepthFrame, Head, Limb
 
 __all__ = [
     "odd_answers",
+    "odd_head",
     "odd_image",
     "odd_openings",
     "odd_time",
@@ -60,6 +61,15 @@ def odd_answers(limb: Limb, n_fingers: int | None = None) -> Iterator[str]:
         odd = unlike_numbers(getattr(reading, name), n)
         if odd := odd or odd_time(getattr(reading, "time", None)):
             yield f"{what}: {odd}"
+
+
+def odd_head(head: Head) -> Iterator[str]:
+    """Say of what a head reads, if it is of another kind, what it is."""
+    reading = head.read()
+    if not hasattr(reading, "q"):
+        yield f"reads {shortened(repr(reading))} without q"
+    elif odd := unlike_numbers(reading.q, len(head.joint_names)):
+        yield odd
 
 
 def odd_time(said: object) -> str:

@@ -230,6 +230,17 @@ def test_a_driver_that_begins_to_send_nonsense_is_named_and_no_error_of_ours(
     assert_within_limits(done)
 
 
+def test_a_head_that_sends_nonsense_is_named(pipeline, beam):
+    def broken(robot, _record):
+        return replace(robot, head=Changed(robot.head, read=lambda: None))
+
+    done = run_struck(pipeline, beam, ONE, change=broken)
+    found = {(fault.fault, fault.message) for fault in done.result.faults}
+    words = "the driver of the head sends nonsense: reads None without q"
+    assert found == {("connection_lost", words)}
+    assert done.result.end is RunEnd.STOPPED
+
+
 @pytest.mark.parametrize("depth", [0.0, np.nan, np.inf, -1.0])
 def test_a_camera_that_is_dark_from_the_start_is_an_empty_image(pipeline, beam, depth):
     def dark(robot, _record):
