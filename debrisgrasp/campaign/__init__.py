@@ -31,7 +31,7 @@ from .results import (
     save_results,
     tables_to_json,
 )
-from .runner import Campaign, Progress, load_records
+from .runner import Campaign, Progress, damaged_runs, load_records
 from .specs import FAKE_TIERS, LEVELS, WORLDS, RunSpec, draw_specs, fake_world
 from .workers import ClusterWorkers, LocalWorkers, OwnWorkers
 
@@ -68,6 +68,7 @@ __all__ = [
     "compare",
     "comparison_to_json",
     "contents_of_site",
+    "damaged_runs",
     "digest",
     "done_again",
     "draw_flight",

@@ -29,7 +29,15 @@ try:
 except ImportError:  # on Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["Campaign", "Progress", "RunFunction", "Spec", "guarded", "load_records"]
+__all__ = [
+    "Campaign",
+    "Progress",
+    "RunFunction",
+    "Spec",
+    "damaged_runs",
+    "guarded",
+    "load_records",
+]
 
 _LIVES = 2
 """A run that ends its worker so many times, alone on it, is recorded as such."""
@@ -304,19 +312,36 @@ def load_records(folder: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
     ConfigError
         If the folder holds no campaign.
     """
+    return tuple(record for _, record in _loaded(folder) if record is not None)
+
+
+def damaged_runs(folder: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Name the runs of a campaign's folder whose records can't be read.
+
+    A campaign that goes on does them again.
+
+    Raises
+    ------
+    ConfigError
+        If the folder holds no campaign.
+    """
+    return tuple(name for name, record in _loaded(folder) if record is None)
+
+
+def _loaded(
+    folder: str | os.PathLike[str],
+) -> Iterator[tuple[str, RunRecord | None]]:
+    """Read the records of the present campaign; None: one that is not whole."""
     place = Path(folder)
     header = read_header(place / "campaign.json")
-    records = []
     paths = sorted((place / "runs").glob("*.json"))
     names = set(header.get(RUNS, [path.stem for path in paths]))  # none in older ones
     for path in paths:
-        if path.stem not in names:
-            continue
-        try:
-            records.append(RunRecord.load(path))
-        except ConfigError:
-            continue  # interrupted from outside; it will be done again
-    return tuple(records)
+        if path.stem in names:
+            try:
+                yield path.stem, RunRecord.load(path)
+            except ConfigError:
+                yield path.stem, None
 
 
 def guarded(

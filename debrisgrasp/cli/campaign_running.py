@@ -24,6 +24,7 @@ from debrisgrasp.campaign import (
     compare,
     comparison_to_json,
     contents_of_site,
+    damaged_runs,
     digest,
     draw_flight,
     draw_specs,
@@ -221,6 +222,8 @@ def _unlike(
         asked = header.get("runs", len(records))
         if len(records) < asked:
             yield f"{path} has {len(records)} of {asked} runs"
+        for name in damaged_runs(path) if path.is_dir() else ():
+            yield f"{path}: runs/{name}.json is damaged, and left out"
 
 
 def _show(progress: Progress) -> None:

@@ -128,7 +128,13 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
     (out / "campaign.json").write_text(
         (out / "campaign.json").read_text().replace('"single"', '"few"')
     )
-    next((out / "runs").iterdir()).unlink()
+    first, second, _ = sorted((out / "runs").iterdir())
+    first.unlink()
+    whole = second.read_text()
+    second.write_text("[1, 2]")
+    unlike = run("campaign", "--compare", out, out / "results.json").err
+    assert f"{out}: runs/{second.name} is damaged, and left out" in unlike
+    second.write_text(whole)
     unlike = run("campaign", "--compare", out, out / "results.json").err
     assert "differ in tier: few in the old one, single in the new" in unlike
     assert f"{out} has 2 of 3 runs" in unlike
