@@ -12,6 +12,15 @@ from debrisgrasp import cli
 from debrisgrasp.cli.loading import signals_wait
 
 
+@pytest.fixture
+def hears_ctrl_c():
+    """Take Ctrl-C as a terminal's process does: in the background it may be ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("hears_ctrl_c")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_what_loads_meanwhile_hears_nothing_of_a_signal(
     tmp_path, monkeypatch, capsys, number
