@@ -18,6 +18,8 @@ def contents_of(task: SimulatedTask) -> dict[str, str]:
     ConfigError, UnknownNameError
         As `contents_of_site` and `digest` do.
     """
+    if task.site is None and task.mask is None:
+        return {}
     from debrisgrasp.campaign import contents_of_site, digest  # slow to load
 
     contents = {} if task.site is None else contents_of_site(task.site)

@@ -246,7 +246,7 @@ def careful(
 
 
 def _is_near(context: Context, where: FloatArray) -> BoolArray:
-    """Whether any of points (n, k, 3) is near what was seen, or to the ground, (n,)."""
+    """Whether any of points (n, k, 3) is near what was seen, or the ground, (n,)."""
     seen, n = context.cycle.seen, len(where)
     others = np.zeros((0, 3))
     if context.cycle.around is not None:
