@@ -14,7 +14,7 @@ from debrisgrasp.control._rigid import Vector
 from debrisgrasp.prototypes import GripperModel
 
 from .shapes import BodyShape
-from .springs import HELD, PALM, Spring
+from .springs import PALM, Spring
 from .touch import Touch
 
 __all__ = ["NO_GRIP", "Grip", "Hold", "Seat", "is_enclosed", "sides_of"]
@@ -72,39 +72,21 @@ class Hold:
     """Bodies that lie on it, and the share of their weight that it carries."""
     borne: dict[int, float] = field(default_factory=dict)
     """Weight of each that it bears by now [N]: it comes on, and goes, bit by bit."""
-    fading: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
-    """Pushes of bodies that ride on it since: where, frame of the hand [m], and what is
-    left of the force, axes of odom [N], shape (3,) each."""
-    is_loading: bool = False
-    """Whether any of that still changes."""
+    fading: list[Spring] = field(default_factory=list)
+    """What is left of pushes that ended, and with the other sign of those that came,
+    at once: frame of the hand."""
+    is_changing: bool = False
+    """Whether any of those weights is not yet what it will be."""
     is_slipping: bool = False
     slipped: float = 0.0
     """How far it has slipped since it was gripped [m]."""
     turn: Vector = (0.0, 0.0, 0.0)
     """By which it turned in the fingers in the last period, frame of the hand [rad]."""
 
-    def fade(
-        self, springs: Sequence[Spring], R: FloatArray, p: FloatArray, share: float
-    ) -> None:
-        """Let what pushed it push on for a moment where that begins to ride on it.
-
-        Parameters
-        ----------
-        springs, R, p
-            Contacts of the hand at the last look, and where the hand is, odom.
-        share
-            Of the pushes that is gone a period later.
-        """
-        new = self.riders.keys() - self.borne.keys()
-        self.fading = [
-            (point, (1.0 - share) * force)
-            for point, force in self.fading
-            if float(force @ force) > _GONE**2
-        ] + [
-            ((spring.point - p) @ R, spring.force)
-            for spring in springs
-            if spring.owner == HELD and spring.body in new
-        ]
+    @property
+    def is_loading(self) -> bool:
+        """Whether what it bears still changes."""
+        return self.is_changing or bool(self.fading)
 
     def load(
         self, wanted: Mapping[int, float], grown: Mapping[int, float], share: float
@@ -126,10 +108,27 @@ class Hold:
             value = now + step
             if body in wanted or value > _GONE:
                 borne[body] = value
-        self.is_loading = bool(self.fading) or any(
+        self.is_changing = any(
             abs(value - wanted.get(body, 0.0)) > _GONE for body, value in borne.items()
         )
         self.borne = borne
+
+    def fade(self, share: float) -> None:
+        """Let go of a share of what is left of pushes that changed at once."""
+        self.fading = [
+            spring._replace(force=(1.0 - share) * spring.force)
+            for spring in self.fading
+            if float(spring.force @ spring.force) > _GONE**2
+        ]
+
+    def change(self, before: Sequence[Spring], after: Sequence[Spring]) -> None:
+        """Let springs of a hand, in its frame, become others bit by bit.
+
+        What begins to ride on a body pushes it no more, and then the arm is no longer
+        bent against whatever else pushes.
+        """
+        self.fading += before
+        self.fading += [spring._replace(force=-spring.force) for spring in after]
 
 
 class Grip(NamedTuple):

@@ -84,6 +84,10 @@ class Spring(NamedTuple):
     lag: FloatArray = _NO_LAG
     """See `Near.lag`."""
 
+    def seen_from(self, R: FloatArray, p: FloatArray) -> Spring:
+        """Return the same in the frame of a hand whose pose in odom is (R, p)."""
+        return self._replace(point=(self.point - p) @ R, force=self.force @ R)
+
 
 class Near(NamedTuple):
     """A place where a hand is in a body, or nearly so."""

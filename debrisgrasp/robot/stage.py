@@ -186,12 +186,19 @@ class Stage:
             return
         before = hand.R, hand.p
         R, p = hand.R, hand.p = np.array(axes).reshape(3, 3), np.array(place)
+        riders = set[int]()
         if hand.hold is not None:
             self._carry(hand.hold, R, p)
-            self._bear(hand, hand.hold, *before)
+            riders = self._bear(hand, hand.hold, *before)
         if not is_clear or hand.springs:
+            pushed = hand.springs
             left_out = self._left_out(hand)
             hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
+            if hand.hold is not None and riders & {s.body for s in pushed}:
+                hand.hold.change(
+                    [spring.seen_from(*before) for spring in pushed],
+                    [spring.seen_from(R, p) for spring in hand.springs],
+                )
             self._feel(hand, R, p)
         if hand.hold is None:
             self._try_hold(hand, R, p)
@@ -226,8 +233,8 @@ class Stage:
         forces = list(hand.grip.felt)
         for spring in hand.springs:
             if spring.owner > PALM:
-                point, force = (spring.point - p) @ R, spring.force @ R
-                forces[spring.owner - 1] += hand.touch.felt(spring.owner, point, force)
+                owner, _, point, force = spring.seen_from(R, p)[:4]
+                forces[owner - 1] += hand.touch.felt(owner, point, force)
         hand.gripper.forces = forces
 
     def _try_hold(self, hand: HandState, R: FloatArray, p: FloatArray) -> None:
@@ -293,11 +300,16 @@ class Stage:
 
     def _bear(
         self, hand: HandState, hold: Hold, R_before: FloatArray, p_before: FloatArray
-    ) -> None:
-        """Let weights on what is held come on as the hand has moved it, and go."""
+    ) -> set[int]:
+        """Let weights on what is held come on as the hand has moved it, and go.
+
+        Returns the bodies that begin to ride on it.
+        """
+        share = min(self._config.period / _FALLS_WITHIN, 1.0)
+        hold.fade(share)
         if not (hold.riders or hold.borne):
-            hold.is_loading, hold.fading = False, []
-            return
+            hold.is_changing = False
+            return set()
         com, p = self._rubble.shapes[hold.index].com, hand.p
         # What it slips in the fingers takes nothing on.
         way = com - p_before - R_before @ (hand.R.T @ (com - p))
@@ -308,9 +320,9 @@ class Stage:
             rider = self._rubble.shapes[i]
             wanted[i] = share * GRAVITY * rider.mass
             grown[i] = self._config.stiffness_at(dist(rider.com, p)) * moved
-        share = min(self._config.period / _FALLS_WITHIN, 1.0)
-        hold.fade(hand.springs, R_before, p_before, share)
+        begun = wanted.keys() - hold.borne.keys()
         hold.load(wanted, grown, share)
+        return begun
 
     def _check_hold(
         self,

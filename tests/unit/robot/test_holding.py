@@ -486,32 +486,39 @@ def test_a_held_body_is_pushed_where_it_is_touched_though_the_hand_feels_that_la
     np.testing.assert_allclose(on_hand[3:], felt @ turn, atol=1e-12)
 
 
-def test_what_pushed_a_held_body_fades_as_it_begins_to_ride_on_it():
+def test_pushes_that_change_as_a_body_begins_to_ride_do_so_bit_by_bit():
     hold = Hold(0, np.eye(3), np.zeros(3), None, np.zeros(3), np.zeros(3), set())
-    hold.riders, hold.borne = {1: 1.0, 2: 1.0}, {2: 7.0}
-    R, p = so3.exp(np.array([0.0, 0.0, np.pi / 2])), np.array([1.0, 0.0, 0.0])
-    springs = [
-        Spring(owner, body, np.array([1.0, 0.2, 0.0]), np.array([5.0, 0, up]), 0.0)
-        for owner, body, up in [
-            (HELD, 1, -90.0),
-            (PALM, 1, -40.0),
-            (HELD, 2, -30.0),
-            (HELD, GROUND, 80.0),
-        ]
+    R, p = so3.exp(np.array([0.3, 0.2, 1.1])), np.array([1.0, 0.1, 0.2])
+    at = p + np.array([0.4, 0.2, -0.3])
+    before = [
+        Spring(HELD, 1, at, np.array([5.0, 0.0, -110.0]), 1e-3),
+        Spring(PALM, 1, at, np.array([0.0, 3.0, -40.0]), 1e-3),
+        Spring(HELD, GROUND, p - at, np.array([0.0, 0.0, 60.0]), 1e-3),
     ]
-    sizes = []
-    for _ in range(200):
-        hold.fade(springs, R, p, 0.1)
-        wanted = dict.fromkeys(hold.riders, 10.0)
-        hold.load(wanted, dict.fromkeys(hold.riders, 2.0), 0.1)
-        sizes.append([force[2] for _, force in hold.fading])
-        if len(sizes) == 1:
-            ((where, force),) = hold.fading
-            assert np.allclose(where, [0.2, 0.0, 0.0])
-            assert np.allclose(force, [5.0, 0.0, -90.0])
-    assert np.allclose(np.ravel(sizes[:20]), -90.0 * 0.9 ** np.arange(20))
-    assert sizes[-1] == []
+    after = [Spring(HELD, GROUND, p - at, np.array([0.0, 0.0, 4.0]), 1e-3)]
+
+    def loads(springs: list[Spring]) -> list[np.ndarray]:
+        hand = SimpleNamespace(hold=hold, springs=springs)
+        body = SimpleNamespace(mass=2.0, com=at)
+        return [
+            np.array(load)
+            for load in load_of(hand, [body], tuple(R.ravel()), tuple(p.tolist()))
+        ]
+
+    then, now = loads(before), loads(after)
+    hold.change(
+        [spring.seen_from(R, p) for spring in before],
+        [spring.seen_from(R, p) for spring in after],
+    )
+    for n in range(20):
+        for felt, first, last in zip(loads(after), then, now, strict=True):
+            np.testing.assert_allclose(felt, last + 0.9**n * (first - last))
+        assert hold.is_loading
+        hold.fade(0.1)
+    for _ in range(60):
+        hold.fade(0.1)
     assert not hold.is_loading
+    np.testing.assert_array_equal(loads(after), now)
 
 
 def test_a_body_that_is_let_go_comes_to_lie_on_the_hand_and_not_in_it():
