@@ -79,7 +79,8 @@ def require_range(name: str, value: float, low: float, high: float = np.inf) -> 
     """Raise `ConfigError` unless the setting is a number in [low, high]."""
     if not (isinstance(value, Real) and low <= value <= high):
         limit = f"{low:g} to {high:g}" if high < np.inf else f"{low:g} or more"
-        is_far = name.endswith("[m]") and isinstance(value, Real) and value > high
+        is_length = name.endswith(("[m]", "[m/s]"))
+        is_far = is_length and isinstance(value, Real) and value > high
         raise ConfigError(
             name, got=value, expected=limit, mend=_MILLIMETRES if is_far else ""
         )

@@ -109,6 +109,7 @@ def test_paths_are_relative_to_the_file(written, monkeypatch, tmp_path):
         ("deadline: 0", r"field deadline"),
         ("limits: {force: -3}", r"site.yaml, field limits.force.*0.001"),
         ("limits: {joint_speed: 1.2}", r"field limits.joint_speed.*0.001 to 1"),
+        ("limits: {hand_speed: 80}", r"field limits.hand_speed.*millim.*divide"),
         ("limits: {speed: 1}", r"unknown field.*limits.*hand_speed"),
         ("selection: {policy: nearest}", r"field selection.policy.*support, priority"),
         ("camera: {pose: [0, 0, 1, 180, 0, 0]}", r"field camera.pose.*radians"),
