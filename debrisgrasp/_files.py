@@ -26,6 +26,7 @@ __all__ = [
     "UNREADABLE_ARRAY",
     "data_path",
     "is_pointer",
+    "is_yaml",
     "json_found",
     "last_changed",
     "naming_fields",
@@ -125,6 +126,11 @@ def is_pointer(path: PathLike) -> bool:
         return False
     with path.open("rb") as file:
         return file.read(len(_POINTER)) == _POINTER
+
+
+def is_yaml(name_or_path: PathLike) -> bool:
+    """Whether this is the path of a YAML file, and not the name of what ships."""
+    return Path(name_or_path).suffix.lower() in (".yaml", ".yml")
 
 
 def data_path(*parts: str) -> Path:

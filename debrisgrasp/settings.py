@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from debrisgrasp._arrays import FloatArray, frozen, require_metres
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._fields import Fields
-from debrisgrasp._files import read_yaml
+from debrisgrasp._files import is_yaml, read_yaml
 from debrisgrasp._site_limits import SiteLimits
 from debrisgrasp.errors import ChoiceError, ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import so3
@@ -281,7 +281,7 @@ def _top(fields: Fields) -> dict[str, Any]:
     for name in ("robot", "arm", "gripper"):
         if name in fields:
             values[name] = fields.text(name)
-    if Path(values.get("robot", "")).suffix in (".yaml", ".yml"):
+    if is_yaml(values.get("robot", "")):
         values["robot"] = str(_file(fields, "robot"))
     for name in ("grippers", "prototypes"):
         if name in fields:

@@ -8,6 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from debrisgrasp._files import is_yaml
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.settings import Settings
 
@@ -27,7 +28,7 @@ def contents_of_site(path: str | os.PathLike[str]) -> dict[str, str]:
     site = Settings.load(path)
     named = (site.grippers, site.prototypes, site.calibration, site.camera_file)
     places = [Path(path), *(place for place in named if place is not None)]
-    if Path(site.robot).suffix:
+    if is_yaml(site.robot):
         places.append(Path(site.robot))
     return {str(file): digest(file) for place in places for file in _files(place)}
 

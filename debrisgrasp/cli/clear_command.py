@@ -6,9 +6,9 @@ import argparse
 import json
 import os
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from debrisgrasp._files import is_yaml
 from debrisgrasp._words import arm_called, counted
 from debrisgrasp.errors import OutputError
 from debrisgrasp.settings import Settings
@@ -201,9 +201,7 @@ def _task(arguments: argparse.Namespace) -> SimulatedTask:
 
 def _robot_of(given: str | None) -> str | None:
     """Name of a robot, or where its file is: a record is replayed from anywhere."""
-    if given is None or Path(given).suffix not in (".yaml", ".yml"):
-        return given
-    return os.path.realpath(given)
+    return os.path.realpath(given) if given and is_yaml(given) else given
 
 
 def _facts(done: Simulated) -> dict[str, object]:

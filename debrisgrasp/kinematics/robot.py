@@ -8,7 +8,7 @@ from math import isfinite
 from numbers import Real
 from pathlib import Path
 
-from debrisgrasp._files import data_path, read_yaml
+from debrisgrasp._files import data_path, is_yaml, read_yaml
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Solid
 
@@ -310,7 +310,7 @@ def _with_frames(tree: UrdfTree, frames: Sequence[FrameSpec]) -> UrdfTree:
 
 def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml"):
+    if is_yaml(path):
         return path
     shipped = sorted(data_path("robots").glob("*.yaml"))
     for candidate in shipped:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import data_path, last_changed
+from debrisgrasp._files import data_path, is_yaml, last_changed
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.solids import Box, Solid, SphereSet
@@ -60,7 +60,7 @@ class GripperModel:
             If the file is malformed; it names file, field and range.
         """
         path = Path(name_or_path)
-        if path.suffix.lower() in (".yaml", ".yml"):
+        if is_yaml(path):
             return cls(**read_hand(path))
         known = known_grippers()
         if str(name_or_path) not in known:

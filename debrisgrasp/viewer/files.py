@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from debrisgrasp._files import read_json
+from debrisgrasp._files import is_yaml, read_json
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive.record import load_run
 from debrisgrasp.io import Capture, point_colors
@@ -61,7 +61,7 @@ def content_of(
         raise ConfigError(str(path), got="no such file or folder", expected=_KNOWN)
     if path.is_dir() and (path / "events.jsonl").exists():
         return RunContent(run=load_run(path), robot=_robot(robot or "roman"))
-    if path.suffix.lower() in (".yaml", ".yml") or (
+    if is_yaml(path) or (
         path.is_dir() and any(path.glob("*.yaml")) and not any(path.glob("*.png"))
     ):
         return PrototypeLibrary.load(path, grippers=load_grippers(grippers))

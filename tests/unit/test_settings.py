@@ -97,6 +97,7 @@ def test_paths_are_relative_to_the_file(written, monkeypatch, tmp_path):
     ("text", "message"),
     [
         ("robt: roman", "unknown field in .*site.yaml.*Did you mean 'robot'"),
+        ("robot: MINE.YML", r"field robot: .*MINE.YML, expected an existing file"),
         ("robot: mine.yaml", r"field robot: .*mine.yaml, expected an existing file"),
         ("prototypes: nowhere", r"field prototypes: .*an existing folder"),
         ("drop_off: [1, 2]", r"field drop_off.*a mapping"),
