@@ -202,10 +202,10 @@ class Executive:
             assert answer.resume is not None
             return answer.resume
         self._enter(State.RECOVER)
-        result = self._recovered(event, answer)
-        if isinstance(result, State):
-            return result
-        resume = answer.resume or state
+        carried_out = self._recovered(event, answer)
+        if isinstance(carried_out, State):
+            return carried_out
+        resume = carried_out.resume or state
         self._write("recovered", {"resume": resume.value})
         is_new = resume in (State.SELECT, State.CAPTURE, State.SELF_TEST)
         if is_new and context.cycle.label is not None:
@@ -218,14 +218,17 @@ class Executive:
             if fault_named(fault).fault_class in _OF_THE_PILE:
                 del self._used[state, fault]
 
-    def _recovered(self, event: FaultEvent, answer: Answer) -> State | None:
-        """Carry an answer out; a state if that failed, and the run must end there."""
+    def _recovered(self, event: FaultEvent, answer: Answer) -> State | Answer:
+        """Carry an answer out; a state if that failed, and the run must end there.
+
+        Who can't go on with what is in the hand puts it down, and looks anew.
+        """
         context = self.context
         for n_left in reversed(range(_RECOVERIES)):
             result = guarded(context, partial(recover, context, event, answer))
             self._flush_trace(State.RECOVER)
             if not isinstance(result, FaultFound):
-                return None
+                break
             again = answer_to(State.RECOVER, result.fault)
             is_stop = again.action is Action.STOP
             is_lost = result.fault == "connection_lost"
@@ -236,8 +239,11 @@ class Executive:
                 self._note(State.RECOVER, result, action)
                 return State.SAFE_STOP if is_stop else State.ABORT
             noted = self._note(State.RECOVER, result, Action.RETRY)
-            event = noted if is_lost else event
-        return None
+            if is_lost:
+                event = noted
+            elif context.held is not None and not answer.is_cleared_up:
+                answer = replace(answer, is_cleared_up=True, resume=State.CAPTURE)
+        return answer
 
     def _stopped(self) -> RunEnd:
         """Latch the stop, and move nothing any more."""

@@ -20,6 +20,7 @@ from debrisgrasp.executive import (
 from debrisgrasp.executive import run as module
 from debrisgrasp.executive.recover import recover
 from debrisgrasp.executive.result import Done, FaultFound
+from tests.unit.executive.rigs import holding
 from tests.unit.executive.stepped import failing
 from tests.unit.robot.broken_robots import with_limb
 
@@ -119,6 +120,32 @@ def test_a_device_that_is_lost_for_a_moment_in_a_recovery_is_asked_again(
     result, _ = run({State.CAPTURE: failing("empty_cloud", 1)})
     assert answered == ["empty_cloud", "connection_lost"]
     assert [event.fault for event in result.faults] == answered
+    assert result.end is RunEnd.FINISHED
+
+
+def test_what_slips_as_the_hand_goes_on_with_it_is_put_down(run, monkeypatch):
+    answers, touches = [], failing("plan_collision", 1)
+
+    def touching(context):
+        context.held = holding()
+        return touches(context)
+
+    def slipping(context, _event, answer):
+        answers.append(answer)
+        if not answer.is_cleared_up:
+            return FaultFound("slip", "as asked")
+        context.held = None
+        return Done()
+
+    monkeypatch.setattr(module, "recover", slipping)
+    result, record = run({State.TRANSPORT: touching}, TaskSettings(max_removals=1))
+    first, second = answers
+    assert first.resume is State.LIFT
+    assert second == replace(first, is_cleared_up=True, resume=State.CAPTURE)
+    assert [event.fault for event in result.faults] == ["plan_collision", "slip"]
+    assert not result.attempts[0].is_removed
+    (resumed,) = [e["resume"] for e in record.events if e["event"] == "recovered"]
+    assert resumed == "capture"
     assert result.end is RunEnd.FINISHED
 
 
