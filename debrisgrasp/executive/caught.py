@@ -60,8 +60,10 @@ def felt_out(context: Context, arm: str) -> FaultFound | None:
         end = _eased_by(context, drive, left * back)
         if isinstance(end, FaultFound):
             return end
+        if end.outcome is LegOutcome.BLOCKED:
+            return draw_in(drive)  # the arm gets no farther: the fingers may
         if end.outcome is not LegOutcome.CONTACT:
-            return None  # out, or as far as the arm can
+            return None
         done = end.share * end.length
         left -= done
         if done > _ON:

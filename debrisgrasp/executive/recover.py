@@ -21,7 +21,7 @@ from .inside import moved_inside
 from .moves import back_out, let_go, lower, lowering_speed, put_down
 from .outcome import FaultEvent
 from .relief import doubted, heaviest, relieve, share_of, standing_load, with_room
-from .resting import put_away
+from .resting import has_touched, put_away
 from .result import Done, FaultFound, StepResult
 from .states import State
 from .stopping import reset_stops, stop_all
@@ -43,6 +43,8 @@ _LOW = 5e-3
 """What hangs no higher than it lay falls no way [m]."""
 _GOES_ON = (*MET, "oscillation", "bias_jump")
 """However it goes back, it is opened then, unless nobody knows what it bears."""
+_HELD_FAST = ("too_heavy", "not_released")
+"""How drawing a hand back ends that is caught."""
 _LOWERED = 0.3
 """What is put back is lowered so far, or to the ground, until it lies [m]."""
 
@@ -103,7 +105,8 @@ def clear_up(context: Context) -> FaultFound | None:
     for name in sorted(context.limbs, key=lambda name: name != first):
         if name == busy:
             fault = back_out(context, name)
-            if fault is not None and fault.fault in ("too_heavy", "not_released"):
+            is_held_fast = fault is not None and fault.fault in _HELD_FAST
+            if is_held_fast or (fault is None and has_touched(context)):
                 reset_stops(context)  # caught: pulled on, it would only press harder
                 fault = felt_out(context, name)
             fault = fault or _hanging(context, name)

@@ -26,7 +26,7 @@ from .obstacles import space_of
 from .relief import relieve
 from .result import FaultFound
 
-__all__ = ["put_away", "to_rest"]
+__all__ = ["has_touched", "put_away", "to_rest"]
 
 _UP = 0.12
 """Where it finds no way from, a hand rises so far [m] ..."""
@@ -79,6 +79,11 @@ def put_away(
     return None
 
 
+def has_touched(context: Context) -> bool:
+    """Whether something was touched on a way to rest, or is likely to be."""
+    return context.cycle.speed <= _GUARDED
+
+
 def to_rest(context: Context, arm: str) -> FaultFound | None:
     """Bring an arm back to its posture of rest."""
     limb, drive = context.limbs[arm], Drive(context, arm)
@@ -89,7 +94,7 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
         return None
     push = drive.push(drive.weighed())
     eased = relieve(context, arm, _PRESSED) if limb.trail else None
-    if eased is None and context.cycle.speed <= _GUARDED:
+    if eased is None and has_touched(context):
         # It touched something: off that, or else over it, and see what it moved.
         eased = _drawn_off(drive, push) or _risen(drive)
         if eased is None:

@@ -90,6 +90,18 @@ def test_fingers_that_opened_behind_something_are_drawn_in(caught_by, monkeypatc
     assert bars.place @ bars.back == pytest.approx(0.12, abs=0.02)
 
 
+def test_fingers_are_drawn_in_where_the_arm_gets_no_farther_back(
+    caught_by, monkeypatch
+):
+    context, bars = caught_by((0, 0, 0))
+    monkeypatch.setattr(folding, "free_share", lambda *_: 0.0)
+    gripper = context.limbs["right"].limb.gripper
+    wide = np.array(gripper.read().openings)
+    assert caught.felt_out(context, "right") is None
+    np.testing.assert_allclose(gripper.read().openings, 0.5 * wide, atol=2e-3)
+    assert not bars.place.any()
+
+
 @pytest.mark.parametrize("forces", [(60.0, 50.0, 50.0), (0.0, np.nan, 0.0)])
 def test_fingers_that_bear_more_than_the_hand_may_are_believed_and_nothing_moves(
     caught_by, monkeypatch, forces
@@ -118,6 +130,19 @@ def test_a_wrist_that_tells_what_the_fingers_add_up_to_is_believed(
     monkeypatch.setattr(Drive, "weighed", lambda _: load)
     assert caught.felt_out(context, "right") is None
     assert bars.place @ bars.back == pytest.approx(0.12, abs=0.02)
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.25])
+def test_a_hand_that_touched_something_on_its_way_to_rest_feels_its_way_out(
+    pipeline, monkeypatch, speed
+):
+    _, task = before_a_brick(pipeline)
+    context, felt = task.context, []
+    context.is_in_pile, context.cycle.speed = "right", speed
+    monkeypatch.setattr(recovery, "back_out", lambda *_: None)
+    monkeypatch.setattr(recovery, "felt_out", lambda _, arm: felt.append(arm))
+    assert recovery.clear_up(context) is None
+    assert felt == ([] if speed == 1.0 else ["right"])
 
 
 @pytest.mark.parametrize("fault", ["too_heavy", "ratchet"])
