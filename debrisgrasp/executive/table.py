@@ -97,9 +97,10 @@ ANSWERS: Mapping[tuple[State, str], Answer] = {
     # Objects are left, and none is worth another try.
     (State.SELECT, "no_grasp"): Answer(Action.ABORT),
     (State.SELF_TEST, "plan_collision"): Answer(Action.ABORT),
-    # The hand shows itself elsewhere once it is clear of what it met.
+    # The hand shows itself elsewhere once it is clear of what it met; without a way it
+    # does not, and the ground alone tells of the camera.
     (State.CALIB_CHECK, "plan_collision"): replace(
-        _AGAIN, budget=2, then=Action.ABORT, resume=State.CALIB_CHECK
+        _AGAIN, budget=2, resume=State.CALIB_CHECK
     ),
     (State.SELF_TEST, "unreachable"): Answer(Action.ABORT),
     (State.RETREAT, "plan_collision"): Answer(Action.RETRY, 2, Action.NEXT),
@@ -138,7 +139,7 @@ def answer_to(state: State, fault: str, used: int = 0) -> Answer:
     is_final = answer.action in (Action.STOP, Action.ABORT)
     if state is State.PUSH and not is_final and answer.resume is not State.SELF_TEST:
         answer = Answer(Action.NEXT)  # it may lie elsewhere now: only a look helps
-    has_moved = state in (*_IN_THE_PILE, *HOLDING, State.RETREAT)
+    has_moved = state in (*_IN_THE_PILE, *HOLDING, State.RETREAT, State.CALIB_CHECK)
     if answer.action is Action.NEXT and has_moved:
         answer = replace(answer, is_cleared_up=True)
     if answer.resume is None and state in FOLLOWING:

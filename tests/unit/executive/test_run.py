@@ -285,15 +285,13 @@ def test_every_state_is_recorded(run):
     assert states[: len(STAGES)] == [state.value for state in STAGES]
 
 
-@pytest.mark.parametrize(
-    ("n_touches", "end"), [(2, RunEnd.FINISHED), (3, RunEnd.ABORTED)]
-)
-def test_a_hand_that_met_something_before_the_camera_is_checked_again(
-    run, n_touches, end
+@pytest.mark.parametrize("n_touches", [2, 3])
+def test_a_hand_that_met_something_before_the_camera_is_checked_again_or_left_out(
+    run, n_touches
 ):
     touches = iter([FaultFound("plan_collision", "touched", "right")] * n_touches)
     settings = TaskSettings(max_removals=1)
     result, _ = run({State.CALIB_CHECK: lambda _c: next(touches, Done())}, settings)
-    assert result.end is end
-    actions = [Action.RETRY, Action.RETRY, Action.ABORT]
+    assert result.end is RunEnd.FINISHED
+    actions = [Action.RETRY, Action.RETRY, Action.NEXT]
     assert [fault.action for fault in result.faults] == actions[:n_touches]
