@@ -55,10 +55,9 @@ def load_of(
             (shapes[i].com.tolist(), (0.0, 0.0, -borne))
             for i, borne in hold.borne.items()
         ]
-        for spring in hold.fading:
-            of = on_body if spring.owner == HELD else on_hand
+        for spring in hold.fading:  # the hand lags, not the body
             point = added(turned(R, spring.point.tolist()), p)
-            of.append((point, turned(R, spring.force.tolist())))
+            on_hand.append((point, turned(R, spring.force.tolist())))
     body_load = _sum_of(on_body, R, p)
     hand_load = tuple(map(add, body_load, _sum_of(on_hand, R, p)))
     bent = added(body_load[3:], turned_back(R, lagging))

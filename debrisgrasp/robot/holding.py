@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import atan, cos, hypot, pi
+from math import atan, cos, dist, hypot, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control._rigid import Vector
 from debrisgrasp.prototypes import GripperModel
 
+from .config import FakeConfig
 from .shapes import BodyShape
 from .springs import PALM, Spring
 from .touch import Touch
@@ -23,6 +24,8 @@ _LEAST = 2.0
 """Force of a side below which it does not hold [N]."""
 _GONE = 0.2
 """Less weight than this is none [N]."""
+_JOLT = (5.0, 1.5)
+"""Smaller changes of what pushes a hand are none at once [N, N m]."""
 _PATCH = 0.02
 """Pads lie flat on what they hold: so far the middle of their pressure may shift, both
 sides together [m]."""
@@ -121,14 +124,27 @@ class Hold:
             if float(spring.force @ spring.force) > _GONE**2
         ]
 
-    def change(self, before: Sequence[Spring], after: Sequence[Spring]) -> None:
-        """Let springs of a hand, in its frame, become others bit by bit.
+    def feel(
+        self,
+        before: Sequence[Spring],
+        after: Sequence[Spring],
+        moved: float,
+        config: FakeConfig,
+    ) -> None:
+        """Let what pushes a hand, in its frame, become other pushes.
 
-        What begins to ride on a body pushes it no more, and then the arm is no longer
-        bent against whatever else pushes.
+        Where they change by more than anything moved, they do so bit by bit: what
+        begins to ride on a body pushes it no more, and one that is jammed is pushed by
+        another side. Then the arm is not bent any more against whatever else pushes.
+
+        Parameters
+        ----------
+        moved
+            How far any of it came in the meantime [m].
         """
-        self.fading += before
-        self.fading += [spring._replace(force=-spring.force) for spring in after]
+        if _is_sudden(before, after, moved, config):
+            self.fading += before
+            self.fading += [spring._replace(force=-spring.force) for spring in after]
 
 
 class Grip(NamedTuple):
@@ -162,6 +178,37 @@ class Grip(NamedTuple):
 
 
 NO_GRIP = Grip((), ([], []), 0.0, 0.0, [])
+
+
+def _is_sudden(
+    before: Sequence[Spring],
+    after: Sequence[Spring],
+    moved: float,
+    config: FakeConfig,
+) -> bool:
+    """Whether pushes on a hand change by more than what moved can have changed them.
+
+    However many touch, the hand is pushed no more stiffly than its arm bends.
+    """
+    if not (before or after):
+        return False
+    wrenches = [
+        (
+            sum((spring.force for spring in springs), np.zeros(3)),
+            sum(
+                (np.cross(spring.point, spring.force) for spring in springs),
+                np.zeros(3),
+            ),
+        )
+        for springs in (before, after)
+    ]
+    forces, moments = zip(*wrenches, strict=True)
+    stiffness = config.stiffness
+    twist = 0.5 * sqrt(stiffness * config.turn_stiffness)
+    return (
+        dist(*forces) > _JOLT[0] + stiffness * moved
+        or dist(*moments) > _JOLT[1] + twist * moved
+    )
 
 
 def sides_of(

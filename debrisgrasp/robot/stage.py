@@ -85,6 +85,8 @@ class Stage:
         self._started = [shape.com.copy() for shape in self._rubble.shapes]
         self._pushes = Pushes(self._rubble, config)
         self._is_far: dict[int, bool] = {}
+        self._moved = 0.0
+        """How far pushes moved bodies in the last period [m]."""
         self._base: tuple[SE3, Rotation, Vector]
         self._base = SE3.identity(), IDENTITY, (0.0, 0.0, 0.0)
         """Pose of the base in odom, and the same as plain numbers."""
@@ -145,6 +147,7 @@ class Stage:
             for spring in hand.springs:
                 if spring.body != GROUND and not self._is_held(spring.body):
                     touched.setdefault(spring.body, []).append(spring)
+        self._moved = 0.0
         if touched or self._pushes:
             self._push(touched)
         if self._settling.is_leaning:
@@ -184,21 +187,19 @@ class Stage:
         is_clear = not fingers_moved and hand.touch.is_clear(axes, place)
         if hold is None and is_clear:
             return
-        before = hand.R, hand.p
+        before, moved = (hand.R, hand.p), self._moved
         R, p = hand.R, hand.p = np.array(axes).reshape(3, 3), np.array(place)
-        riders = set[int]()
         if hand.hold is not None:
-            self._carry(hand.hold, R, p)
-            riders = self._bear(hand, hand.hold, *before)
+            moved += self._carry(hand.hold, R, p)
+            self._bear(hand, hand.hold, *before)
         if not is_clear or hand.springs:
             pushed = hand.springs
             left_out = self._left_out(hand)
             hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
-            if hand.hold is not None and riders & {s.body for s in pushed}:
-                hand.hold.change(
-                    [spring.seen_from(*before) for spring in pushed],
-                    [spring.seen_from(R, p) for spring in hand.springs],
-                )
+            if hand.hold is not None:
+                then = [spring.seen_from(*before) for spring in pushed]
+                now = [spring.seen_from(R, p) for spring in hand.springs]
+                hand.hold.feel(then, now, moved, self._config)
             self._feel(hand, R, p)
         if hand.hold is None:
             self._try_hold(hand, R, p)
@@ -270,10 +271,10 @@ class Stage:
                 self._settling.settle(pushed_along, self._held_bodies())
             return
 
-    def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> None:
-        """Move what is held, and what lies on it, with the hand."""
+    def _carry(self, hold: Hold, R: FloatArray, p: FloatArray) -> float:
+        """Move what is held, and what lies on it, with the hand; how far [m]."""
         shape = self._rubble.shapes[hold.index]
-        R_before, p_before = shape.R, shape.p
+        R_before, p_before, com = shape.R, shape.p, shape.com
         R_new, p_new = R @ hold.R, R @ hold.p + p
         self._rubble.place(hold.index, R_new, p_new)
         if hold.riders:
@@ -297,19 +298,18 @@ class Stage:
             hold.riders = self._rubble.riders(hold.index)
             self._settling.settle(loose, self._held_bodies())
             hold.riders = self._rubble.riders(hold.index)
+        turned = float(np.linalg.norm(R_new - R_before))
+        return dist(shape.com, com) + shape.radius * turned
 
     def _bear(
         self, hand: HandState, hold: Hold, R_before: FloatArray, p_before: FloatArray
-    ) -> set[int]:
-        """Let weights on what is held come on as the hand has moved it, and go.
-
-        Returns the bodies that begin to ride on it.
-        """
+    ) -> None:
+        """Let weights on what is held come on as the hand has moved it, and go."""
         share = min(self._config.period / _FALLS_WITHIN, 1.0)
         hold.fade(share)
         if not (hold.riders or hold.borne):
             hold.is_changing = False
-            return set()
+            return
         com, p = self._rubble.shapes[hold.index].com, hand.p
         # What it slips in the fingers takes nothing on.
         way = com - p_before - R_before @ (hand.R.T @ (com - p))
@@ -320,9 +320,7 @@ class Stage:
             rider = self._rubble.shapes[i]
             wanted[i] = share * GRAVITY * rider.mass
             grown[i] = self._config.stiffness_at(dist(rider.com, p)) * moved
-        begun = wanted.keys() - hold.borne.keys()
         hold.load(wanted, grown, share)
-        return begun
 
     def _check_hold(
         self,
@@ -399,7 +397,7 @@ class Stage:
             if push.way > _LIFTED and loose:
                 beside = (self._rubble.touching(body) for body in loose)
                 self._settling.settle(loose.union(*beside), self._held_bodies())
-        way = self._pushes.push(touched, self._is_held)
+        way = self._moved = self._pushes.push(touched, self._is_held)
         if way > 0.0:
             for hand in hands:
                 hand.touch.shifted(way)

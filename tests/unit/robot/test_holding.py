@@ -486,7 +486,7 @@ def test_a_held_body_is_pushed_where_it_is_touched_though_the_hand_feels_that_la
     np.testing.assert_allclose(on_hand[3:], felt @ turn, atol=1e-12)
 
 
-def test_pushes_that_change_as_a_body_begins_to_ride_do_so_bit_by_bit():
+def test_a_hand_feels_pushes_that_change_at_once_bit_by_bit_what_it_holds_at_once():
     hold = Hold(0, np.eye(3), np.zeros(3), None, np.zeros(3), np.zeros(3), set())
     R, p = so3.exp(np.array([0.3, 0.2, 1.1])), np.array([1.0, 0.1, 0.2])
     at = p + np.array([0.4, 0.2, -0.3])
@@ -506,19 +506,47 @@ def test_pushes_that_change_as_a_body_begins_to_ride_do_so_bit_by_bit():
         ]
 
     then, now = loads(before), loads(after)
-    hold.change(
+    hold.feel(
         [spring.seen_from(R, p) for spring in before],
         [spring.seen_from(R, p) for spring in after],
+        1e-4,
+        FakeConfig(),
     )
     for n in range(20):
-        for felt, first, last in zip(loads(after), then, now, strict=True):
-            np.testing.assert_allclose(felt, last + 0.9**n * (first - last))
+        on_body, felt = loads(after)
+        np.testing.assert_array_equal(on_body, now[0])
+        np.testing.assert_allclose(felt, now[1] + 0.9**n * (then[1] - now[1]))
         assert hold.is_loading
         hold.fade(0.1)
     for _ in range(60):
         hold.fade(0.1)
     assert not hold.is_loading
     np.testing.assert_array_equal(loads(after), now)
+
+
+@pytest.mark.parametrize(
+    ("force", "lever", "moved", "is_sudden"),
+    [
+        (35.0, 0.0, 1.2e-3, False),  # 30 N/mm
+        (45.0, 0.0, 1.2e-3, True),
+        (20.0, 0.5, 1.2e-3, False),  # 8.7 N m/mm
+        (30.0, 0.5, 1.2e-3, True),
+        (4.0, 0.3, 0.0, False),
+        (10.0, 0.0, 0.0, True),
+    ],
+)
+def test_pushes_follow_what_moved_at_once(force, lever, moved, is_sudden):
+    hold = Hold(0, np.eye(3), np.zeros(3), None, np.zeros(3), np.zeros(3), set())
+    at = np.array([lever, 0.0, 0.0])
+    one = Spring(HELD, GROUND, at, np.array([0.0, 0.0, 50.0]), 1e-3)
+    other = one._replace(force=one.force + np.array([0.0, 0.0, force]))
+    for before, after in ((one, other), (other, one)):
+        hold.fading = []
+        hold.feel([before], [after], moved, FakeConfig())
+        assert bool(hold.fading) is is_sudden
+    hold.fading = []
+    hold.feel([], [], 0.0, FakeConfig())
+    assert not hold.fading
 
 
 def test_a_body_that_is_let_go_comes_to_lie_on_the_hand_and_not_in_it():
