@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import dist, hypot
 
 import numpy as np
@@ -193,14 +193,13 @@ class Stage:
             moved += self._carry(hand.hold, R, p)
             self._bear(hand, hand.hold, *before)
         if not is_clear or hand.springs:
-            pushed = hand.springs
+            pushed = [spring.seen_from(*before) for spring in hand.springs]
             left_out = self._left_out(hand)
             hand.springs = hand.touch.springs(R, p, self._rubble.shapes, left_out)
+            seen = [spring.seen_from(R, p) for spring in hand.springs]
             if hand.hold is not None:
-                then = [spring.seen_from(*before) for spring in pushed]
-                now = [spring.seen_from(R, p) for spring in hand.springs]
-                hand.hold.feel(then, now, moved, self._config)
-            self._feel(hand, R, p)
+                hand.hold.feel(pushed, seen, moved, self._config)
+            self._feel(hand, seen)
         if hand.hold is None:
             self._try_hold(hand, R, p)
         on_body, load = load_of(hand, self._rubble.shapes, axes, place)
@@ -226,15 +225,14 @@ class Stage:
                 left_out |= {other.hold.index, *other.hold.riders}
         return left_out
 
-    def _feel(self, hand: HandState, R: FloatArray, p: FloatArray) -> None:
-        """Tell each finger what it feels."""
+    def _feel(self, hand: HandState, springs: Sequence[Spring]) -> None:
+        """Tell each finger what it feels, by springs in the frame of the hand."""
         if hand.grip.contacts is not hand.touch.grip:
             body = GROUND if hand.hold is None else hand.hold.index
             hand.grip = Grip.of(hand.touch.grip, body, hand.touch)
         forces = list(hand.grip.felt)
-        for spring in hand.springs:
-            if spring.owner > PALM:
-                owner, _, point, force = spring.seen_from(R, p)[:4]
+        for owner, _, point, force, *_ in springs:
+            if owner > PALM:
                 forces[owner - 1] += hand.touch.felt(owner, point, force)
         hand.gripper.forces = forces
 
@@ -298,8 +296,7 @@ class Stage:
             hold.riders = self._rubble.riders(hold.index)
             self._settling.settle(loose, self._held_bodies())
             hold.riders = self._rubble.riders(hold.index)
-        turned = float(np.linalg.norm(R_new - R_before))
-        return dist(shape.com, com) + shape.radius * turned
+        return dist(shape.com, com) + shape.radius * dist(R_new.flat, R_before.flat)
 
     def _bear(
         self, hand: HandState, hold: Hold, R_before: FloatArray, p_before: FloatArray
@@ -308,7 +305,6 @@ class Stage:
         share = min(self._config.period / _FALLS_WITHIN, 1.0)
         hold.fade(share)
         if not (hold.riders or hold.borne):
-            hold.is_changing = False
             return
         com, p = self._rubble.shapes[hold.index].com, hand.p
         # What it slips in the fingers takes nothing on.
@@ -322,12 +318,7 @@ class Stage:
             grown[i] = self._config.stiffness_at(dist(rider.com, p)) * moved
         hold.load(wanted, grown, share)
 
-    def _check_hold(
-        self,
-        hand: HandState,
-        hold: Hold,
-        on_body: Wrench,
-    ) -> None:
+    def _check_hold(self, hand: HandState, hold: Hold, on_body: Wrench) -> None:
         """Let a body slip that the fingers can't keep, and go that they don't enclose.
 
         ``on_body`` is the load on it in the frame of the hand.
