@@ -96,6 +96,7 @@ _IN_YAML = {
         "a line that stands at another place than those before it",
         "Indent all entries of one level alike.",
     ),
+    "another document": ("a second document", "Keep one, without a line `---`."),
     "end of stream": ("its end within quotes", "Close them, here or before."),
     "cannot start any token": (
         "text that begins with a character of its own meaning",
@@ -174,9 +175,11 @@ def read_yaml(path: PathLike) -> Any:
         raise ConfigError(
             f"{path}{line}", got=got, expected="well-formed YAML", mend=mend
         ) from error
-    except (ValueError, RecursionError) as error:  # no date; too many brackets
+    except RecursionError as error:
         raise ConfigError(
-            str(path), got=str(error), expected="well-formed YAML"
+            str(path),
+            got="too many brackets in one another",
+            expected="well-formed YAML",
         ) from error
 
 
@@ -204,7 +207,7 @@ def read_json(path: PathLike) -> Any:
         ) from error
 
 
-def json_found(text: str, error: ValueError) -> str:
+def json_found(text: str, error: ValueError | RecursionError) -> str:
     """Say what stands where a text is no JSON any more."""
     if not isinstance(error, json.JSONDecodeError):
         return str(error)
@@ -308,6 +311,8 @@ def require_folder(folder: PathLike, path: PathLike | None = None) -> None:
 
 def read_text(path: PathLike) -> str:
     """Content of a text file, or `ConfigError` saying why not."""
+    if Path(path).is_char_device():  # some have no end
+        raise ConfigError(str(path), got="a device", expected="a text file")
     try:
         return Path(path).read_text(encoding="utf-8")
     except OSError as error:
@@ -323,14 +328,40 @@ def read_text(path: PathLike) -> str:
 class _Once(yaml.constructor.SafeConstructor):
     """Refuses a field that is given twice: only one of them would count."""
 
+    def construct_object(
+        self,
+        node: yaml.Node,
+        deep: bool = False,  # noqa: FBT001, FBT002
+    ) -> Any:
+        """Content of a node, or a complaint that has its place."""
+        try:
+            return super().construct_object(node, deep=deep)
+        except (AttributeError, TypeError, ValueError) as error:
+            kind = node.tag.rpartition(":")[2]
+            raise yaml.constructor.ConstructorError(
+                problem=f"{shortened(str(node.value))!r}, which is no {kind}; "
+                "quote it if it is text",
+                problem_mark=node.start_mark,
+            ) from error
+
     def construct_mapping(
         self,
         node: yaml.MappingNode,
         deep: bool = False,  # noqa: FBT001, FBT002
     ) -> dict[Any, Any]:
-        """Content of a mapping; its keys differ."""
+        """Content of a mapping; its keys are names, and differ."""
+        if not isinstance(node, yaml.MappingNode):
+            raise yaml.constructor.ConstructorError(
+                problem="a list where fields were promised",
+                problem_mark=node.start_mark,
+            )
         given: set[str] = set()
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(
+                    problem="a list or fields where the name of a field must be",
+                    problem_mark=key.start_mark,
+                )
             if key.tag == "tag:yaml.org,2002:merge":
                 continue
             if key.value in given:

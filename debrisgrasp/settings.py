@@ -39,8 +39,6 @@ __all__ = ["POLICIES", "Settings", "SiteLimits"]
 _SCHEMA = "debrisgrasp/site/1"
 _SAME = 0.002
 """Poses of a camera that differ by less [m, rad] are the same."""
-_OF_A_LIMIT = (1e-3, 1e6)
-"""What a limit of speed, force or torque may be at all."""
 POLICIES = ("support", "priority")
 """Names of the policies: `SupportAware`, and `PriorityPoint` (Eq. 1)."""
 
@@ -345,7 +343,7 @@ def _limits(fields: Fields) -> dict[str, Any]:
         return {}
     limits = fields.child("limits")
     given = {
-        item.name: limits.number(item.name, *_OF_A_LIMIT)
+        item.name: limits.number(item.name, -np.inf, np.inf)
         for item in dataclass_fields(SiteLimits)
         if item.name in limits
     }

@@ -27,6 +27,7 @@ from multiprocessing import (
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Protocol
 
+from debrisgrasp._signals import ENDINGS, signals_wait
 from debrisgrasp._workers import cores
 from debrisgrasp.errors import ConfigError, InputError, MissingExtraError
 
@@ -179,23 +180,20 @@ def _context() -> Any:
         return get_context("spawn")
     context = get_context("forkserver")
     context.set_forkserver_preload(["debrisgrasp.campaign"])
+    with signals_wait():  # it lets some through again once it has been started
+        resource_tracker.ensure_running()
     return context
 
 
 def _serve(context: Any) -> None:
-    """Start the server of processes, out of reach of Ctrl-C, as all that it starts.
+    """Start the server of processes, out of reach of signals, as all that it starts.
 
-    Also of a SIGTERM, which services send to a whole group: the parent ends them.
+    Terminals and services send them to a whole group; the parent ends its processes.
     """
     if context.get_start_method() != "forkserver":
         return
-    # The tracker lets Ctrl-C through again once it has been started.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    try:
+    with signals_wait():
         forkserver.ensure_running()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _follow_parent(reader: Connection) -> None:
@@ -215,7 +213,7 @@ def _follow_parent(reader: Connection) -> None:
 def _interrupts_wait() -> Iterator[None]:
     """Hold Ctrl-C back: a process that is starting would tell of its end at length.
 
-    A SIGTERM, too, where it does the same.
+    Other signals, too, where they do the same.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -223,7 +221,7 @@ def _interrupts_wait() -> Iterator[None]:
     held: list[int] = []
     before = {
         number: signal.signal(number, lambda number, _: held.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
+        for number in ENDINGS
         if callable(signal.getsignal(number))
     }
     try:

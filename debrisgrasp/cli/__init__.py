@@ -6,10 +6,10 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 
-from .loading import signals_wait
+from debrisgrasp._signals import ENDINGS, signals_wait
 
 __all__ = ["main"]
 
@@ -20,7 +20,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status.
 
     The commands are loaded in here, because that takes a second in which a person may
-    already press Ctrl-C. A SIGTERM, as services are ended with, does the same.
+    already press Ctrl-C. A SIGTERM, as services are ended with, does the same, and so
+    does the SIGHUP of a terminal that is lost.
     """
     try:
         with _ended_as_by_a_person():
@@ -28,19 +29,26 @@ def main(argv: Sequence[str] | None = None) -> int:
                 program = import_module("debrisgrasp.cli.program")
             status: int = program.run(argv)
     except KeyboardInterrupt:
-        print("debrisgrasp: interrupted; no file is half-written", file=sys.stderr)
+        with suppress(OSError):  # the terminal may be what was lost
+            print("debrisgrasp: interrupted; no file is half-written", file=sys.stderr)
         return _INTERRUPTED
     return status
 
 
 @contextmanager
 def _ended_as_by_a_person() -> Iterator[None]:
-    """Take SIGTERM for Ctrl-C: arms are stopped, and workers are let go."""
+    """Take what ends a command for Ctrl-C: arms stop, and workers are let go."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # What is ignored stays ignored, as a lost terminal is under nohup.
+    before = {
+        number: signal.signal(number, signal.default_int_handler)
+        for number in ENDINGS
+        if signal.getsignal(number) is not signal.SIG_IGN
+    }
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -15,6 +15,7 @@ from debrisgrasp._arrays import Rng
 from debrisgrasp._files import data_path
 from debrisgrasp.campaign import (
     FAKE_TIERS,
+    UNCLASSIFIED,
     Campaign,
     ClusterWorkers,
     FaultRates,
@@ -92,12 +93,15 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
     if not arguments.json:
         print("\nwrote " + ", ".join(str(path) for path in (*paths, picture)))
     _draw_failures(campaign.folder, records)
-    return int(any(count for _, count in tables.checks))
+    is_broken = any(count for _, count in tables.checks)
+    return int(is_broken or any(record.outcome == UNCLASSIFIED for record in records))
 
 
 def _campaign(arguments: argparse.Namespace) -> Campaign:
     known = {"fake": tuple(FAKE_TIERS), "mujoco": tuple(TIERS)}[arguments.world]
-    tier = arguments.tier or {"fake": "few", "mujoco": "pile"}[arguments.world]
+    tier = arguments.tier
+    if tier is None:
+        tier = {"fake": "few", "mujoco": "pile"}[arguments.world]
     if tier not in known:
         raise UnknownNameError(f"tier of world {arguments.world}", tier, known)
     if arguments.world != "fake" and (arguments.faults or arguments.no_recovery):

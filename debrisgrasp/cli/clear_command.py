@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import sys
 from typing import TYPE_CHECKING
 
 from debrisgrasp._files import is_yaml
@@ -155,13 +154,8 @@ def _keep(record: RunRecord | MemoryRecord, arguments: argparse.Namespace) -> No
 
 
 def _print_now(words: str) -> None:
-    """Print, also to a pipe; the run goes on when whoever read that has gone."""
-    try:
-        print(words, flush=True)
-    except BrokenPipeError:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+    """Print, also to a pipe."""
+    print(words, flush=True)
 
 
 def _list_faults() -> int:

@@ -20,12 +20,13 @@ from debrisgrasp.executive import (
     TaskSettings,
     require_drop_off,
     require_own_sides,
+    require_room,
 )
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.io.depth_images import load_camera
-from debrisgrasp.kinematics import ArmReach, cache_folder
+from debrisgrasp.kinematics import ArmReach, LimitSet, cache_folder
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.prototypes import check
 from debrisgrasp.settings import Settings
@@ -204,14 +205,21 @@ def site(settings: Settings) -> Iterator[Finding]:
     yield from _sides(settings, arms_in_use)
     if robot is not None:
         for arm in pipeline.arms:
-            limits = robot.limits(arm.name).controller
-            yield Finding(
-                f"limits of {arm_called(arm.name)}",
-                "ok",
-                f"{limits.force:g} N, {limits.torque:g} N m, joints up to "
-                f"{limits.velocity.max():.2f} rad/s, hand "
-                f"{settings.limits.hand_speed:g} m/s on approach and lift",
-            )
+            yield _limits(arm.name, robot.limits(arm.name).controller, settings)
+
+
+def _limits(name: str, limits: LimitSet, settings: Settings) -> Finding:
+    what = f"limits of {arm_called(name)}"
+    text = (
+        f"{limits.force:g} N, {limits.torque:g} N m, joints up to "
+        f"{limits.velocity.max():.2f} rad/s, hand "
+        f"{settings.limits.hand_speed:g} m/s on approach and lift"
+    )
+    try:
+        require_room(limits, TaskSettings().load_share)
+    except InputError as error:
+        return Finding(what, "fault", f"{text}; `clear` refuses that: {error}")
+    return Finding(what, "ok", text)
 
 
 def _camera(settings: Settings) -> Iterator[Finding]:

@@ -16,9 +16,11 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from debrisgrasp import __version__
-from debrisgrasp.errors import DebrisGraspError, InputError
+from debrisgrasp._signals import signals_wait
+from debrisgrasp._words import shortened
+from debrisgrasp.errors import ConfigError, DebrisGraspError, InputError, OutputError
 
-from .loading import signals_wait
+from .output import steady_output
 
 __all__ = ["build_parser", "run"]
 
@@ -39,28 +41,57 @@ _COMMANDS = {
     "view": ("view_command", "add"),
 }
 """Where each command is described."""
+_UNTOLD = (
+    "The work was done, and other files that were asked for are written; make room, "
+    "or print elsewhere."
+)
 
 
 def run(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit status."""
+    """Run one command; returns the exit status.
+
+    It goes on where nothing can be printed any more, as on a full disk; that is an
+    error once it is done, unless whoever read has gone, as with ``| head``.
+    """
     given = list(sys.argv[1:] if argv is None else argv)
+    with steady_output() as out:
+        status = _answered(given)
+        out.flush()
+        if out.fault is None or isinstance(out.fault, BrokenPipeError):
+            return status
+        reason = out.fault.strerror or str(out.fault)
+        error = OutputError("standard output", reason, _UNTOLD)
+        return _refused(error, given)
+
+
+def _answered(given: Sequence[str]) -> int:
+    """Run one command; what is wrong is told in one line."""
     only = given[0] if given and given[0] in (*_COMMANDS, "--version") else None
     try:
         arguments = build_parser(only).parse_args(given)
         with _warnings_shown():
             status: int = arguments.run(arguments)
     except DebrisGraspError as error:
-        facts = {"error": type(error).__name__, "message": _in_options(error, given)}
-        if "--json" in given:
-            print(json.dumps(facts), file=sys.stderr)
-        else:
-            print(f"debrisgrasp: error: {facts['message']}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:
-        # Whoever read our output has gone, as with `| head`.
-        sys.stderr.close()
-        return 0
+        return _refused(error, given)
+    except OSError as error:  # as of a name that no file can have
+        if error.filename is None:
+            raise
+        reason = error.strerror or str(error)
+        place = shortened(str(error.filename))
+        return _refused(
+            ConfigError(place, got=reason, expected="a file or folder"), given
+        )
     return status
+
+
+def _refused(error: DebrisGraspError, given: Sequence[str]) -> int:
+    """Tell what is wrong; returns the exit status."""
+    facts = {"error": type(error).__name__, "message": _in_options(error, given)}
+    if "--json" in given:
+        print(json.dumps(facts), file=sys.stderr)
+    else:
+        print(f"debrisgrasp: error: {facts['message']}", file=sys.stderr)
+    return 2
 
 
 @contextmanager

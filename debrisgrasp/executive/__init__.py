@@ -1,6 +1,7 @@
 """Layer 9: the whole task. States, faults and their answers, and what became of it."""
 
 from .faults import FAULTS, Action, FaultSpec, fault_named
+from .grasping import require_room
 from .limbs import require_drop_off, require_own_sides
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
 from .record import MemoryRecord, RunRecord, StoredRun, load_run
@@ -34,6 +35,7 @@ __all__ = [
     "load_run",
     "require_drop_off",
     "require_own_sides",
+    "require_room",
     "simulate",
     "state_named",
 ]

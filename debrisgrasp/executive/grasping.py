@@ -124,15 +124,15 @@ def require_room(limits: LimitSet, load_share: float) -> None:
     """Raise `InputError` if limits leave no room between a touch and too much of it."""
     if limits.torque * load_share < _LEAST_TORQUE:
         raise InputError(
-            "limit of the torque at the hand",
+            "limits.torque",
             got=f"{limits.torque:g} N m",
             expected=f"{_LEAST_TORQUE / load_share:.0f} N m or more",
-            mend="A touch turns the hand by as much before the arm stands.",
+            mend="A touch may turn the hand by that before the arm stands.",
         )
     if _GUARD.largest_speed(limits.scaled(load=load_share)) < _SLOWEST:
         least = _GUARD.force + _GUARD.stiffness * _GUARD.reaction_time * _SLOWEST
         raise InputError(
-            "limit of the force at the hand",
+            "limits.force",
             got=f"{limits.force:g} N",
             expected=f"{least / load_share:.0f} N or more",
             mend="A touch is felt at 50 N, and grows until the arm stands.",

@@ -253,7 +253,7 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
     for number, line in enumerate(lines, start=1):
         try:
             event = json.loads(line, parse_constant=refuse_constant)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             if isinstance(error, json.JSONDecodeError) and number == len(lines):
                 return  # cut off while it was written
             raise ConfigError(

@@ -37,6 +37,7 @@ from debrisgrasp.worlds import named_scene as scene_named
 
 from .context import Recorder
 from .faults import LISTED_BY
+from .grasping import require_room
 from .limbs import require_drop_off, require_own_sides
 from .marking import StaysMarked
 from .outcome import RunResult
@@ -220,7 +221,8 @@ class SimulatedTask:
         ------
         ConfigError, UnknownNameError
             If the robot has no such arm or no camera, or a drop-off of the site lies in
-            the way or out of reach; its file and field are named.
+            the way or out of reach, or its limits leave no room to feel a touch by;
+            its file and field are named.
         CaptureError
             If the file of the mask can't be read, or shows no marked object.
         """
@@ -242,6 +244,11 @@ class SimulatedTask:
         with site.in_field("drop_off"):
             used = {name: reaches[name] for name in names if name in reaches}
             require_own_sides(used, drop_off)
+        if pipeline.robot is not None:
+            for name in used:
+                limits = pipeline.robot.limits(name).controller
+                with site.in_field():
+                    require_room(limits, usual.load_share)
         return TaskSettings(
             arms=names,
             drop_off=drop_off,

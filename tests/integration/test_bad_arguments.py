@@ -213,3 +213,13 @@ def test_the_help_says_what_the_numbers_of_a_region_are(run, command):
 @pytest.mark.parametrize("given", [["0.7,-0.2,0,1.2,0.2,0.3"], ["1", "2", "3"]])
 def test_too_few_numbers_of_a_region_are_told_which(refused, given):
     assert "X0 Y0 Z0 X1 Y1 Z1, with spaces" in refused("clear", "--region", *given)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("clear", "--record"), ("clear", "--mask"), ("replay",), ("plan",)],
+)
+def test_a_name_that_no_file_can_have_is_told(refused, tmp_path, words):
+    message = refused(*words, tmp_path / ("x" * 300))
+    assert "File name too long" in message
+    assert len(message) < 400

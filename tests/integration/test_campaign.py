@@ -13,7 +13,7 @@ from PIL import Image
 
 from debrisgrasp import __version__
 from debrisgrasp._files import data_path
-from debrisgrasp.campaign import RunRecord, RunSpec, fake_world, run_fake
+from debrisgrasp.campaign import Campaign, RunRecord, RunSpec, fake_world, run_fake
 from debrisgrasp.campaign.fake_run import handle_of
 from debrisgrasp.robot import INJECTABLE, Injection
 
@@ -254,6 +254,7 @@ def test_a_file_that_was_edited_since_is_named(run, tmp_path):
     [
         (("--n", 0), "runs of a campaign"),
         (("--tier", "heap"), "heap"),
+        (("--tier", ""), "tier of world fake"),
         (("--world", "mujoco", "--tier", "single"), "tier of world mujoco"),
         (("--world", "mujoco", "--faults", "field"), "only the robot in memory"),
         (("--faults", "no/such.yaml"), "no/such.yaml"),
@@ -270,6 +271,14 @@ def test_bad_input_is_named_before_anything_runs(run, tmp_path, words, message):
     assert done.status == 2
     assert message.lower() in done.err.lower()
     assert not (tmp_path / "out").exists()
+
+
+def test_a_campaign_with_a_run_in_no_class_is_no_success(run, tmp_path, monkeypatch):
+    lost = RunRecord.unclassified("000000", {}, "InputError: no such thing")
+    monkeypatch.setattr(Campaign, "run", lambda *_, **__: (lost,))
+    done = run("campaign", "--n", 1, "--out", tmp_path)
+    assert done.status == 1
+    assert "no such thing" in done.out
 
 
 def test_a_drop_off_out_of_reach_is_named_before_anything_runs(run, tmp_path):

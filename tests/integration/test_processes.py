@@ -11,6 +11,7 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -42,6 +43,7 @@ def test_an_error_in_a_worker_process_arrives_as_it_is():
     assert "roman" in caught.value.known
 
 
+FULL = Path("/dev/full")
 SHORT = """\
 schema: debrisgrasp/fault-rates/1
 rates:
@@ -50,8 +52,15 @@ rates:
 """So a run ends where it begins."""
 
 
-@pytest.mark.parametrize("begun", ["campaign.json", "runs/*.json"])
-def test_a_service_that_is_ended_ends_as_by_ctrl_c(tmp_path, begun):
+@pytest.mark.parametrize(
+    ("begun", "number"),
+    [
+        ("campaign.json", signal.SIGTERM),  # as services are ended
+        ("runs/*.json", signal.SIGTERM),
+        ("runs/*.json", signal.SIGHUP),  # as a lost terminal ends what runs in it
+    ],
+)
+def test_what_is_ended_from_outside_ends_as_by_ctrl_c(tmp_path, begun, number):
     out, rates = tmp_path / "campaign", tmp_path / "rates.yaml"
     rates.write_text(SHORT)
     command = [sys.executable, "-m", "debrisgrasp", "campaign", "--tier", "single"]
@@ -65,9 +74,40 @@ def test_a_service_that_is_ended_ends_as_by_ctrl_c(tmp_path, begun):
     deadline = time.monotonic() + 120.0
     while not list(out.glob(begun)) and time.monotonic() < deadline:
         time.sleep(0.1)
-    os.killpg(process.pid, signal.SIGTERM)  # as services are ended
+    os.killpg(process.pid, number)
     _, told = process.communicate(timeout=60.0)
     assert process.returncode == 130
     assert told.splitlines()[-1].startswith("interrupted: ")
     assert "Traceback" not in told
     assert "semaphore" not in told
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="no device that is full")
+def test_a_run_goes_on_where_nothing_can_be_printed(tmp_path):
+    """As on a full disk: the page is written, and then the failure is told."""
+    page = tmp_path / "page.html"
+    command = [sys.executable, "-m", "debrisgrasp", "clear", "--objects", "1"]
+    command += ["--seed", "4", "--max-removals", "1", "--faults", "limit_mismatch"]
+    with FULL.open("w") as full:
+        ended = subprocess.run(
+            [*command, "--report", page],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=300.0,
+        )
+    assert ended.returncode == 2
+    assert page.exists()
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith("debrisgrasp: error: can't write standard output: No space")
+
+
+def test_a_reader_that_has_gone_is_no_failure():
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "debrisgrasp", "clear", "--faults", "list"]
+    ended = subprocess.run(
+        command, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=120.0
+    )
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (0, "")

@@ -211,6 +211,22 @@ def test_a_drop_off_on_the_other_side_is_no_surprise_to_the_doctor(
 
 
 @pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(("name", "value"), [("force", 10), ("torque", 4.9)])
+def test_limits_too_low_to_feel_a_touch_are_no_surprise_to_the_doctor(
+    run, refused, tmp_path, name, value
+):
+    path, out = tmp_path / "site.yaml", tmp_path / "out"
+    path.write_text(f"schema: debrisgrasp/site/1\nlimits: {{{name}: {value}}}\n")
+    words = f"limits.{name}: got {value} N"
+    for command in (("clear",), ("campaign", "--n", 1, "--out", out)):
+        assert f"site.yaml, field {words}" in refused(*command, "--site", path)
+    assert not out.exists()
+    ended = run("doctor", "--site", path)
+    assert ended.status == 1
+    assert words in ended.out
+
+
+@pytest.mark.usefixtures("quick")
 def test_the_doctor_names_what_must_be_mended(run, tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text(

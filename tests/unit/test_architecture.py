@@ -22,6 +22,7 @@ LAYERS = {
     "_files": 1,
     "_fields": 2,
     "_stopwatch": 1,
+    "_signals": 1,
     "_workers": 1,
     "geometry": 2,
     "segmentation": 3,

@@ -34,8 +34,14 @@ def test_yaml_and_json_are_read(tmp_path):
         ("a.yaml", "a: [1, 2\nb: 3\n", "a bracket that is not closed"),
         ("a.yaml", "a:\n  - 1\n - 2\n", "line 3: got a line.*Indent all"),
         ("a.yaml", 'a: 1\nb "x\nc: 3\n', "a field without a colon.*`field: value`"),
-        ("a.yaml", "day: 2026-13-45", "a.yaml: got month"),
-        ("a.yaml", "[" * 3000, "a.yaml: got maximum recursion"),
+        ("a.yaml", "a: 1\nday: 2026-13-45", "line 2: got '2026-13-45'.*no timestamp"),
+        ("a.yaml", "a: 1\nb: !!timestamp foo", "line 2: got 'foo', .*no timestamp"),
+        ("a.yaml", "a: !!int foo", "line 1: got 'foo', which is no int.*quote"),
+        ("a.yaml", "a: !!set [1]", "line 1: got a list where fields"),
+        ("a.yaml", "a: 1\n? [1, 2]\n: 3", "line 2: got a list .*name of a field"),
+        ("a.yaml", "a: 1\n{b: 2}: 3", "line 2: got a list or fields .*name"),
+        ("a.yaml", "a: 1\n---\nb: 2", "line 2: got a second document"),
+        ("a.yaml", "[" * 3000, "a.yaml: got too many brackets"),
         ("a.yaml", "a: 1\nb: {x: 1,\n x: 2}\n", "a.yaml, line 3.*'x' a second time"),
         ("a.yaml", "!!python/object/apply:os.getcwd []", "a.yaml, line 1"),
         ("a.json", '{"a": 1,\n "b": }', "a.json, line 2"),
@@ -48,6 +54,11 @@ def test_malformed_settings_name_file_and_line(tmp_path, name, text, message):
     (tmp_path / name).write_text(text)
     with pytest.raises(ConfigError, match=message):
         (read_yaml if name.endswith("yaml") else read_json)(tmp_path / name)
+
+
+def test_a_device_has_no_end_and_is_not_read():
+    with pytest.raises(ConfigError, match="/dev/zero: got a device"):
+        read_yaml("/dev/zero")
 
 
 @pytest.mark.parametrize("read", [read_yaml, read_json])

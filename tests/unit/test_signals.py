@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import signal
 import sys
-import threading
 
 import pytest
 
 from debrisgrasp import cli
-from debrisgrasp.cli.loading import signals_wait
+from debrisgrasp._signals import ENDINGS, signals_wait
 
 
 @pytest.fixture
@@ -21,7 +20,7 @@ def hears_ctrl_c():
 
 
 @pytest.mark.usefixtures("hears_ctrl_c")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", ENDINGS)
 def test_what_loads_meanwhile_hears_nothing_of_a_signal(
     tmp_path, monkeypatch, capsys, number
 ):
@@ -38,17 +37,24 @@ def test_what_loads_meanwhile_hears_nothing_of_a_signal(
     assert name in sys.modules  # it loaded to its end
 
 
-def test_beside_the_main_thread_signals_are_left_alone():
-    masks = []
-
-    def look():
-        with signals_wait():
-            masks.append(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
-
-    thread = threading.Thread(target=look)
-    thread.start()
-    thread.join()
-    assert not masks[0] & {signal.SIGINT, signal.SIGTERM}
+def test_signals_wait_in_here_and_not_beyond():
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     with signals_wait():
         inside = signal.pthread_sigmask(signal.SIG_BLOCK, ())
-    assert {signal.SIGINT, signal.SIGTERM} <= inside
+    assert set(ENDINGS) <= inside
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == before
+
+
+def test_what_is_ignored_stays_ignored(monkeypatch):
+    """As under nohup: a terminal that is lost ends nothing then."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    heard = []
+    monkeypatch.setattr(
+        cli, "import_module", lambda _: heard.append(signal.getsignal(signal.SIGHUP))
+    )
+    try:
+        with pytest.raises(AttributeError):  # what was loaded is no program
+            cli.main(["--version"])
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert heard == [signal.SIG_IGN]
