@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import zip_longest
-from math import copysign, hypot, isfinite
+from math import copysign, hypot, isfinite, nan
 
 import numpy as np
 
@@ -65,12 +65,13 @@ class _Pressed:
         force, now = hypot(*drive.weighed()[:3]), drive.clock.now()
         if isfinite(force):
             self._told = now
-        elif now - self._told > _SILENT + 1e-6:
+            return force
+        if now - self._told > _SILENT + 1e-6:
             words = f"no number for {now - self._told:.2f} s while the fingers open"
             drive.devices.arm.stop()
             drive.halt_fingers()
             self.fault = FaultFound("wrench_nan", words, drive.limb.name)
-        return force
+        return nan
 
 
 def run_grip(

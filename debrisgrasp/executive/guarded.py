@@ -29,7 +29,7 @@ def guarded(context: Context, step: Callable[[], StepResult]) -> StepResult:
     except DriverError as error:
         return FaultFound("connection_lost", str(error))
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a robot survives software
-        found = nonsense(context)
+        found = nonsense(context) or _raised_by_driver(context, error)
         if found is not None:
             return found
         at = traceback.extract_tb(error.__traceback__)[-1]
@@ -51,6 +51,31 @@ def nonsense(context: Context) -> FaultFound | None:
     odd = "" if head is None else _first(odd_head(head))
     words = f"the driver of the head sends nonsense: {odd}"
     return FaultFound("connection_lost", words) if odd else None
+
+
+def _raised_by_driver(context: Context, error: BaseException) -> FaultFound | None:
+    """Name the device, of somebody's own, in whose code an error came up."""
+    robot = context.robot
+    drivers: list[tuple[object, str, str | None]] = [
+        (robot.camera, "camera", None),
+        (robot.head, "head", None),
+        (robot.base, "base", None),
+    ]
+    for name, limb in robot.limbs.items():
+        called = arm_called(name)
+        drivers += [
+            (limb.arm, called, name),
+            (limb.sensor, f"force sensor of the {called}", name),
+            (limb.gripper, f"gripper of the {called}", name),
+        ]
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        own = frame.f_locals.get("self")
+        for driver, called, arm in drivers:
+            is_ours = type(own).__module__.partition(".")[0] == "debrisgrasp"
+            if own is driver and own is not None and not is_ours:
+                words = f"the driver of the {called} raises {type(error).__name__}"
+                return FaultFound("connection_lost", f"{words}: {error}", arm)
+    return None
 
 
 def _first(found: Iterator[str]) -> str:

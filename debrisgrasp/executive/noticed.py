@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import arm_called
 from debrisgrasp.control import Fault, Reading, SafetyConfig, Stop
 from debrisgrasp.kinematics import LimitSet
 
@@ -82,9 +83,9 @@ def refused(words: str, reading: Reading, arm: str) -> FaultFound:
     q = np.asarray(reading.q, dtype=np.float64)
     wrench = np.asarray(reading.wrench_ft, dtype=np.float64)
     if not np.isfinite(wrench).all():
-        name = "wrench_nan"
+        name, words = "wrench_nan", f"the wrist of the {arm_called(arm)} reads {wrench}"
     elif not np.isfinite(q).all():
-        name = "encoder_jump"
+        name, words = "encoder_jump", f"the joints of the {arm_called(arm)} read {q}"
     elif _is_saturated(wrench):
         name = "sensor_saturated"
     elif "age of the first wrench" in words:

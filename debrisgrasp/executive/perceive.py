@@ -10,7 +10,7 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp._words import arm_called
-from debrisgrasp.errors import DebrisGraspError, DriverError
+from debrisgrasp.errors import ConfigError, DebrisGraspError, DriverError
 from debrisgrasp.geometry import SE3, DepthSight, Intrinsics
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import mask_notes
@@ -209,7 +209,15 @@ def _marked(context: Context, taken: Capture) -> Capture:
     settings = context.settings
     if settings.mark is not None:
         mask = settings.mark(taken)
-        return taken if mask is None else replace(taken, mask=np.asarray(mask, bool))
+        if mask is None:
+            return taken
+        if np.asarray(mask).dtype.kind not in "biu":
+            raise ConfigError(
+                "mark of the task",
+                got=f"a mask of type {np.asarray(mask).dtype}",
+                expected="one of bool, or of whole numbers",
+            )
+        return replace(taken, mask=np.asarray(mask, bool))
     if settings.region is None or taken.depth is None or taken.intrinsics is None:
         return taken
     points = taken.intrinsics.deproject(np.nan_to_num(taken.depth))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
@@ -77,7 +79,11 @@ def _limits(limb: LimbState) -> FaultFound | None:
         )
     except ConfigError as error:
         return FaultFound("limit_mismatch", str(error), limb.name)
-    q = np.asarray(arm.read().q, dtype=np.float64)
+    reading = arm.read()
+    if not isfinite(reading.time):
+        words = f"the {arm_called(limb.name)} measures at {reading.time} s"
+        return FaultFound("connection_lost", words, limb.name)
+    q = np.asarray(reading.q, dtype=np.float64)
     return misplaced(q, family.controller, limb.name)
 
 

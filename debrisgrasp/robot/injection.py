@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite
-from typing import Any
+from math import inf, isfinite, nan
+from typing import Any, TypeGuard
+
+import numpy as np
 
 from debrisgrasp._arrays import Rng
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
@@ -147,6 +149,16 @@ INJECTABLE: Mapping[str, FaultKind] = {
 """Every fault that can be injected, by its name in the table of faults."""
 
 
+_WHOLE = ("times", "joints from the base", "number of the finger")
+_POSITIVE = ("s, lasting", "friction", "of height and width", "m")
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(
+        value, bool
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Injection:
     """One fault that is to happen.
@@ -179,9 +191,27 @@ class Injection:
             raise ConfigError(
                 f"begin of {self.fault}", got=self.at, expected="0 s or more"
             )
-        if self.severity is not None and not isfinite(self.severity):
+        if self.severity is not None:
+            self._require_severity(self.severity)
+
+    def _require_severity(self, severity: object) -> None:
+        """Raise `ConfigError` unless it can be meant, in its unit."""
+        unit = self.kind.unit
+        value = float(severity) if _is_number(severity) else nan
+        expected = f"a number [{unit}]"
+        is_so = isfinite(value)
+        if unit in _WHOLE:
+            expected = f"a whole number of 0 or more [{unit}]"
+            is_so = is_so and value >= 0.0 and value == int(value)
+        elif unit in _POSITIVE:
+            expected = f"0 or more [{unit}]"
+            is_so = is_so and value >= 0.0
+        elif not unit:
+            expected = "none: it strikes, or it does not"
+            is_so = value == self.kind.severity
+        if not is_so:
             raise ConfigError(
-                f"severity of {self.fault}", got=self.severity, expected="a number"
+                f"severity of {self.fault}", got=severity, expected=expected
             )
 
     @property
@@ -305,6 +335,17 @@ def _require(
         raise UnknownNameError(what, state, states)
     if injection.arm is not None and injection.arm not in robot.limbs:
         raise UnknownNameError("arm", injection.arm, robot.limbs)
+    n_joints = min(
+        len(limb.arm.joint_names)
+        for name, limb in robot.limbs.items()
+        if injection.arm in (None, name)
+    )
+    if injection.fault == "joint_stuck" and (injection.severity or 0) >= n_joints:
+        raise ConfigError(
+            "severity of joint_stuck",
+            got=injection.severity,
+            expected=f"0 to {n_joints - 1}, the number of a joint from the base",
+        )
     device = injection.kind.device
     missing = (device == "world" and world is None) or (
         device == "head" and robot.head is None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from debrisgrasp.geometry import SE3, Intrinsics
 from debrisgrasp.kinematics import LimitSet
 
 from .gaps import absent, unanswered
-from .interface import DepthFrame, Robot
+from .interface import DepthFrame, Limb, Robot
 from .kinds import odd_answers, odd_image, odd_openings, odd_time, unlike_numbers
 
 __all__ = [
@@ -35,6 +35,8 @@ _OLD = 0.2
 """A reading older than this is not of now [s]."""
 _FREE_LOAD = (20.0, 5.0)
 """Load of an idle hand, at most [N, N m]."""
+_NOWHERE = 0.1
+"""No joint is so far outside its limits; it may be told in degrees [rad or m]."""
 
 
 def protocols_are_kept(robot: Robot) -> Iterator[str]:
@@ -188,7 +190,10 @@ def wrist_is_read(robot: Robot) -> Iterator[str]:
             continue
         if (raw == raw[0]).all():
             yield f"sensor {name}: equal to the last digit for 0.2 s; is it alive?"
-        T = robot.model.chain(name).fk(np.asarray(limb.arm.read().q))
+        q = limb.arm.read().q
+        if unlike_numbers(q, len(limb.arm.joint_names)) or _is_nowhere(limb, q):
+            continue  # `joints_are_read` tells; nobody knows where down is
+        T = robot.model.chain(name).fk(np.asarray(q))
         mean = raw.mean(axis=0)
         load = _load(robot, name, T, mean)
         if not _is_free(load):
@@ -199,6 +204,14 @@ def wrist_is_read(robot: Robot) -> Iterator[str]:
             elif _is_free(_load(robot, name, T, 1e3 * mean)):
                 text += "; does it read kilonewtons?"
             yield text + ". Identify tool and bias, or empty the hand."
+
+
+def _is_nowhere(limb: Limb, q: Sequence[float]) -> bool:
+    """Whether joints are no numbers, or far from all that they may be [rad or m]."""
+    values = np.asarray(q, dtype=np.float64)
+    return not np.isfinite(values).all() or bool(
+        limb.arm.limits.violation(values, tolerance=_NOWHERE)
+    )
 
 
 def _load(robot: Robot, name: str, T: SE3, raw: FloatArray) -> FloatArray:

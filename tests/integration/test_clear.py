@@ -225,7 +225,7 @@ def test_a_limit_too_low_to_feel_a_touch_by_is_refused(tmp_path, capsys, what, l
     record = tmp_path / "run"
     words = ["clear", "--site", str(site), "--record", str(record)]
     assert debrisgrasp(words) == 2
-    assert f"limit of the {what} at the hand" in capsys.readouterr().err
+    assert f"field limits.{what}: got {limit} N" in capsys.readouterr().err
     # What was refused leaves nothing that is in the way of the next try.
     assert RunRecord(record, {}).fault == ""
 

@@ -23,6 +23,7 @@ from tests.unit.robot.broken_robots import (
     lying_limits,
     millimetre_fingers,
     no_limits,
+    no_time,
     numberless_fingers,
     silent_fingers,
     silent_joints,
@@ -228,6 +229,76 @@ def test_a_driver_that_begins_to_send_nonsense_is_named_and_no_error_of_ours(
     assert done.result.end is RunEnd.STOPPED
     assert all(arm.is_stopped for arm in done.fake.arms.values())
     assert_within_limits(done)
+
+
+class Raising(Changed):
+    """A device of somebody's own, of which some members raise."""
+
+    def __init__(self, device, *names, error) -> None:
+        super().__init__(device, **dict.fromkeys(names, self._fail))
+        self._error = error
+
+    def _fail(self, *_args):
+        raise self._error
+
+
+@pytest.mark.parametrize(
+    ("device", "member", "words"),
+    [
+        ("arm", "engage", "driver of the right arm raises OSError: no bus"),
+        ("gripper", "preshape", "driver of the gripper of the right arm raises"),
+        ("camera", "capture", "the driver of the camera raises OSError: no bus"),
+    ],
+)
+def test_what_a_driver_raises_is_its_own_and_no_error_of_ours(
+    pipeline, beam, device, member, words
+):
+    def broken(robot, _):
+        error = OSError("no bus")
+        if device == "camera":
+            return replace(robot, camera=Raising(robot.camera, member, error=error))
+        limb = robot.limbs["right"]
+        limb = replace(
+            limb, **{device: Raising(getattr(limb, device), member, error=error)}
+        )
+        return replace(robot, limbs={**robot.limbs, "right": limb})
+
+    done = run_struck(pipeline, beam, ONE, change=broken)
+    assert {fault.fault for fault in done.result.faults} == {"connection_lost"}
+    assert words in done.result.faults[0].message
+    assert done.result.end in (RunEnd.ABORTED, RunEnd.STOPPED)
+    assert_within_limits(done)
+
+
+def test_an_arm_that_can_not_tell_the_time_moves_nothing(pipeline, beam):
+    done = run_struck(pipeline, beam, ONE, change=lambda robot, _: no_time(robot))
+    fault = done.result.faults[0]
+    assert (fault.state, fault.fault) == (State.SELF_TEST, "connection_lost")
+    assert "the right arm measures at nan s" in fault.message
+    assert done.fake.truth().peak_force == dict.fromkeys(("left", "right"), 0.0)
+
+
+def test_a_wrist_beyond_all_numbers_is_no_finger(pipeline, beam):
+    def broken(robot, _):
+        sensor = robot.limbs["right"].sensor
+        return with_limb(
+            robot,
+            "sensor",
+            read=lambda: sensor.read()._replace(wrench_ft=(np.inf,) * 6),
+        )
+
+    done = run_struck(pipeline, beam, ONE, change=broken)
+    assert {fault.fault for fault in done.result.faults} == {"wrench_nan"}
+    assert done.result.end is RunEnd.STOPPED
+
+
+def test_a_mark_of_no_yes_and_no_is_refused(pipeline, beam):
+    task = replace(ONE, mark=lambda taken: np.full(taken.depth.shape, np.nan))
+    done = run_struck(pipeline, beam, task)
+    assert (
+        "mark of the task: got a mask of type float64" in done.result.faults[0].message
+    )
+    assert done.result.n_removed == 0
 
 
 def test_a_head_that_sends_nonsense_is_named(pipeline, beam):

@@ -93,6 +93,11 @@ def nan_joint(robot):
     return with_limb(robot, "arm", read=lambda: arm.read()._replace(q=[np.nan] * 8))
 
 
+def no_time(robot):
+    arm = robot.limbs["right"].arm
+    return with_limb(robot, "arm", read=lambda: arm.read()._replace(time=np.nan))
+
+
 def worded_joints(robot):
     arm = robot.limbs["right"].arm
     return with_limb(

@@ -122,6 +122,13 @@ def test_a_broken_promise_fails_its_check(broken, check, words):
     assert re.search(words, " ".join(problems)), problems
 
 
+@pytest.mark.parametrize("broken", [degrees, short_reading, nan_joint, worded_joints])
+def test_joints_that_are_none_are_not_the_wrists_fault(broken):
+    report = check_robot(broken(made()))
+    assert "joints_are_read" in {found.check for found in report.findings}
+    assert "wrist_is_read" not in {found.check for found in report.findings}
+
+
 def test_a_report_says_all_that_is_wrong():
     report = check_robot(millimetre_depth(lying_limits(made())))
     assert not report.is_conformant

@@ -249,11 +249,35 @@ def test_pairs_act_together(robot, rng):
         state=st.none() | st.sampled_from([s.value for s in STAGES]),
         arm=st.none() | st.sampled_from(["left", "right"]),
         at=st.none() | st.floats(0, 1e3),
-        severity=st.none() | st.floats(-1e3, 1e3),
     )
 )
 def test_an_injection_survives_its_file(injection):
     assert Injection.from_json(injection.to_json()) == injection
+
+
+@pytest.mark.parametrize(
+    ("fault", "severity", "words"),
+    [
+        ("slip", "a", "got a, expected 0 or more"),
+        ("slip", True, "got True"),
+        ("slip", float("inf"), "got inf"),
+        ("unreachable", -0.1, "expected 0 or more .m."),
+        ("connection_lost", -1.0, "expected 0 or more"),
+        ("finger_jammed", 1.5, "a whole number"),
+        ("empty_cloud", 0.5, "a whole number"),
+        ("wrench_nan", 3, "none: it strikes, or it does not"),
+        ("bias_jump", float("nan"), "a number .N."),
+    ],
+)
+def test_a_severity_that_means_nothing_is_refused(fault, severity, words):
+    with pytest.raises(ConfigError, match=f"severity of {fault}: .*{words}"):
+        Injection(fault=fault, severity=severity)
+
+
+def test_no_joint_sticks_that_is_not_there(robot, rng):
+    stuck = Injection(fault="joint_stuck", severity=99)
+    with pytest.raises(ConfigError, match="joint_stuck: got 99, expected 0 to 7"):
+        inject(robot, [stuck], states=STATES, rng=rng)
 
 
 def test_what_can_not_be_injected_is_refused(robot, rng):
