@@ -206,7 +206,7 @@ def wrist_is_read(robot: Robot) -> Iterator[str]:
             yield text + ". Identify tool and bias, or empty the hand."
 
 
-def _is_nowhere(limb: Limb, q: Sequence[float]) -> bool:
+def _is_nowhere(limb: Limb, q: Sequence[float] | FloatArray) -> bool:
     """Whether joints are no numbers, or far from all that they may be [rad or m]."""
     values = np.asarray(q, dtype=np.float64)
     return not np.isfinite(values).all() or bool(

@@ -46,7 +46,8 @@ h1{font-size:25px;margin:0 0 4px}h2{font-size:18px;margin:30px 0 8px}
 .card{background:#fff;border:1px solid #e0e4ea;border-radius:8px;padding:14px 16px;
 margin:0 0 16px}
 .try{display:grid;grid-template-columns:420px 1fr;gap:18px}
-.try img{width:420px;border-radius:5px;display:block}
+.try>div{min-width:0}td:nth-child(3){min-width:150px}
+.try img{width:420px;max-width:100%;border-radius:5px;display:block}
 .none{background:#eef0f4;border-radius:5px;height:120px;display:flex;color:#7a8494;
 align-items:center;justify-content:center}
 h3{margin:0 0 4px;font-size:16px}.ok{color:#2f7d4f}.bad{color:#b23b3b}
@@ -59,6 +60,9 @@ svg text.label{paint-order:stroke;stroke:#fff;stroke-width:3px}
 height:11px;border-radius:2px;margin-right:5px;box-sizing:border-box}
 .ticks{position:relative;height:17px;font-size:11px;color:#5d6878}
 .ticks span{position:absolute;transform:translateX(-50%);white-space:nowrap}
+.card{overflow-x:auto}.map{display:flex;flex-wrap:wrap;gap:8px 26px}
+.map svg{flex:0 1 auto}.map .key{flex:1 0 200px;margin:0}
+.map .key span{display:block;margin:0 0 8px}
 .most{margin:6px 0 0;font-size:13px}.most span{margin-right:16px;display:inline-block}
 .key:last-child{margin-bottom:2px}
 @media(max-width:900px){.try{grid-template-columns:1fr}.try img{width:100%}}
@@ -115,6 +119,7 @@ def run_html(path: str | os.PathLike[str], run: RecordedRun) -> None:
     body = [
         f"<h1>{escape(_title(run.inputs))}</h1>",
         f'<p class="note">{escape(_ending(end, total))}</p>',
+        _ended_by(end, tries),
         "<h2>Timeline</h2>",
         f'<div class="card">{_timeline(spans, tries, total)}</div>',
         _from_above(run, tries),
@@ -133,7 +138,7 @@ def run_html(path: str | os.PathLike[str], run: RecordedRun) -> None:
 def _title(inputs: Mapping[str, Any]) -> str:
     what = inputs.get("scene") or f"pile of seed {inputs.get('seed', 0)}"
     faults = ", ".join(inputs.get("faults") or ())
-    return f"Clearing: {what}" + (f", with {faults}" if faults else "")
+    return f"Clearing: {what}" + (f"; faults asked for: {faults}" if faults else "")
 
 
 def _ending(end: Mapping[str, Any], total: float) -> str:
@@ -147,6 +152,16 @@ def _ending(end: Mapping[str, Any], total: float) -> str:
     if end.get("holding"):
         words += f"; STILL HELD by the hand of the {arm_called(end['holding'])}"
     return words
+
+
+def _ended_by(end: Mapping[str, Any], tries: Sequence[_Try]) -> str:
+    """Say what fault a run ended by, if it did."""
+    faults = [fault for item in tries for fault in item.faults]
+    if end.get("class") in (None, "", "success") or not faults:
+        return ""
+    last = faults[-1]
+    words = f"{last['fault']} in {last['state']}: {last['message']}"
+    return f'<p class="note">ended by {escape(words)}</p>'
 
 
 def _spans(
@@ -252,7 +267,7 @@ def _from_above(run: RecordedRun, tries: Sequence[_Try]) -> str:
         return ""
     has_pushes = any(item.facts.get("pushed") for item in tries)
     return (
-        f'<h2>From above</h2><div class="card">{picture}'
+        f'<h2>From above</h2><div class="card map">{picture}'
         f'<p class="key">{map_key(has_pushes=has_pushes)}</p></div>'
     )
 
@@ -265,7 +280,7 @@ def _card(item: _Try, run: RecordedRun) -> str:
     style = "ok" if is_removed or pushed else "bad"
     lines = []
     if item.object is not None and item.object.get("object"):
-        x, y, z = item.object["centroid"]
+        x, y, z = (round(float(v), 2) + 0.0 for v in item.object["centroid"])
         name = f"object {item.object['object']}"
         if "look" in item.object:  # not in older records
             name += f" of look {item.object['look']}"
@@ -318,6 +333,7 @@ def _forces(rows: Sequence[Sequence[float]]) -> str:
         (torque, "#3b6ea5", "N m", 40.0),
     ):
         most = max(top, float(series.max()))
+        digits = ".0f" if series.max() >= 1.0 else ".1f"
         y = 110.0 - 100.0 * series / most
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
         curves += (
@@ -325,7 +341,7 @@ def _forces(rows: Sequence[Sequence[float]]) -> str:
             'stroke-width="1.3"/>'
         )
         words += (
-            f'<span style="color:{color}">at most {series.max():.0f} {unit} '
+            f'<span style="color:{color}">at most {series.max():{digits}} {unit} '
             f"(full height {most:.0f} {unit})</span>"
         )
     frame = '<path d="M0 10V110H560" fill="none" stroke="#c9cfd8"/>'

@@ -35,6 +35,9 @@ _AREA = 0.25
 _BESIDE = 0.2
 """Room beside that for its name [m]."""
 _DROP, _PLACED, _PUSHED, _ROBOT = "#4f9aa8", "#2f7d4f", "#7a6248", "#5d6878"
+_TAKEN = "#2c4f9e"
+_MESH = 0.5
+"""Between the lines of the grid [m]."""
 _LIGHTEST, _DARKEST = 0.95, 0.35
 """Brightness of what is lowest, and of what is highest."""
 _GROUND = np.minimum(1.05 * np.asarray(GROUND_COLOR), 1.0)
@@ -88,13 +91,16 @@ def map_svg(events: Sequence[Mapping[str, Any]], points: FloatArray | None) -> s
         SVG; empty if there is nothing to show.
     """
     drop_offs, places = dict(_drop_offs(events)), list(_places(events))
+    taken = list(_taken(events))
     pushes = list(_pushes(events))
     if points is None and not drop_offs and not places:
         return ""
     ends = [place for _, place in places] + [place for _, _, place in pushes]
     frame = _Frame.around([*drop_offs.values(), *ends])
     parts = [] if points is None else [_ground(points, frame)]
+    parts.append(_grid(frame))
     parts += [_circle(frame, *place) for place in drop_offs.values()]
+    parts += [_number(number, _TAKEN, frame, place) for number, place in taken]
     parts += [_number(number, _PLACED, frame, place) for number, place in places]
     for number, begin, end in pushes:
         parts += [_line(frame, begin, end), _number(number, _PUSHED, frame, end)]
@@ -131,6 +137,7 @@ def map_key(*, has_pushes: bool = False) -> str:
             f"{_ABOVE:g} m to {_TALL:g} m high and more, at the first look",
         ),
         (f"border:1.5px dashed {_DROP};border-radius:50%", "drop-off"),
+        (f"background:{_TAKEN};border-radius:50%", "gripped at, by attempt"),
         (f"background:{_PLACED};border-radius:50%", "let go, by attempt"),
     ]
     if has_pushes:
@@ -214,6 +221,23 @@ def _places(
             yield number, (event["place"][0] + gone, event["place"][1])
 
 
+def _taken(
+    events: Sequence[Mapping[str, Any]],
+) -> Iterator[tuple[int, tuple[float, float]]]:
+    """Find the middles of what was gripped at [m], with the number of the attempt."""
+    gone, middle, is_gripped = 0.0, None, False
+    for event in events:
+        if event.get("event") == "done":
+            gone += float(event.get("moved", 0.0))
+            if event["state"] == "select":
+                middle = event.get("centroid")
+            is_gripped = is_gripped or event["state"] == "plan_motion"
+        if event.get("event") == "attempt":
+            if is_gripped and middle:
+                yield event["number"], (middle[0] + gone, middle[1])
+            middle, is_gripped = None, False
+
+
 def _pushes(
     events: Sequence[Mapping[str, Any]],
 ) -> Iterator[tuple[int, tuple[float, float], tuple[float, float]]]:
@@ -229,6 +253,28 @@ def _pushes(
             end = begin + event["pushed"] * way[:2] / np.linalg.norm(way)
             (x0, y0), (x1, y1) = begin.tolist(), end.tolist()
             yield event["number"], (x0, y0), (x1, y1)
+
+
+def _grid(frame: _Frame) -> str:
+    """Draw lines of equal x and y, named at the left and the upper edge."""
+    (x0, y0), (x1, y1) = frame.low.tolist(), frame.high.tolist()
+    width, height = frame.size
+    parts = []
+    for x in np.arange(np.ceil(x0 / _MESH), np.floor(x1 / _MESH) + 1) * _MESH:
+        _, v = frame.at(x, 0.0)
+        parts.append(f'<path d="M0 {v:.1f}H{width:.0f}" stroke="#0001"/>')
+        if 16.0 < v < height - 36.0:
+            text = f'<text class="label" x="4" y="{v + 4:.0f}">x {x + 0.0:g}</text>'
+            parts.append(text)
+    for y in np.arange(np.ceil(y0 / _MESH), np.floor(y1 / _MESH) + 1) * _MESH:
+        u, _ = frame.at(0.0, y)
+        parts.append(f'<path d="M{u:.1f} 0V{height:.0f}" stroke="#0001"/>')
+        if 40.0 < u < width - 20.0:
+            parts.append(
+                f'<text class="label" x="{u:.0f}" y="13" '
+                f'text-anchor="middle">y {y + 0.0:g}</text>'
+            )
+    return "".join(parts)
 
 
 def _line(frame: _Frame, begin: tuple[float, float], end: tuple[float, float]) -> str:

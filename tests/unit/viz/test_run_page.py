@@ -141,6 +141,49 @@ def test_drop_offs_and_what_was_put_down_are_shown_from_above(tmp_path):
         assert f">{number}</text>" in above
 
 
+def test_where_an_object_was_gripped_can_be_found_by_its_coordinates(tmp_path):
+    picked = {
+        "event": "done", "state": "select", "centroid": [1.0, 0.5, 0.1], "why_it": "",
+        "way": "pinch", "why_so": "",
+    }  # fmt: skip
+    grip = {
+        "event": "done", "state": "plan_motion", "prototype": "bar", "gripper": "g",
+        "preshape": "p", "arm": "right", "score": 0.9, "pose": np.eye(4).tolist(),
+    }  # fmt: skip
+    page = page_of(
+        tmp_path, *states("select"),
+        picked, grip,
+        {"event": "attempt", "number": 1, "removed": True},
+        picked, {"event": "attempt", "number": 2, "removed": False},
+        {"event": "done", "state": "release", "place": [0.2, 0.7, 0.1]},
+    )  # fmt: skip
+    above = page.split("From above")[1].split("</svg>")[0]
+    row, column = (
+        re.search(rf'<path d="{pattern}"', above)[1]
+        for pattern in (r"M0 ([\d.]+)H\d+", r"M([\d.]+) 0V\d+")
+    )
+    assert float(row) > 0
+    assert float(column) >= 0
+    (y,) = re.findall(r'y="(\d+)">x 1<', above)
+    (x,) = re.findall(r'x="(\d+)" y="13" text-anchor="middle">y 0.5<', above)
+    # The second attempt came to no grip.
+    (at,) = re.findall(r'<circle cx="(\d+)" cy="(\d+)" r="9" fill="#2c4f9e"', above)
+    assert at == (x, str(int(y) - 4))
+
+
+def test_the_page_says_first_what_ended_the_run(tmp_path):
+    fault = {
+        "event": "fault", "state": "lift", "fault": "slip", "time": 2.0,
+        "message": "the <grip> is lost", "action": "abort",
+    }  # fmt: skip
+    path = tmp_path / "aborted.html"
+    end = {**END, "end": "aborted", "class": "bad_grasp"}
+    run_html(path, MemoryRecord({"seed": 3}, [*states("lift"), fault, end]))
+    head = path.read_text().split("<h2>")[0]
+    assert "ended by slip in lift: the &lt;grip&gt; is lost" in head
+    assert "ended by" not in page_of(tmp_path, *states("lift"), fault)
+
+
 def test_what_was_pushed_is_shown_from_above_and_counted(tmp_path):
     pose = np.eye(4)
     pose[:3, 3] = [0.9, 0.2, 0.1]
@@ -201,7 +244,7 @@ def test_the_picture_from_above_has_a_scale_and_a_key(tmp_path):
         assert float(length) == pytest.approx(abs(one - other) / 4 / distance, rel=0.01)
         assert "0.5 m</text>" in page
     key = page.split("From above")[1].split("</svg>")[1]
-    for name in ("ground", "0.5 m high", "drop-off", "let go, by attempt"):
+    for name in ("ground", "0.5 m high", "drop-off", "gripped at, by", "let go, by"):
         assert name in key.split("</p>")[0]
 
 
