@@ -65,12 +65,17 @@ def test_what_is_ended_from_outside_ends_as_by_ctrl_c(tmp_path, begun, number):
     rates.write_text(SHORT)
     command = [sys.executable, "-m", "debrisgrasp", "campaign", "--tier", "single"]
     command += ["--faults", rates, "--n", "999", "--workers", "1"]
-    process = subprocess.Popen(
-        [*command, "--out", out],
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    # Under nohup, as tests may run, it would be ignored by all that is started.
+    before = signal.signal(number, signal.SIG_DFL)
+    try:
+        process = subprocess.Popen(
+            [*command, "--out", out],
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+    finally:
+        signal.signal(number, before)
     deadline = time.monotonic() + 120.0
     while not list(out.glob(begun)) and time.monotonic() < deadline:
         time.sleep(0.1)

@@ -12,14 +12,17 @@ from debrisgrasp._signals import ENDINGS, signals_wait
 
 
 @pytest.fixture
-def hears_ctrl_c():
-    """Take Ctrl-C as a terminal's process does: in the background it may be ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+def hears_signals():
+    """Hear them as a terminal's process does: in the background some are ignored."""
+    before = {
+        number: signal.signal(number, signal.default_int_handler) for number in ENDINGS
+    }
     yield
-    signal.signal(signal.SIGINT, before)
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
-@pytest.mark.usefixtures("hears_ctrl_c")
+@pytest.mark.usefixtures("hears_signals")
 @pytest.mark.parametrize("number", ENDINGS)
 def test_what_loads_meanwhile_hears_nothing_of_a_signal(
     tmp_path, monkeypatch, capsys, number

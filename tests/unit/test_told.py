@@ -31,9 +31,10 @@ def test_a_replay_that_is_interrupted_is_no_comparison(tmp_path, capsys, monkeyp
 def test_whoever_stops_reading_does_not_end_a_run():
     lines = (
         "import sys",
-        "from debrisgrasp.cli.clear_command import _print_now",
+        "from debrisgrasp.cli.output import steady_output",
         "print('ready', flush=True); sys.stdin.read()",
-        "[_print_now(words) for words in ('one', 'two', 'three')]",
+        "with steady_output():",
+        "    [print(words, flush=True) for words in ('one', 'two', 'three')]",
         "sys.exit(7)",
     )
     process = subprocess.Popen(
