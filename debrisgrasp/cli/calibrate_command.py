@@ -47,7 +47,7 @@ from .calibrate_text import change_in_words, plan_table, plan_to_list, summary
 from .reports import PICTURE_FORMS, print_written, require_places
 from .site_arguments import add_site, site_of
 from .tables import columns
-from .values import some_path
+from .values import some_path, whole
 
 __all__ = ["add"]
 
@@ -168,12 +168,12 @@ def _add_choose(actions: Any) -> None:
     )
     _add_robot(parser, "default: the site's, or roman")
     parser.add_argument(
-        "-n", type=int, default=8, dest="count", help="how many (default: 8)"
+        "-n", type=whole, default=8, dest="count", help="how many (default: 8)"
     )
     parser.add_argument(
         "--known", type=some_path, metavar="FILE", help="calibration to add to"
     )
-    parser.add_argument("--seed", type=int, default=0, help="default: 0")
+    parser.add_argument("--seed", type=whole, default=0, help="default: 0")
     parser.add_argument(
         "--out",
         type=some_path,

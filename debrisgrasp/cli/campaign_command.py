@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .commands import Subparsers
 from .site_arguments import add_site
-from .values import seed, some_path
+from .values import seed, some_path, whole
 
 __all__ = ["add"]
 
@@ -20,7 +20,7 @@ def add(subparsers: Subparsers) -> None:
         description="Run the task many times, with or without injected faults, and "
         "count the outcomes. The same command goes on with an interrupted campaign.",
     )
-    parser.add_argument("--n", type=int, default=30, help="runs (default: 30)")
+    parser.add_argument("--n", type=whole, default=30, help="runs (default: 30)")
     parser.add_argument("--seed", type=seed, default=0, help="default: 0")
     parser.add_argument(
         "--faults",
@@ -53,11 +53,11 @@ def add(subparsers: Subparsers) -> None:
     )
     add_site(parser)
     parser.add_argument(
-        "--max-removals", type=int, metavar="N", help="end a run after so many"
+        "--max-removals", type=whole, metavar="N", help="end a run after so many"
     )
     parser.add_argument(
         "--workers",
-        type=int,
+        type=whole,
         default=0,
         help="processes (default: 0, one for each core)",
     )

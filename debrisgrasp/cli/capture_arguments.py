@@ -18,7 +18,7 @@ from debrisgrasp.settings import Settings
 
 from .policy_arguments import add_policy, policy_of
 from .site_arguments import add_grippers, add_site, site_of
-from .values import add_region, joint, number, region_of, seed, some_path
+from .values import add_region, joint, number, region_of, seed, some_path, whole
 
 __all__ = [
     "add_capture",
@@ -103,7 +103,7 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
     add_grippers(search)
     add_region(search, "seek grasps only in this box")
     search.add_argument(
-        "--object", type=int, metavar="N", help="seek grasps only on this object"
+        "--object", type=whole, metavar="N", help="seek grasps only on this object"
     )
     search.add_argument("--seed", type=seed, help="default: 0")
     search.add_argument(

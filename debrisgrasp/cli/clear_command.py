@@ -17,7 +17,7 @@ from .reports import PAGE_FORMS, print_written, require_places
 from .site_arguments import add_site
 from .tables import columns
 from .task_files import contents_of
-from .values import add_region, number, region_of, seed, some_path
+from .values import add_region, number, region_of, seed, some_path, whole
 
 if TYPE_CHECKING:
     from debrisgrasp.executive.record import MemoryRecord, RunRecord
@@ -42,7 +42,7 @@ def add(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--objects",
-        type=int,
+        type=whole,
         metavar="K",
         help="bodies of a drawn pile (1 to 50; default: 3 to 8)",
     )
@@ -73,7 +73,7 @@ def add(subparsers: Subparsers) -> None:
         "'list' prints all faults and states",
     )
     parser.add_argument(
-        "--max-removals", type=int, metavar="N", help="stop after so many"
+        "--max-removals", type=whole, metavar="N", help="stop after so many"
     )
     parser.add_argument(
         "--drive-over",
@@ -84,7 +84,7 @@ def add(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--pushes",
-        type=int,
+        type=whole,
         default=20,
         metavar="N",
         help="push so often aside what no hand can hold; 0: never (default: 20)",
@@ -110,7 +110,7 @@ def _clear(arguments: argparse.Namespace) -> int:
     from .live import ToldRun  # slow to load
 
     if arguments.faults == "list":
-        return _list_faults()
+        return _list_faults(as_json=arguments.json)
     region_of(arguments)
     task = _task(arguments)
     # Whatever can be wrong is found before any work is done.
@@ -158,13 +158,19 @@ def _print_now(words: str) -> None:
     print(words, flush=True)
 
 
-def _list_faults() -> int:
+def _list_faults(*, as_json: bool) -> int:
     """Print what ``--faults`` may name."""
     from debrisgrasp.executive import FAULTS, State
     from debrisgrasp.robot import INJECTABLE
 
     specs = (FAULTS[name] for name in INJECTABLE)
     rows = [[spec.name, spec.fault_class.value, spec.words] for spec in specs]
+    if as_json:
+        names = ("fault", "class", "means")
+        faults = [dict(zip(names, row, strict=True)) for row in rows]
+        states = [state.value for state in State]
+        print(json.dumps({"faults": faults, "states": states}))
+        return 0
     print(columns(["fault", "class", "means"], rows))
     print("\nstates: " + ", ".join(state.value for state in State))
     return 0

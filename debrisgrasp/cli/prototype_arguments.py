@@ -8,7 +8,7 @@ from typing import Any
 
 from .capture_arguments import add_capture
 from .site_arguments import add_grippers, add_site
-from .values import add_region, number, some_path
+from .values import add_region, number, some_path, whole
 
 __all__ = ["SIZES", "add_mesh", "add_new", "add_record"]
 
@@ -78,7 +78,7 @@ def add_record(actions: Any) -> argparse.ArgumentParser:
         "record", help="from a piece of a capture and a taught or proposed hand pose"
     )
     add_capture(parser)
-    parser.add_argument("--object", type=int, metavar="N", help="this object")
+    parser.add_argument("--object", type=whole, metavar="N", help="this object")
     add_region(parser, "only what is in this box")
     parser.add_argument(
         "--pose",
@@ -136,7 +136,7 @@ def _add_proposed(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--choice",
-        type=int,
+        type=whole,
         default=1,
         metavar="N",
         help="which of the proposed poses to take (default: 1, the best)",

@@ -12,7 +12,7 @@ from debrisgrasp.workbench import LearnConfig, learn, load_records
 
 from .site_arguments import add_grippers, add_site, hands_of
 from .tables import columns
-from .values import number, some_path
+from .values import number, some_path, whole
 
 __all__ = ["add_learn"]
 
@@ -42,7 +42,7 @@ def add_learn(actions: Any) -> None:
     )
     learning.add_argument(
         "--least",
-        type=int,
+        type=whole,
         default=_DEFAULT.least,
         metavar="N",
         help="grasps that a kind needs (default: %(default)s)",

@@ -11,7 +11,7 @@ import numpy as np
 from debrisgrasp._arrays import require_metres
 from debrisgrasp.geometry import Bounds
 
-__all__ = ["add_region", "joint", "number", "region_of", "seed", "some_path"]
+__all__ = ["add_region", "joint", "number", "region_of", "seed", "some_path", "whole"]
 
 _EXAMPLE = "0.7 -0.3 0 1.3 0.3 0.6"
 
@@ -32,6 +32,14 @@ def number(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
     return value
+
+
+def whole(text: str) -> int:
+    """Parse a whole number."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
 
 
 def joint(text: str) -> tuple[str, float]:

@@ -19,7 +19,7 @@ from .capture_arguments import (
     refuse_planning,
 )
 from .site_arguments import site_of
-from .values import some_path
+from .values import some_path, whole
 
 __all__ = ["add"]
 
@@ -57,7 +57,7 @@ def add(subparsers: Any) -> None:
     )
     add_planning(parser)
     parser.add_argument(
-        "--port", type=int, default=8080, help="default: 8080; 0 takes a free one"
+        "--port", type=whole, default=8080, help="default: 8080; 0 takes a free one"
     )
     parser.add_argument(
         "--host",

@@ -96,7 +96,7 @@ def limbs_of(
         if name not in settings.drop_off:
             raise InputError(
                 f"drop-off of the {arm_called(name)}",
-                got="none",
+                got=f"places of {', '.join(settings.drop_off) or 'no arm'}",
                 expected="a place (x, y) in the base frame [m]",
                 mend="Give one in TaskSettings.drop_off.",
             )

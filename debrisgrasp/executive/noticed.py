@@ -28,6 +28,8 @@ _NAMES = {
 _SENSOR = SafetyConfig()
 OUTSIDE = 1e-3
 """So far outside its limits a joint may read [rad or m]."""
+_TURN = 2.0 * np.pi
+"""No joint is so far outside, if it reads radians [rad or m]."""
 _EMPTY_HANDED = (
     State.PREGRASP,
     State.SWITCH,
@@ -75,6 +77,8 @@ def misplaced(q: FloatArray, limits: LimitSet, arm: str) -> FaultFound | None:
     if q.shape != (limits.n_joints,) or not np.isfinite(q).all():
         return FaultFound("encoder_jump", f"joints read {q.tolist()}", arm)
     broken = limits.violation(q, tolerance=OUTSIDE)
+    if broken and limits.violation(q, tolerance=_TURN):
+        broken += "; radians, not degrees?"
     return FaultFound("start_outside_limits", broken, arm) if broken else None
 
 

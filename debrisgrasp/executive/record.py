@@ -93,6 +93,8 @@ class RunRecord:
         self.folder = Path(folder)
         if _holds_a_run(self.folder / _EVENTS):
             raise OutputError(self.folder, "it holds the record of another run")
+        if others := _others_in(self.folder):
+            raise OutputError(self.folder, f"it holds other files, as {others[0]}")
         content = {"schema": SCHEMA, **plain(inputs)}
         captures = self.folder / _CAPTURES
         places = (captures, self.folder, *self.folder.parents)
@@ -172,6 +174,16 @@ def _holds_a_run(events: Path) -> bool:
         return False
 
 
+def _others_in(folder: Path) -> list[str]:
+    """Names of what is no part of a record; hidden files are nobody's."""
+    try:
+        names = sorted(path.name for path in folder.iterdir())
+    except OSError:
+        return []
+    own = (_INPUTS, _EVENTS, _CAPTURES)
+    return [name for name in names if name not in own and not name.startswith(".")]
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StoredRun:
     """A record that was read."""
@@ -243,6 +255,13 @@ def load_run(folder: str | os.PathLike[str]) -> StoredRun:
         raise ConfigError(
             f"{folder / _INPUTS}, field schema", got=got, expected=repr(SCHEMA)
         )
+    for name, kind in (("version", str), ("contents", dict)):
+        if not isinstance(inputs.get(name, kind()), kind):
+            raise ConfigError(
+                f"{folder / _INPUTS}, field {name}",
+                got=shortened(repr(inputs[name])),
+                expected="text" if kind is str else "digests by file",
+            )
     events = list(_lines(folder / _EVENTS))
     is_whole = bool(events) and events[-1].get("event") == "end"
     return StoredRun(folder=folder, inputs=inputs, events=events, is_whole=is_whole)

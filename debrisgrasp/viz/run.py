@@ -285,7 +285,7 @@ def _card(item: _Try, run: RecordedRun) -> str:
         if "look" in item.object:  # not in older records
             name += f" of look {item.object['look']}"
         lines.append(f"{name} at ({x:.2f}, {y:.2f}, {z:.2f})")
-        lines.append(f"taken because {item.object['why_it']}")
+        lines.append(f"by the order of removal: {item.object['why_it']}")
         lines.append(f"what suits it: {item.object['way']}; {item.object['why_so']}")
     if item.grasp is not None:
         g = item.grasp

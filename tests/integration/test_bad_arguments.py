@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import debrisgrasp
+from debrisgrasp.executive import State
+from debrisgrasp.robot import INJECTABLE
 from tests.integration.test_bad_input import arrays
 
 BAD_CHOICES = {
@@ -223,3 +225,29 @@ def test_a_name_that_no_file_can_have_is_told(refused, tmp_path, words):
     message = refused(*words, tmp_path / ("x" * 300))
     assert "File name too long" in message
     assert len(message) < 400
+
+
+@pytest.mark.parametrize(
+    ("words", "value"),
+    [
+        (("clear", "--objects"), "1e9"),
+        (("clear", "--max-removals"), "nan"),
+        (("campaign", "--n"), "2.5"),
+    ],
+)
+def test_a_number_that_is_not_whole_is_told(refused, words, value):
+    message = refused(*words, value)
+    assert f"argument {words[-1]}: '{value}' is not a whole number" in message
+
+
+def test_a_record_is_not_scattered_among_other_files(refused, tmp_path):
+    (tmp_path / "campaign.json").write_text("{}")
+    message = refused("clear", "--objects", 1, "--record", tmp_path)
+    assert "it holds other files, as campaign.json" in message
+    assert [path.name for path in tmp_path.iterdir()] == ["campaign.json"]
+
+
+def test_the_faults_are_listed_for_machines_too(run):
+    listed = run("clear", "--faults", "list", "--json").json
+    assert {fault["fault"] for fault in listed["faults"]} == set(INJECTABLE)
+    assert listed["states"] == [state.value for state in State]

@@ -235,6 +235,13 @@ def test_a_task_that_makes_no_sense_is_refused(wrong):
         SimulatedTask(**wrong)
 
 
+@pytest.mark.parametrize(("field", "value"), [("version", 5), ("contents", [1])])
+def test_what_replay_compares_is_of_its_kind(tmp_path, field, value):
+    RunRecord(tmp_path, {"seed": 1, field: value})
+    with pytest.raises(ConfigError, match=f"inputs.json, field {field}: got"):
+        load_run(tmp_path)
+
+
 def test_inputs_of_something_else_are_refused():
     with pytest.raises(ConfigError, match="robot in memory"):
         SimulatedTask.from_json({"seed": 1})

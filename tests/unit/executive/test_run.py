@@ -18,6 +18,7 @@ from debrisgrasp.executive import (
     TaskSettings,
 )
 from debrisgrasp.executive import run as module
+from debrisgrasp.executive.noticed import misplaced
 from debrisgrasp.executive.recover import recover
 from debrisgrasp.executive.result import Done, FaultFound
 from tests.unit.executive.rigs import holding
@@ -242,7 +243,9 @@ def test_arms_that_the_robot_has_not_are_refused(fake, pipeline):
 
 def test_an_arm_without_a_drop_off_is_refused(fake, pipeline):
     settings = TaskSettings(drop_off={"right": (0.2, -0.7)})
-    with pytest.raises(InputError, match="drop-off of the left arm"):
+    with pytest.raises(
+        InputError, match="drop-off of the left arm: got places of right"
+    ):
         Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
@@ -295,3 +298,11 @@ def test_a_hand_that_met_something_before_the_camera_is_checked_again_or_left_ou
     assert result.end is RunEnd.FINISHED
     actions = [Action.RETRY, Action.RETRY, Action.NEXT]
     assert [fault.action for fault in result.faults] == actions[:n_touches]
+
+
+def test_joints_that_may_be_told_in_degrees_are_asked_about(fake):
+    limits = fake.robot.model.limits("right").controller
+    for scale, is_asked in ((np.rad2deg(1.0), True), (1.0, False)):
+        found = misplaced(scale * (limits.upper + 0.1), limits, "right")
+        assert found.fault == "start_outside_limits"
+        assert ("not degrees" in found.message) == is_asked
