@@ -311,9 +311,9 @@ def require_folder(folder: PathLike, path: PathLike | None = None) -> None:
 
 def read_text(path: PathLike) -> str:
     """Content of a text file, or `ConfigError` saying why not."""
-    if Path(path).is_char_device():  # some have no end
-        raise ConfigError(str(path), got="a device", expected="a text file")
     try:
+        if Path(path).is_char_device():  # some have no end
+            raise ConfigError(str(path), got="a device", expected="a text file")
         return Path(path).read_text(encoding="utf-8")
     except OSError as error:
         reason = error.strerror or str(error)

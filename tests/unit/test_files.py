@@ -64,7 +64,8 @@ def test_a_device_has_no_end_and_is_not_read():
 @pytest.mark.parametrize("read", [read_yaml, read_json])
 def test_missing_files_folders_and_binary_files_are_refused(tmp_path, read):
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x81")
-    for name, message in (("none", "No such file"), ("", "folder|directory")):
+    odd = {"none": "No such file", "": "folder|directory", 300 * "x": "too long"}
+    for name, message in odd.items():
         with pytest.raises(ConfigError, match=message):
             read(tmp_path / name)
     with pytest.raises(ConfigError, match="UTF-8"):
