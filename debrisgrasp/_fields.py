@@ -91,7 +91,7 @@ class Fields:
         """Read a finite number within [low, high]."""
         if default is not None and name not in self:
             return default
-        wanted = f"{low:g} to {high:g}" if np.isfinite(high) else "any"
+        wanted = f" ({low:g} to {high:g})" if np.isfinite(high) else ""
         value = _number(self.raw(name), self.where(name), wanted)
         if not low <= value <= high:
             raise ConfigError(
@@ -130,7 +130,7 @@ class Fields:
             raise ConfigError(
                 self.where(name), got=_shown(value), expected=f"{wanted} numbers"
             )
-        return np.array([_number(item, self.where(name), "any") for item in value])
+        return np.array([_number(item, self.where(name)) for item in value])
 
     def position(self, name: str = "position") -> FloatArray:
         """Position [m], shape (3,); the origin if it isn't given."""
@@ -194,12 +194,12 @@ def is_number(value: object) -> bool:
     )
 
 
-def _number(value: Any, where: str, wanted: str) -> float:
+def _number(value: Any, where: str, wanted: str = "") -> float:
     if not is_number(value):
         raise ConfigError(
             where,
             got=_shown(value),
-            expected=f"a finite number ({wanted})",
+            expected=f"a finite number{wanted}",
             mend=_AS_TEXT if _is_number_as_text(value) else "",
         )
     return float(value)

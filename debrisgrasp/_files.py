@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import secrets
 import struct
@@ -14,10 +13,9 @@ from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any
+from typing import Any, Literal
 
-import yaml
-
+from debrisgrasp._parsing import parse_json, parse_yaml
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 
@@ -27,17 +25,16 @@ __all__ = [
     "data_path",
     "is_pointer",
     "is_yaml",
-    "json_found",
     "last_changed",
     "naming_fields",
     "read_json",
     "read_schema",
     "read_text",
     "read_yaml",
-    "refuse_constant",
     "require_folder",
     "require_writable",
     "schema_found",
+    "why_not_there",
     "why_unreadable",
     "write_atomic",
 ]
@@ -77,34 +74,6 @@ _POINTER = b"version https://git-lfs.github.com/spec/"
 PULL = "Run `git lfs pull` where it was cloned."
 """How the large file itself is had."""
 
-_IN_YAML = {
-    "tab character": ("a tab", "Indent by spaces."),
-    "mapping values": (
-        "a second colon, or a line that stands too far to the right",
-        "Indent all fields of one level alike, and quote text that holds a colon.",
-    ),
-    "expected ',' or": (
-        "a bracket that is not closed",
-        "Close it, there or on a line before.",
-    ),
-    "expected ':'": ("a field without a colon", "Write `field: value`."),
-    "block end": (
-        "a line that stands at another place than those before it",
-        "Indent all entries of one level alike.",
-    ),
-    "expected key": (
-        "a line that stands at another place than those before it",
-        "Indent all entries of one level alike.",
-    ),
-    "another document": ("a second document", "Keep one, without a line `---`."),
-    "end of stream": ("its end within quotes", "Close them, here or before."),
-    "cannot start any token": (
-        "text that begins with a character of its own meaning",
-        "Quote it, or indent by spaces if it is a tab.",
-    ),
-}
-"""What people understand, and what they may do, by what the parser's message has."""
-
 _KEPT = (
     "What was there is left as it was; give another place or make this one writable."
 )
@@ -123,10 +92,19 @@ def why_unreadable(error: BaseException) -> str:
 def is_pointer(path: PathLike) -> bool:
     """Whether a file is only what Git LFS left in the place of a large one."""
     path = Path(path)
-    if not path.is_file():
+    if why_not_there(path, "file"):
         return False
     with path.open("rb") as file:
         return file.read(len(_POINTER)) == _POINTER
+
+
+def why_not_there(path: Path, kind: Literal["file", "folder"]) -> str:
+    """Say why there is no file or folder at a path; empty if there is one."""
+    try:
+        is_there = path.is_file() if kind == "file" else path.is_dir()
+    except OSError as error:  # as of a name that no file can have
+        return error.strerror or str(error)
+    return "" if is_there else f"no {kind} there"
 
 
 def is_yaml(name_or_path: PathLike) -> bool:
@@ -163,24 +141,7 @@ def read_yaml(path: PathLike) -> Any:
     ConfigError
         Naming the file, and the line if it can be read but not parsed.
     """
-    text = read_text(path)
-    try:
-        return yaml.load(text, Loader=_loader(text))  # a safe loader
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark else ""
-        said = str(getattr(error, "problem", None) or error)
-        known = (words for part, words in _IN_YAML.items() if part in said)
-        got, mend = next(known, (said, ""))
-        raise ConfigError(
-            f"{path}{line}", got=got, expected="well-formed YAML", mend=mend
-        ) from error
-    except RecursionError as error:
-        raise ConfigError(
-            str(path),
-            got="too many brackets in one another",
-            expected="well-formed YAML",
-        ) from error
+    return parse_yaml(read_text(path), str(path))
 
 
 def read_json(path: PathLike) -> Any:
@@ -191,32 +152,7 @@ def read_json(path: PathLike) -> Any:
     ConfigError
         Naming the file, and the line if it can be read but not parsed.
     """
-    text = read_text(path)
-    try:
-        return json.loads(text, parse_constant=refuse_constant)
-    except json.JSONDecodeError as error:
-        raise ConfigError(
-            f"{path}, line {error.lineno}",
-            got=json_found(text, error),
-            expected="well-formed JSON",
-            mend="" if text[error.pos :].strip() else _CUT_SHORT,
-        ) from error
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(
-            str(path), got=str(error), expected="well-formed JSON"
-        ) from error
-
-
-def json_found(text: str, error: ValueError | RecursionError) -> str:
-    """Say what stands where a text is no JSON any more."""
-    if not isinstance(error, json.JSONDecodeError):
-        return str(error)
-    if not text.strip():
-        return "nothing"
-    rest = text[error.pos :].split("\n")[0].strip()
-    if not rest:
-        return "the end of it"
-    return f"{shortened(rest)!r} in column {error.colno}"
+    return parse_json(read_text(path), str(path))
 
 
 def schema_found(content: object) -> str:
@@ -284,7 +220,7 @@ def require_writable(path: PathLike) -> None:
     """Raise `OutputError` unless a file can be written there; leaves no trace."""
     target = Path(os.path.realpath(path))
     _require_replaceable(target)
-    if not target.parent.is_dir():
+    if why_not_there(target.parent, "folder"):
         raise OutputError(path, f"there is no folder {Path(path).parent}")
     require_folder(target.parent, path)
 
@@ -300,9 +236,9 @@ def require_folder(folder: PathLike, path: PathLike | None = None) -> None:
         What the error names; the folder by default.
     """
     there = Path(os.path.realpath(folder))
-    while not there.exists():
-        there = there.parent
     try:
+        while not there.exists():
+            there = there.parent
         TemporaryFile(dir=there).close()
     except OSError as error:
         reason = error.strerror or str(error)
@@ -311,102 +247,42 @@ def require_folder(folder: PathLike, path: PathLike | None = None) -> None:
 
 def read_text(path: PathLike) -> str:
     """Content of a text file, or `ConfigError` saying why not."""
+    path = Path(path)
     try:
-        if Path(path).is_char_device():  # some have no end
-            raise ConfigError(str(path), got="a device", expected="a text file")
-        return Path(path).read_text(encoding="utf-8")
+        # Some have no end; a pipe has one, as what a shell gives for `<(...)`.
+        is_device = path.is_char_device() or path.is_block_device()
+        text = "" if is_device else path.read_text(encoding="utf-8")
     except OSError as error:
         reason = error.strerror or str(error)
         raise ConfigError(str(path), got=reason, expected="a readable file") from error
     except UnicodeDecodeError as error:
         got = f"a byte that is no UTF-8 at offset {error.start}"
-        if zipfile.is_zipfile(path):
+        # A pipe can't be read again.
+        if path.is_file() and zipfile.is_zipfile(path):
             got = "arrays (.npz), such as a capture"
         raise ConfigError(str(path), got=got, expected="a text file") from error
-
-
-class _Once(yaml.constructor.SafeConstructor):
-    """Refuses a field that is given twice: only one of them would count."""
-
-    def construct_object(
-        self,
-        node: yaml.Node,
-        deep: bool = False,  # noqa: FBT001, FBT002
-    ) -> Any:
-        """Content of a node, or a complaint that has its place."""
-        try:
-            return super().construct_object(node, deep=deep)
-        except (AttributeError, TypeError, ValueError) as error:
-            kind = node.tag.rpartition(":")[2]
-            raise yaml.constructor.ConstructorError(
-                problem=f"{shortened(str(node.value))!r}, which is no {kind}; "
-                "quote it if it is text",
-                problem_mark=node.start_mark,
-            ) from error
-
-    def construct_mapping(
-        self,
-        node: yaml.MappingNode,
-        deep: bool = False,  # noqa: FBT001, FBT002
-    ) -> dict[Any, Any]:
-        """Content of a mapping; its keys are names, and differ."""
-        if not isinstance(node, yaml.MappingNode):
-            raise yaml.constructor.ConstructorError(
-                problem="a list where fields were promised",
-                problem_mark=node.start_mark,
-            )
-        given: set[str] = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                raise yaml.constructor.ConstructorError(
-                    problem="a list or fields where the name of a field must be",
-                    problem_mark=key.start_mark,
-                )
-            if key.tag == "tag:yaml.org,2002:merge":
-                continue
-            if key.value in given:
-                raise yaml.constructor.ConstructorError(
-                    problem=f"field {key.value!r} a second time",
-                    problem_mark=key.start_mark,
-                )
-            if isinstance(key.value, str):
-                given.add(key.value)
-        content: dict[Any, Any] = super().construct_mapping(node, deep=deep)
-        return content
-
-
-class _Loader(_Once, yaml.SafeLoader):
-    """Safe, for any text."""
-
-
-class _FastLoader(_Once, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # PyYAML may come without libyaml
-    """The same in a tenth of the time, but deep nesting would overflow its stack."""
-
-
-def _loader(text: str) -> type[_Loader | _FastLoader]:
-    """Choose by how deep a text can be nested."""
-    depth = sum(text.count(sign) for sign in "[{-:?")
-    return _FastLoader if depth < _SHALLOW else _Loader
-
-
-_CUT_SHORT = "It was cut short: restore it, or do without it and begin anew."
-_SHALLOW = 1000
-
-
-def refuse_constant(name: str) -> None:
-    """Refuse what JSON does not have: NaN and infinity."""
-    raise ValueError(f"{name}, which JSON does not have")
+    except ValueError as error:
+        raise ConfigError(
+            repr(str(path)), got="a zero byte in its name", expected="a readable file"
+        ) from error
+    if is_device:
+        raise ConfigError(str(path), got="a device", expected="a text file")
+    return text
 
 
 def _require_replaceable(target: Path) -> None:
     if target.name == "-":
         reason = "a result goes to a file; --json prints to the terminal"
         raise OutputError("-", reason)
+    try:
+        is_there, is_file = target.exists(), target.is_file()
+    except OSError as error:  # as of a name that no file can have
+        raise OutputError(target, error.strerror or str(error)) from error
     if target.is_dir():
         raise OutputError(target, "it is a folder")
-    if target.exists():
+    if is_there:
         # A rename would silently replace a device or a write-protected file.
-        if not target.is_file():
+        if not is_file:
             raise OutputError(target, "it is not a regular file")
         if not os.access(target, os.W_OK):
             raise OutputError(target, "it is write-protected")

@@ -23,11 +23,11 @@ class SiteLimits:
     torque: float | None = None
     """Largest torque at the hand, absolute [N m]."""
     joint_speed: float = 1.0
-    """Share of the speed of each joint, in (0, 1]."""
+    """Share of the speed of each joint, in [0.001, 1]."""
     acceleration: float = 1.0
-    """Share of the acceleration of each joint, in (0, 1]."""
+    """Share of the acceleration of each joint, in [0.001, 1]."""
     hand_speed: float = 0.1
-    """Of the hand on approach and lift [m/s]."""
+    """Of the hand on approach and lift [m/s], in [0.001, 2]."""
 
     def __post_init__(self) -> None:
         for name in ("force", "torque"):

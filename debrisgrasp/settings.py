@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from dataclasses import fields as dataclass_fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike
 from debrisgrasp._arrays import FloatArray, frozen, require_metres
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._fields import Fields
-from debrisgrasp._files import is_yaml, read_yaml
+from debrisgrasp._files import is_yaml, read_yaml, why_not_there
 from debrisgrasp._site_limits import SiteLimits
+from debrisgrasp._words import shortened
 from debrisgrasp.errors import ChoiceError, ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import so3
 from debrisgrasp.io import CameraPose, Capture, parse_camera_pose
@@ -355,24 +356,20 @@ def _limits(fields: Fields) -> dict[str, Any]:
 
 
 def _file(fields: Fields, name: str) -> Path:
-    path = Path(fields.file).parent / fields.text(name)
-    _require_there(fields, name, path, "file", is_there=path.is_file())
-    return path
+    return _there(fields, name, "file")
 
 
 def _folder(fields: Fields, name: str) -> Path:
+    return _there(fields, name, "folder")
+
+
+def _there(fields: Fields, name: str, kind: Literal["file", "folder"]) -> Path:
     path = Path(fields.file).parent / fields.text(name)
-    _require_there(fields, name, path, "folder", is_there=path.is_dir())
-    return path
-
-
-def _require_there(
-    fields: Fields, name: str, path: Path, kind: str, *, is_there: bool
-) -> None:
-    if not is_there:
+    if why := why_not_there(path, kind):
         raise ConfigError(
             fields.where(name),
-            got=str(path),
+            got=f"{why}: {shortened(str(path), most=200)}",
             expected=f"an existing {kind}",
             mend="Paths are relative to the file of settings.",
         )
+    return path

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .commands import Subparsers
 from .site_arguments import add_site
-from .values import seed, some_path, whole
+from .values import count, seed, some_path
 
 __all__ = ["add"]
 
@@ -20,7 +20,9 @@ def add(subparsers: Subparsers) -> None:
         description="Run the task many times, with or without injected faults, and "
         "count the outcomes. The same command goes on with an interrupted campaign.",
     )
-    parser.add_argument("--n", type=whole, default=30, help="runs (default: 30)")
+    parser.add_argument(
+        "--n", type=count(1, 1_000_000), default=30, help="runs (default: 30)"
+    )
     parser.add_argument("--seed", type=seed, default=0, help="default: 0")
     parser.add_argument(
         "--faults",
@@ -53,11 +55,14 @@ def add(subparsers: Subparsers) -> None:
     )
     add_site(parser)
     parser.add_argument(
-        "--max-removals", type=whole, metavar="N", help="end a run after so many"
+        "--max-removals",
+        type=count(1, 10_000),
+        metavar="N",
+        help="end a run after so many",
     )
     parser.add_argument(
         "--workers",
-        type=whole,
+        type=count(0, 1024),
         default=0,
         help="processes (default: 0, one for each core)",
     )

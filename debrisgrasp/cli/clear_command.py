@@ -17,7 +17,7 @@ from .reports import PAGE_FORMS, print_written, require_places
 from .site_arguments import add_site
 from .tables import columns
 from .task_files import contents_of
-from .values import add_region, number, region_of, seed, some_path, whole
+from .values import add_region, count, number, region_of, seed, some_path
 
 if TYPE_CHECKING:
     from debrisgrasp.executive.record import MemoryRecord, RunRecord
@@ -42,7 +42,7 @@ def add(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--objects",
-        type=whole,
+        type=count(1, 50),
         metavar="K",
         help="bodies of a drawn pile (1 to 50; default: 3 to 8)",
     )
@@ -73,7 +73,7 @@ def add(subparsers: Subparsers) -> None:
         "'list' prints all faults and states",
     )
     parser.add_argument(
-        "--max-removals", type=whole, metavar="N", help="stop after so many"
+        "--max-removals", type=count(1, 10_000), metavar="N", help="stop after so many"
     )
     parser.add_argument(
         "--drive-over",
@@ -84,7 +84,7 @@ def add(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--pushes",
-        type=whole,
+        type=count(0, 100),
         default=20,
         metavar="N",
         help="push so often aside what no hand can hold; 0: never (default: 20)",

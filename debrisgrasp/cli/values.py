@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,16 @@ import numpy as np
 from debrisgrasp._arrays import require_metres
 from debrisgrasp.geometry import Bounds
 
-__all__ = ["add_region", "joint", "number", "region_of", "seed", "some_path", "whole"]
+__all__ = [
+    "add_region",
+    "count",
+    "joint",
+    "number",
+    "region_of",
+    "seed",
+    "some_path",
+    "whole",
+]
 
 _EXAMPLE = "0.7 -0.3 0 1.3 0.3 0.6"
 
@@ -40,6 +50,22 @@ def whole(text: str) -> int:
         return int(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+
+
+def count(low: int, high: int) -> Callable[[str], int]:
+    """Make a parser of whole numbers whose complaint names their range.
+
+    Whether a number is within it is checked where it is used, from Python too.
+    """
+
+    def parse(text: str) -> int:
+        try:
+            return int(text)
+        except ValueError:
+            words = f"{text!r} is not a whole number, expected {low} to {high}"
+            raise argparse.ArgumentTypeError(words) from None
+
+    return parse
 
 
 def joint(text: str) -> tuple[str, float]:

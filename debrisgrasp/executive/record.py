@@ -19,13 +19,8 @@ from zipfile import is_zipfile
 
 import numpy as np
 
-from debrisgrasp._files import (
-    json_found,
-    read_json,
-    read_text,
-    refuse_constant,
-    write_atomic,
-)
+from debrisgrasp._files import read_json, read_text, why_not_there, write_atomic
+from debrisgrasp._parsing import json_content, json_found
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture
@@ -242,10 +237,11 @@ def load_run(folder: str | os.PathLike[str]) -> StoredRun:
         no event.
     """
     folder = Path(folder)
-    if not (folder / _INPUTS).is_file():
+    if why_not_there(folder / _INPUTS, "file"):
+        why = why_not_there(folder, "folder")
         raise ConfigError(
             f"{folder}",
-            got=f"no {_INPUTS} in it" if folder.is_dir() else "no folder",
+            got=why or f"no {_INPUTS} in it that can be read",
             expected="the record of a run",
             mend="`debrisgrasp clear --record DIR` writes one.",
         )
@@ -262,6 +258,13 @@ def load_run(folder: str | os.PathLike[str]) -> StoredRun:
                 got=shortened(repr(inputs[name])),
                 expected="text" if kind is str else "digests by file",
             )
+    for file, digest in inputs.get("contents", {}).items():
+        if not isinstance(digest, str):
+            raise ConfigError(
+                f"{folder / _INPUTS}, field contents of {shortened(file)}",
+                got=shortened(repr(digest)),
+                expected="a digest as text",
+            )
     events = list(_lines(folder / _EVENTS))
     is_whole = bool(events) and events[-1].get("event") == "end"
     return StoredRun(folder=folder, inputs=inputs, events=events, is_whole=is_whole)
@@ -271,8 +274,8 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
     lines = read_text(path).splitlines()
     for number, line in enumerate(lines, start=1):
         try:
-            event = json.loads(line, parse_constant=refuse_constant)
-        except (ValueError, RecursionError) as error:
+            event = json_content(line)
+        except ValueError as error:
             if isinstance(error, json.JSONDecodeError) and number == len(lines):
                 return  # cut off while it was written
             raise ConfigError(
@@ -319,7 +322,9 @@ def _require_kinds(event: Mapping[str, Any], where: str) -> None:
         )
     for name, kind in kinds.items():
         value = event.get(name)
-        if name not in event or (type(value) in kind and value != float("inf")):
+        is_name = "\0" not in str(value)  # no file is called so
+        is_kind = type(value) in kind and value != float("inf")
+        if name not in event or (is_kind and is_name):
             continue
         raise ConfigError(
             f"{where}, {name}",

@@ -228,16 +228,25 @@ def test_a_name_that_no_file_can_have_is_told(refused, tmp_path, words):
 
 
 @pytest.mark.parametrize(
-    ("words", "value"),
+    ("words", "value", "most"),
     [
-        (("clear", "--objects"), "1e9"),
-        (("clear", "--max-removals"), "nan"),
-        (("campaign", "--n"), "2.5"),
+        (("clear", "--objects"), "1e9", 50),
+        (("clear", "--max-removals"), "nan", 10_000),
+        (("clear", "--pushes"), "nan", 100),
+        (("campaign", "--n"), "2.5", 1_000_000),
+        (("campaign", "--max-removals"), "nan", 10_000),
+        (("campaign", "--workers"), "two", 1024),
     ],
 )
-def test_a_number_that_is_not_whole_is_told(refused, words, value):
+def test_a_number_that_is_not_whole_is_told_with_its_range(
+    refused, tmp_path, words, value, most
+):
     message = refused(*words, value)
     assert f"argument {words[-1]}: '{value}' is not a whole number" in message
+    # The range is that of the numbers which are.
+    out = ("--out", tmp_path / "out") if words[0] == "campaign" else ()
+    for said in (message, refused(*words, most + 1, *out)):
+        assert f"to {most}." in said
 
 
 def test_a_record_is_not_scattered_among_other_files(refused, tmp_path):

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
-from debrisgrasp._files import data_path, read_json, read_yaml, write_atomic
+from debrisgrasp._files import (
+    data_path,
+    is_pointer,
+    read_json,
+    read_yaml,
+    require_folder,
+    require_writable,
+    write_atomic,
+)
 from debrisgrasp.errors import ConfigError, OutputError
 
 
@@ -34,19 +43,35 @@ def test_yaml_and_json_are_read(tmp_path):
         ("a.yaml", "a: [1, 2\nb: 3\n", "a bracket that is not closed"),
         ("a.yaml", "a:\n  - 1\n - 2\n", "line 3: got a line.*Indent all"),
         ("a.yaml", 'a: 1\nb "x\nc: 3\n', "a field without a colon.*`field: value`"),
-        ("a.yaml", "a: 1\nday: 2026-13-45", "line 2: got '2026-13-45'.*no timestamp"),
-        ("a.yaml", "a: 1\nb: !!timestamp foo", "line 2: got 'foo', .*no timestamp"),
-        ("a.yaml", "a: !!int foo", "line 1: got 'foo', which is no int.*quote"),
-        ("a.yaml", "a: !!set [1]", "line 1: got a list where fields"),
+        ("a.yaml", "a: 1\nday: 2026-13-45", "line 2: got '2026-13-45'.*no date"),
+        ("a.yaml", "a: 1\nb: !!timestamp foo", "line 2: got 'foo', .*no date"),
+        ("a.yaml", "a: !!int foo", "got 'foo', which is no whole .*Quote"),
+        ("a.yaml", "a: !!set [1]", "line 1: got a value of another kind"),
         ("a.yaml", "a: 1\n? [1, 2]\n: 3", "line 2: got a list .*name of a field"),
         ("a.yaml", "a: 1\n{b: 2}: 3", "line 2: got a list or fields .*name"),
+        ("a.yaml", "a: 1\nb: {[c]: 2}", "line 2: got a list .*name of a field"),
+        ("a.yaml", "<<: {[a]: 2}", "line 1: got a list .*name of a field"),
+        ("a.yaml", "a: 1\n<<: 3", "line 2: got << before something"),
+        ("a.yaml", "a: !!bool foo", "got 'foo', which is neither true nor false"),
+        ("a.yaml", "a: !!int ''", "line 1: got '', which is no whole number"),
+        ("a.yaml", "a: 1\nb: !!int {=: x}", "line 2: got a value of another kind"),
+        ("a.yaml", "a: !!binary x", "line 1: got letters that are no base64"),
+        ("a.yaml", "a: 1\nb: =", "line 2: got a lone =.*Quote"),
+        ("a.yaml", "a: *b", r"line 1: got a \* .*Quote it"),
+        ("a.yaml", "a: &b 1\nc: &b 2", "line 2: got a name after & a second"),
+        ("a.yaml", 'a: "C:\\xfoo"', "line 1: got a backslash .*single quotes"),
+        ("a.yaml", "- a\nb: 3", "line 2: got a line that belongs to no entry"),
+        ("a.yaml", "a: 1\nb: \a", r"line 2: got a character that can't be seen"),
+        ("a.yaml", "a: " + "[" * 150 + "]" * 150, "a.yaml: got too many brackets"),
         ("a.yaml", "a: 1\n---\nb: 2", "line 2: got a second document"),
         ("a.yaml", "[" * 3000, "a.yaml: got too many brackets"),
         ("a.yaml", "a: 1\nb: {x: 1,\n x: 2}\n", "a.yaml, line 3.*'x' a second time"),
         ("a.yaml", "!!python/object/apply:os.getcwd []", "a.yaml, line 1"),
         ("a.json", '{"a": 1,\n "b": }', "a.json, line 2"),
         ("a.json", '{"a": NaN}', "NaN"),
-        ("a.json", "[" * 100_000, "a.json"),
+        ("a.json", "[" * 100_000, "a.json: got too many brackets"),
+        ("a.json", "[" * 600 + "]" * 600, "a.json: got too many brackets"),
+        ("a.json", "9" * 5000, "a.json: got a number of too many digits"),
         ("a.json", "", "a.json, line 1"),
     ],
 )
@@ -56,9 +81,47 @@ def test_malformed_settings_name_file_and_line(tmp_path, name, text, message):
         (read_yaml if name.endswith("yaml") else read_json)(tmp_path / name)
 
 
+def test_what_lies_in_itself_or_is_named_often_does_not_hang(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_text("a: &a [*a]\n")
+    assert len(read_yaml(path)["a"]) == 1
+    doubled = [f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]" for i in range(1, 60)]
+    path.write_text("\n".join(["a0: &a0 [1]", *doubled]))
+    assert len(read_yaml(path)) == 60
+
+
 def test_a_device_has_no_end_and_is_not_read():
     with pytest.raises(ConfigError, match="/dev/zero: got a device"):
         read_yaml("/dev/zero")
+
+
+@pytest.mark.parametrize("content", [b"width: 0.05\n", b"\xff\xfe", b"PK\x05\x06\xff"])
+def test_a_pipe_has_an_end_and_is_read(tmp_path, content):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = Thread(target=pipe.write_bytes, args=(content,))
+    writer.start()
+    if content.startswith(b"width"):
+        assert read_yaml(pipe) == {"width": 0.05}
+    else:
+        with pytest.raises(ConfigError, match="UTF-8"):
+            read_yaml(pipe)
+    writer.join()
+
+
+@pytest.mark.parametrize("write", [write_atomic, require_writable, require_folder])
+def test_results_have_no_name_that_no_file_can_have(tmp_path, write):
+    place = tmp_path / ("x" * 300) / "inside"
+    for path in (place, place.parent):
+        with pytest.raises(OutputError, match="too long"):
+            write(path, *["new"] * (write is write_atomic))
+        assert not is_pointer(path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_with_a_zero_byte_is_no_file():
+    with pytest.raises(ConfigError, match="zero byte in its name"):
+        read_yaml("a\0.yaml")
 
 
 @pytest.mark.parametrize("read", [read_yaml, read_json])

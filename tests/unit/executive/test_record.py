@@ -130,6 +130,9 @@ def test_a_damaged_line_in_the_middle_is_named(tmp_path):
         ('{"event": "trace", "rows": [[1]]}', "line 2, rows"),
         ('{"event": "end", "left": [1]}', r"line 2, left: got \[1\]"),
         ('{"event": "kept", "capture": 1}', "line 2, capture: got 1"),
+        (r'{"event": "kept", "capture": "a\u0000"}', "line 2, capture"),
+        ("[" * 100_000, "line 2: got too many brackets"),
+        ('{"event": "done", "a": %s}' % ("[" * 600 + "]" * 600), "line 2: got too"),
     ],
 )
 def test_a_line_that_is_no_event_is_named(tmp_path, line, match):
@@ -235,10 +238,21 @@ def test_a_task_that_makes_no_sense_is_refused(wrong):
         SimulatedTask(**wrong)
 
 
-@pytest.mark.parametrize(("field", "value"), [("version", 5), ("contents", [1])])
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("version", 5), ("contents", [1]), ("contents", {"site.yaml": 5})],
+)
 def test_what_replay_compares_is_of_its_kind(tmp_path, field, value):
     RunRecord(tmp_path, {"seed": 1, field: value})
-    with pytest.raises(ConfigError, match=f"inputs.json, field {field}: got"):
+    with pytest.raises(ConfigError, match=f"inputs.json, field {field}.*: got"):
+        load_run(tmp_path)
+
+
+def test_a_name_that_no_folder_can_have_is_no_record(tmp_path):
+    for name, words in (("x" * 300, "File name too long"), ("none", "no folder")):
+        with pytest.raises(ConfigError, match=f"got {words}.*the record of a run"):
+            load_run(tmp_path / name)
+    with pytest.raises(ConfigError, match=r"got no inputs\.json in it"):
         load_run(tmp_path)
 
 
