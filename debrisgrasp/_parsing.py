@@ -92,6 +92,7 @@ def parse_yaml(text: str, name: str) -> Any:
     """
     try:
         content = yaml.load(text, Loader=_loader(text))  # a safe loader
+        _require_shallow(content)
     except yaml.reader.ReaderError as error:
         sign = chr(error.character)
         raise ConfigError(
@@ -112,8 +113,6 @@ def parse_yaml(text: str, name: str) -> Any:
         ) from error
     except RecursionError as error:
         raise ConfigError(name, got=_NESTED, expected="well-formed YAML") from error
-    if _is_deep(content):
-        raise ConfigError(name, got=_NESTED, expected="well-formed YAML")
     return content
 
 
@@ -150,10 +149,9 @@ def json_content(text: str) -> Any:
     """
     try:
         content = json.loads(text, parse_constant=_refuse_constant)
+        _require_shallow(content)
     except RecursionError as error:
         raise ValueError(_NESTED) from error
-    if _is_deep(content):
-        raise ValueError(_NESTED)
     return content
 
 
@@ -174,8 +172,8 @@ def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name}, which JSON does not have")
 
 
-def _is_deep(content: object) -> bool:
-    """Whether lists and fields lie too deep in one another.
+def _require_shallow(content: object) -> None:
+    """Raise `RecursionError`, as parsers do, if all lies too deep in one another.
 
     It goes level by level, for a call in a call would overflow as what it is to find.
     What a name of YAML's stands for is looked at once, however often it is named.
@@ -189,8 +187,8 @@ def _is_deep(content: object) -> bool:
                 inside += item.values() if isinstance(item, Mapping) else item
         level = inside
         if not level:
-            return False
-    return True
+            return
+    raise RecursionError
 
 
 class _OddError(yaml.constructor.ConstructorError):

@@ -60,9 +60,9 @@ def count(low: int, high: int) -> Callable[[str], int]:
 
     def parse(text: str) -> int:
         try:
-            return int(text)
-        except ValueError:
-            words = f"{text!r} is not a whole number, expected {low} to {high}"
+            return whole(text)
+        except argparse.ArgumentTypeError as error:
+            words = f"{error}, expected {low} to {high}"
             raise argparse.ArgumentTypeError(words) from None
 
     return parse

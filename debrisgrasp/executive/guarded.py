@@ -56,25 +56,23 @@ def nonsense(context: Context) -> FaultFound | None:
 def _raised_by_driver(context: Context, error: BaseException) -> FaultFound | None:
     """Name the device, of somebody's own, in whose code an error came up."""
     robot = context.robot
-    drivers: list[tuple[object, str, str | None]] = [
-        (robot.camera, "camera", None),
-        (robot.head, "head", None),
-        (robot.base, "base", None),
-    ]
+    drivers: dict[int, tuple[str, str | None]] = {
+        id(robot.camera): ("camera", None),
+        id(robot.head): ("head", None),
+        id(robot.base): ("base", None),
+    }
     for name, limb in robot.limbs.items():
         called = arm_called(name)
-        drivers += [
-            (limb.arm, called, name),
-            (limb.sensor, f"force sensor of the {called}", name),
-            (limb.gripper, f"gripper of the {called}", name),
-        ]
+        drivers[id(limb.arm)] = called, name
+        drivers[id(limb.sensor)] = f"force sensor of the {called}", name
+        drivers[id(limb.gripper)] = f"gripper of the {called}", name
     for frame, _ in traceback.walk_tb(error.__traceback__):
         own = frame.f_locals.get("self")
-        for driver, called, arm in drivers:
-            is_ours = type(own).__module__.partition(".")[0] == "debrisgrasp"
-            if own is driver and own is not None and not is_ours:
-                words = f"the driver of the {called} raises {type(error).__name__}"
-                return FaultFound("connection_lost", f"{words}: {error}", arm)
+        is_ours = type(own).__module__.partition(".")[0] == "debrisgrasp"
+        if own is not None and not is_ours and id(own) in drivers:
+            called, arm = drivers[id(own)]
+            words = f"the driver of the {called} raises {type(error).__name__}: {error}"
+            return FaultFound("connection_lost", words, arm)
     return None
 
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, nan
-from typing import Any, TypeGuard
-
-import numpy as np
+from numbers import Real
+from typing import Any
 
 from debrisgrasp._arrays import Rng
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
@@ -151,12 +150,7 @@ INJECTABLE: Mapping[str, FaultKind] = {
 
 _WHOLE = ("times", "joints from the base", "number of the finger")
 _POSITIVE = ("s, lasting", "friction", "of height and width", "m")
-
-
-def _is_number(value: object) -> TypeGuard[float]:
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(
-        value, bool
-    )
+"""Units in which a severity is counted, and in which it has no sign."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,7 +191,9 @@ class Injection:
     def _require_severity(self, severity: object) -> None:
         """Raise `ConfigError` unless it can be meant, in its unit."""
         unit = self.kind.unit
-        value = float(severity) if _is_number(severity) else nan
+        value = nan
+        if isinstance(severity, Real) and not isinstance(severity, bool):
+            value = float(severity)
         expected = f"a number [{unit}]"
         is_so = isfinite(value)
         if unit in _WHOLE:
@@ -335,17 +331,18 @@ def _require(
         raise UnknownNameError(what, state, states)
     if injection.arm is not None and injection.arm not in robot.limbs:
         raise UnknownNameError("arm", injection.arm, robot.limbs)
-    n_joints = min(
-        len(limb.arm.joint_names)
-        for name, limb in robot.limbs.items()
-        if injection.arm in (None, name)
-    )
-    if injection.fault == "joint_stuck" and (injection.severity or 0) >= n_joints:
-        raise ConfigError(
-            "severity of joint_stuck",
-            got=injection.severity,
-            expected=f"0 to {n_joints - 1}, the number of a joint from the base",
+    if injection.fault == "joint_stuck" and injection.severity is not None:
+        n_joints = min(
+            len(limb.arm.joint_names)
+            for name, limb in robot.limbs.items()
+            if injection.arm in (None, name)
         )
+        if injection.severity >= n_joints:
+            raise ConfigError(
+                "severity of joint_stuck",
+                got=injection.severity,
+                expected=f"0 to {n_joints - 1}, the number of a joint from the base",
+            )
     device = injection.kind.device
     missing = (device == "world" and world is None) or (
         device == "head" and robot.head is None

@@ -35,8 +35,6 @@ _OLD = 0.2
 """A reading older than this is not of now [s]."""
 _FREE_LOAD = (20.0, 5.0)
 """Load of an idle hand, at most [N, N m]."""
-_NOWHERE = 0.1
-"""No joint is so far outside its limits; it may be told in degrees [rad or m]."""
 
 
 def protocols_are_kept(robot: Robot) -> Iterator[str]:
@@ -126,22 +124,28 @@ def times_rise(robot: Robot) -> Iterator[str]:
 def joints_are_read(robot: Robot) -> Iterator[str]:
     """Check that joints are finite, in radians, within their limits."""
     for name, limb in robot.limbs.items():
-        limits = limb.arm.limits
-        said = limb.arm.read().q
-        if odd := unlike_numbers(said):
+        limits, said = limb.arm.limits, limb.arm.read().q
+        if odd := _odd_joints(limb, said):
             yield f"arm {name}: {odd}"
             continue
         q = np.asarray(said, dtype=np.float64)
-        if q.shape != (len(limb.arm.joint_names),):
-            yield f"arm {name}: {q.shape} values for {len(limb.arm.joint_names)} joints"
-            continue
-        if not np.isfinite(q).all():
-            yield f"arm {name}: reads {q.tolist()}"
-            continue
-        if np.abs(q).max() > 4.0 * np.pi:
-            yield f"arm {name}: reads {np.abs(q).max():.1f}; radians, not degrees?"
-        elif limits.lower.shape == q.shape and limits.violation(q, tolerance=0.02):
+        if limits.lower.shape == q.shape and limits.violation(q, tolerance=0.02):
             yield f"arm {name}: {limits.violation(q, tolerance=0.02)}"
+
+
+def _odd_joints(limb: Limb, said: Sequence[float] | FloatArray) -> str:
+    """Say why values can't be where the joints are; "" if they can."""
+    n = len(limb.arm.joint_names)
+    if odd := unlike_numbers(said):
+        return odd
+    q = np.asarray(said, dtype=np.float64)
+    if q.shape != (n,):
+        return f"{q.shape} values for {n} joints"
+    if not np.isfinite(q).all():
+        return f"reads {q.tolist()}"
+    if np.abs(q).max() > 4.0 * np.pi:
+        return f"reads {np.abs(q).max():.1f}; radians, not degrees?"
+    return ""
 
 
 def limits_are_true(robot: Robot) -> Iterator[str]:
@@ -191,7 +195,7 @@ def wrist_is_read(robot: Robot) -> Iterator[str]:
         if (raw == raw[0]).all():
             yield f"sensor {name}: equal to the last digit for 0.2 s; is it alive?"
         q = limb.arm.read().q
-        if unlike_numbers(q, len(limb.arm.joint_names)) or _is_nowhere(limb, q):
+        if _odd_joints(limb, q):
             continue  # `joints_are_read` tells; nobody knows where down is
         T = robot.model.chain(name).fk(np.asarray(q))
         mean = raw.mean(axis=0)
@@ -204,14 +208,6 @@ def wrist_is_read(robot: Robot) -> Iterator[str]:
             elif _is_free(_load(robot, name, T, 1e3 * mean)):
                 text += "; does it read kilonewtons?"
             yield text + ". Identify tool and bias, or empty the hand."
-
-
-def _is_nowhere(limb: Limb, q: Sequence[float] | FloatArray) -> bool:
-    """Whether joints are no numbers, or far from all that they may be [rad or m]."""
-    values = np.asarray(q, dtype=np.float64)
-    return not np.isfinite(values).all() or bool(
-        limb.arm.limits.violation(values, tolerance=_NOWHERE)
-    )
 
 
 def _load(robot: Robot, name: str, T: SE3, raw: FloatArray) -> FloatArray:

@@ -211,42 +211,44 @@ def _places(
     events: Sequence[Mapping[str, Any]],
 ) -> Iterator[tuple[int, tuple[float, float]]]:
     """Find where the hand let go [m], with the number of the attempt."""
-    number, gone = 1, 0.0
-    for event in events:
+    number = 1
+    for event, gone in _along(events):
         number += event.get("event") == "attempt"
-        if event.get("event") != "done":
-            continue
-        gone += float(event.get("moved", 0.0))  # of the base, ahead
-        if event["state"] == "release" and "place" in event:
+        is_let_go = event.get("event") == "done" and event["state"] == "release"
+        if is_let_go and "place" in event:
             yield number, (event["place"][0] + gone, event["place"][1])
+
+
+def _along(
+    events: Sequence[Mapping[str, Any]],
+) -> Iterator[tuple[Mapping[str, Any], float]]:
+    """Give each event with how far the base had gone ahead by its end [m]."""
+    gone = 0.0
+    for event in events:
+        if event.get("event") == "done":
+            gone += float(event.get("moved", 0.0))
+        yield event, gone
 
 
 def _taken(
     events: Sequence[Mapping[str, Any]],
 ) -> Iterator[tuple[int, tuple[float, float]]]:
     """Find the middles of what was gripped at [m], with the number of the attempt."""
-    gone, middle, is_gripped = 0.0, None, False
-    for event in events:
-        if event.get("event") == "done":
-            gone += float(event.get("moved", 0.0))
-            if event["state"] == "select":
-                middle = event.get("centroid")
-            is_gripped = is_gripped or event["state"] == "plan_motion"
-        if event.get("event") == "attempt":
-            if is_gripped and middle:
-                yield event["number"], (middle[0] + gone, middle[1])
-            middle, is_gripped = None, False
+    for event, gone in _along(events):
+        is_grip = event.get("event") == "attempt" and event.get("prototype")
+        if is_grip and event.get("centroid"):
+            x, y, _ = event["centroid"]
+            yield event["number"], (x + gone, y)
 
 
 def _pushes(
     events: Sequence[Mapping[str, Any]],
 ) -> Iterator[tuple[int, tuple[float, float], tuple[float, float]]]:
     """Find from where to where objects were pushed [m], with the attempt's number."""
-    gone, way = 0.0, np.zeros(3)
-    for event in events:
-        if event.get("event") == "done":
-            gone += float(event.get("moved", 0.0))
-            way = np.array(event.get("way", way)) if event["state"] == "push" else way
+    way = np.zeros(3)
+    for event, gone in _along(events):
+        if event.get("event") == "done" and event["state"] == "push":
+            way = np.array(event.get("way", way))
         is_push = event.get("event") == "attempt" and event.get("pushed")
         if is_push and way.any() and event.get("centroid"):
             begin = np.array(event["centroid"][:2]) + np.array([gone, 0.0])
