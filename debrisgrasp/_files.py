@@ -24,6 +24,7 @@ __all__ = [
     "UNREADABLE_ARRAY",
     "data_path",
     "is_pointer",
+    "is_there",
     "is_yaml",
     "last_changed",
     "naming_fields",
@@ -98,13 +99,21 @@ def is_pointer(path: PathLike) -> bool:
         return file.read(len(_POINTER)) == _POINTER
 
 
+def is_there(path: PathLike) -> bool:
+    """Whether there is a file or folder at a path; none has a name too long for one."""
+    try:
+        return Path(path).exists()
+    except OSError:
+        return False
+
+
 def why_not_there(path: Path, kind: Literal["file", "folder"]) -> str:
     """Say why there is no file or folder at a path; empty if there is one."""
     try:
-        is_there = path.is_file() if kind == "file" else path.is_dir()
+        found = path.is_file() if kind == "file" else path.is_dir()
     except OSError as error:  # as of a name that no file can have
         return error.strerror or str(error)
-    return "" if is_there else f"no {kind} there"
+    return "" if found else f"no {kind} there"
 
 
 def is_yaml(name_or_path: PathLike) -> bool:

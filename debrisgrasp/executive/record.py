@@ -19,7 +19,13 @@ from zipfile import is_zipfile
 
 import numpy as np
 
-from debrisgrasp._files import read_json, read_text, why_not_there, write_atomic
+from debrisgrasp._files import (
+    is_there,
+    read_json,
+    read_text,
+    why_not_there,
+    write_atomic,
+)
 from debrisgrasp._parsing import json_content, json_found
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, OutputError
@@ -93,7 +99,7 @@ class RunRecord:
         content = {"schema": SCHEMA, **plain(inputs)}
         captures = self.folder / _CAPTURES
         places = (captures, self.folder, *self.folder.parents)
-        made = [place for place in places if not place.exists()]
+        made = [place for place in places if not is_there(place)]
         try:
             captures.mkdir(parents=True, exist_ok=True)
             write_atomic(self.folder / _INPUTS, json.dumps(content, indent=1) + "\n")
@@ -147,11 +153,11 @@ class RunRecord:
     def _taken_back(self, made: Sequence[Path]) -> None:
         """Leave nothing of a record that could not be begun, in new folders (n,)."""
         with suppress(OSError):
-            if self.folder in made:
+            if self.folder in made and is_there(self.folder):
                 for name in (_INPUTS, _EVENTS):
                     (self.folder / name).unlink(missing_ok=True)
             for place in made:
-                if place.exists():
+                if is_there(place):
                     place.rmdir()
 
     def _cut(self, path: Path) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, sealed
 from debrisgrasp._checked import checked, checked_fields
-from debrisgrasp._files import PULL, is_pointer, write_atomic
+from debrisgrasp._files import PULL, is_pointer, is_there, write_atomic
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.geometry import (
@@ -256,7 +256,7 @@ class Capture:
 
 def _read(path: Path, camera_file: str | os.PathLike[str] | None) -> CaptureFields:
     """Choose the reader by the name of the file."""
-    if not path.exists():
+    if not is_there(path):
         raise CaptureError(
             "capture", got="no such file or folder", expected="an existing path"
         )

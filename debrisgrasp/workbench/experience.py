@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._files import read_text, write_atomic
-from debrisgrasp.errors import ConfigError, OutputError
+from debrisgrasp._files import is_there, read_text, why_not_there, write_atomic
+from debrisgrasp._parsing import json_content
+from debrisgrasp.errors import ConfigError, InputError, OutputError
 from debrisgrasp.geometry import SE3, PointCloud
 from debrisgrasp.planning import Grasp
 from debrisgrasp.prototypes import GripperModel, SurfaceShape, around_grip
@@ -100,7 +101,7 @@ def save_records(
         If the folder holds records already, or can't be written.
     """
     folder = Path(folder)
-    if (folder / _LINES).exists():
+    if is_there(folder / _LINES):
         raise OutputError(folder / _LINES, "it holds other records")
     try:
         (folder / _SURFACES).mkdir(parents=True, exist_ok=True)
@@ -127,14 +128,14 @@ def load_records(folder: str | os.PathLike[str]) -> tuple[GraspRecord, ...]:
 
 def _records(folder: Path) -> Iterator[GraspRecord]:
     path = folder / _LINES
-    if folder.is_file():
+    if not why_not_there(folder, "file"):
         raise ConfigError(
             str(folder), got="a file", expected=f"a folder of records with {_LINES}"
         )
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         where = f"{path}, line {number}"
         try:
-            facts = json.loads(line)
+            facts = json_content(line)
             if facts["schema"] != SCHEMA:
                 raise ConfigError(where, got=repr(facts["schema"]), expected=SCHEMA)
             file = Path(facts["surface"])
@@ -159,7 +160,9 @@ def _records(folder: Path) -> Iterator[GraspRecord]:
             raise ConfigError(
                 where, got=f"no field {error}", expected=f"the fields of {SCHEMA}"
             ) from error
-        except (TypeError, AttributeError, json.JSONDecodeError) as error:
+        except InputError:
+            raise
+        except (TypeError, AttributeError, ValueError) as error:
             raise ConfigError(
                 where, got=str(error), expected=f"a line of {SCHEMA}"
             ) from error

@@ -256,6 +256,12 @@ def test_a_name_that_no_folder_can_have_is_no_record(tmp_path):
         load_run(tmp_path)
 
 
+def test_a_record_has_no_name_that_no_folder_can_have(tmp_path):
+    with pytest.raises(OutputError, match="too long"):
+        RunRecord(tmp_path / "new" / ("x" * 300), {"seed": 1})
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_inputs_of_something_else_are_refused():
     with pytest.raises(ConfigError, match="robot in memory"):
         SimulatedTask.from_json({"seed": 1})

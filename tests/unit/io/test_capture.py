@@ -229,7 +229,7 @@ def test_saving_elsewhere_than_to_npz_or_a_folder_that_exists_is_refused(
         capture.save(tmp_path / "none" / "scene.npz")
 
 
-@pytest.mark.parametrize("name", ["none.npz", "none", "scene.txt"])
+@pytest.mark.parametrize("name", ["none.npz", "none", "scene.txt", "x" * 300])
 def test_paths_that_lead_nowhere_are_refused(tmp_path, name):
     (tmp_path / "scene.txt").write_text("x")
     with pytest.raises(CaptureError, match=name):

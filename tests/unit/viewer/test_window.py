@@ -246,8 +246,9 @@ def test_a_run_is_shown_event_by_event(pile, tmp_path):
 
 
 def test_files_that_can_t_be_shown_are_refused(tmp_path):
-    with pytest.raises(ConfigError, match="no such file"):
-        content_of(tmp_path / "absent.json")
+    for name in ("absent.json", "x" * 300):
+        with pytest.raises(ConfigError, match="no such file"):
+            content_of(tmp_path / name)
     (tmp_path / "x.json").write_text(json.dumps({"schema": "other/1"}))
     with pytest.raises(ConfigError, match="other/1"):
         content_of(tmp_path / "x.json")

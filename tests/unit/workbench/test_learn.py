@@ -190,6 +190,28 @@ def test_the_command_writes_a_dictionary_that_loads(records, tmp_path, capsys):
     assert run([*words[:-1], str(tmp_path / "b"), "--radius", "9"]) == 2
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("[" * 100_000, "line 1.*too many brackets"),
+        ('{"width": NaN}', "line 1.*NaN"),
+        ("{", "line 1"),
+    ],
+)
+def test_lines_that_are_no_json_are_refused(tmp_path, line, said):
+    (tmp_path / "grasps.jsonl").write_text(line + "\n")
+    with pytest.raises(ConfigError, match=said):
+        load_records(tmp_path)
+
+
+def test_records_have_no_name_that_no_folder_can_have(records, tmp_path):
+    folder = tmp_path / ("x" * 300)
+    with pytest.raises(ConfigError, match="too long"):
+        load_records(folder)
+    with pytest.raises(OutputError, match="too long"):
+        save_records(records[:1], folder)
+
+
 def test_a_file_is_no_folder_of_records(tmp_path):
     path = tmp_path / "pile.npz"
     np.savez(path, depth=np.ones((4, 4)))
