@@ -22,12 +22,13 @@ from .selection import (
 )
 from .singulation import SingulationConfig
 from .supervoxel_config import SupervoxelConfig
-from .support import GROUND, SupportConfig, SupportGraph, support_graph
+from .support import CLEAR, GROUND, SupportConfig, SupportGraph, support_graph
 from .support_aware import SupportAware
 from .surroundings import SurroundingsConfig
 from .voxels import Binning
 
 __all__ = [
+    "CLEAR",
     "DEFAULT_POINT",
     "GROUND",
     "WHOLE_SHARE",

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray
-from debrisgrasp.geometry import PointCloud
 
-from .contacts import Contacts, find_contacts
+from .contacts import Contacts
 from .evidence import Evidence
-from .occlusion import occluded_shares
-from .segmentation import Segmentation
+from .seen import Seen
 from .surface import LabelledSurface, Shapes
 
 __all__ = [
     "BEARING",
     "CONTACT",
-    "Seen",
     "bearing_evidence",
     "contact_evidence",
     "contact_features",
+    "context_evidence",
     "in_context",
     "judged_relations",
     "likeliest_kin",
@@ -50,6 +47,17 @@ CONTACT = (
     "apart",
     "facing_above",
     "facing_below",
+    # How they lie over one another.
+    "drop",
+    "log_pairs",
+    "log_pairs_over",
+    "share_above",
+    "share_below",
+    "log_columns",
+    "least_clearance",
+    "clearance",
+    "along_above",
+    "along_below",
     # Heights over the ground.
     "contact_height",
     "contact_share_above",
@@ -68,6 +76,7 @@ CONTACT = (
         for what in (
             "log_cells", "certainty", "occluded", "n_contacts",
             "from_middle", "from_middle_share", "from_foot",
+            "tilt", "low_down", "place_along",
         )
         for of in ("above", "below")
     ),
@@ -98,83 +107,6 @@ _SMALL = 0.02
 """Added to lengths that others are divided by [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Seen:
-    """What was seen of the objects and of where they meet."""
-
-    contacts: Contacts
-    surface: LabelledSurface
-    shapes: Shapes
-    occluded: FloatArray
-    """Share of each object's outline at which another one is in front, shape (s,)."""
-    certainty: FloatArray
-    """Of each object being one, shape (s,)."""
-    kinship: FloatArray
-    """Probability of two labels being one object, shape (s + 1, s + 1)."""
-    overlaps: FloatArray
-    """Share of each end of a contact over the other's outline, shape (c, 2)."""
-
-    @classmethod
-    def of(
-        cls,
-        segmentation: Segmentation,
-        cloud: PointCloud,
-        surface: LabelledSurface,
-        reach: float,
-    ) -> Seen:
-        """Measure a thinned cloud; surfaces touch up to ``reach`` [m] apart."""
-        n = len(segmentation.segments)
-        kinship = np.zeros((n + 1, n + 1))
-        if segmentation.kinship is not None:
-            kinship[1:, 1:] = segmentation.kinship
-            np.fill_diagonal(kinship, 0.0)
-        contacts, shapes = find_contacts(surface, reach), Shapes.of(surface, n)
-        return cls(
-            contacts=contacts,
-            surface=surface,
-            shapes=shapes,
-            occluded=occluded_shares(cloud, segmentation.labels, n),
-            certainty=np.array([s.certainty for s in segmentation.segments]),
-            kinship=kinship,
-            overlaps=_overlaps(contacts, surface, shapes),
-        )
-
-    def of_objects(self) -> FloatArray:
-        """Log extents and cells, certainty, occlusion, contacts, shape (s + 1, 7)."""
-        shapes, labels = self.shapes, self.contacts.labels
-        return np.column_stack(
-            [
-                np.log(shapes.extents + 0.005),
-                np.log(np.maximum(shapes.n_cells, 1)),
-                np.append(1.0, self.certainty),
-                np.append(0.0, self.occluded),
-                np.bincount(labels.ravel(), minlength=len(shapes.n_cells)),
-            ]
-        )
-
-    def ground_level(self) -> FloatArray:
-        """Find z of the ground under the middle cell of each object [m], (s + 1,)."""
-        surface = self.surface
-        level = np.append(surface.points[:, 2] - surface.height, 0.0)
-        start = np.searchsorted(surface.labels, np.arange(len(self.shapes.n_cells)))
-        middle: FloatArray = level[start + self.shapes.n_cells // 2]
-        return middle
-
-
-def _overlaps(
-    contacts: Contacts, surface: LabelledSurface, shapes: Shapes
-) -> FloatArray:
-    return np.array(
-        [
-            [
-                shapes.share_over(surface.points[surface.cells_of(own)], to)
-                for own, to in ((a, b), (b, a))
-            ]
-            for a, b in contacts.labels.tolist()
-        ]
-    ).reshape(-1, 2)
-
-
 def likeliest_kin(kinship: FloatArray) -> tuple[IntArray, FloatArray]:
     """Find what each label is likeliest one with, and how likely, (s + 1,) each."""
     return kinship.argmax(axis=1), kinship.max(axis=1)
@@ -187,21 +119,29 @@ def contact_evidence() -> Evidence:
 
 
 @cache
+def context_evidence() -> Evidence:
+    """Evidence of a contact, knowing what `contact_evidence` says of the others."""
+    return Evidence.shipped(__package__, "context.json", BEARING)
+
+
+@cache
 def bearing_evidence() -> Evidence:
-    """Evidence of a contact among others, fitted to simulated piles at rest."""
+    """Evidence of a contact, knowing what `context_evidence` says of the others."""
     return Evidence.shipped(__package__, "bearing.json", BEARING)
 
 
 def judged_relations(seen: Seen) -> tuple[IntArray, FloatArray]:
     """Both directions of each contact, (2 c, 2), and how likely each bears, (2 c,).
 
-    Each contact is judged by itself first, then knowing what that says of the others:
-    what stands firmly on something else hardly leans on this.
+    Each contact is judged by itself first, then twice more, knowing what was said of
+    the others: what stands firmly on something else hardly leans on this.
     """
     relations, features = contact_features(seen)
-    alone = contact_evidence().probability(features)
-    among = in_context(relations, features, alone, seen.kinship)
-    return relations, bearing_evidence().probability(among)
+    confidence = contact_evidence().probability(features)
+    for evidence in (context_evidence(), bearing_evidence()):
+        among = in_context(relations, features, confidence, seen.kinship)
+        confidence = evidence.probability(among)
+    return relations, confidence
 
 
 def contact_features(seen: Seen) -> tuple[IntArray, FloatArray]:
@@ -222,6 +162,7 @@ def contact_features(seen: Seen) -> tuple[IntArray, FloatArray]:
         np.column_stack(
             [
                 *_at_contact(seen.contacts, seen.surface, over, above),
+                *_one_over_the_other(seen, above),
                 *_heights(seen.contacts, seen.shapes, level, above),
                 *_ends(seen.contacts, seen.shapes, alone, above),
                 *_kin(seen, above),
@@ -259,6 +200,25 @@ def _at_contact(
         0.5 * (start + end) @ np.array([sign, -sign]),
         contacts.facing[:, above],
         contacts.facing[:, below],
+    ]
+
+
+def _one_over_the_other(seen: Seen, above: int) -> list[FloatArray]:
+    contacts, columns = seen.contacts, seen.columns
+    sign, below = (1.0, 1) if above == 0 else (-1.0, 0)
+    axes = seen.shapes.axis[contacts.labels]
+    along = np.abs(np.einsum("ki,kji->kj", contacts.axis, axes))
+    return [
+        sign * contacts.drop,
+        np.log1p(contacts.n_pairs),
+        np.log1p(contacts.n_over),
+        contacts.share[:, above],
+        contacts.share[:, below],
+        np.log1p(columns.number),
+        columns.least[:, above],
+        columns.middle[:, above],
+        along[:, above],
+        along[:, below],
     ]
 
 
@@ -306,7 +266,12 @@ def _ends(
     from_foot = np.linalg.norm(place - shapes.foot[ends, :2], axis=2)
     extents = alone[ends, :3].reshape(len(ends), 6)
     others = [alone[ends, k] for k in range(3, alone.shape[1])]
-    columns = [extents, *others, from_middle, share, from_foot]
+    axes = shapes.axis[ends]
+    off_middle = contacts.place[:, None] - shapes.middle[ends]
+    place_along = np.abs(np.einsum("kji,kji->kj", off_middle, axes))
+    place_along /= shapes.extents[ends, 0] + _SMALL
+    held = [axes[..., 2], shapes.low_down[ends], place_along]
+    columns = [extents, *others, from_middle, share, from_foot, *held]
     return [column for pair in columns for column in pair.T]
 
 

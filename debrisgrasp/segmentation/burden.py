@@ -8,8 +8,9 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray
 
-from .bearing import Seen, likeliest_kin
+from .bearing import likeliest_kin
 from .evidence import Evidence
+from .seen import Seen
 
 __all__ = ["BURDEN", "burden_evidence", "burden_features"]
 

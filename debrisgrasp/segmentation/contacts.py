@@ -11,7 +11,8 @@ from scipy.spatial.distance import cdist
 
 from debrisgrasp._arrays import FloatArray, IntArray, frozen
 
-from .surface import LabelledSurface, inside_box, quantiles
+from .surface import LabelledSurface, inside_box, main_axes, quantiles
+from .touching import touching_cells
 
 __all__ = ["Contacts", "find_contacts"]
 
@@ -32,6 +33,11 @@ _UPRIGHT = 0.05
 """Weight of an upright face of contact against that of a level one."""
 _SPAN = (0.1, 0.9)
 """Quantiles of the heights around a contact at which a surface starts and ends."""
+_NEAREST, _NEARLY = 0.3, 0.006
+"""Share of the pairs of cells, and distance beyond that of the nearest [m], that the
+direction of a contact is told by."""
+_OVER = 0.012
+"""Level distance up to which one cell lies over another [m]."""
 _CLEAR_SLOPE = 0.25
 """Difference of slope from which one object lies higher than the other."""
 
@@ -71,6 +77,17 @@ class Contacts:
     facing: FloatArray
     """How far each surface faces up around the contact, the mean z of its normals,
     shape (c, 2)."""
+    axis: FloatArray
+    """Unit direction along which they touch, shape (c, 3)."""
+    drop: FloatArray
+    """How far a's cells are over those of b that they touch and that lie below or over
+    them, the median [m], shape (c,); NaN if none do."""
+    n_over: FloatArray
+    """How many such pairs of cells there are, shape (c,)."""
+    n_pairs: FloatArray
+    """How many pairs of cells touch, shape (c,)."""
+    share: FloatArray
+    """Share of the cells of each object that touch the other, shape (c, 2)."""
     upper: IntArray
     """Label of the one that lies above the other along gravity, 0 if neither does,
     shape (c,)."""
@@ -89,9 +106,7 @@ def find_contacts(surface: LabelledSurface, reach: float) -> Contacts:
     reach
         Largest gap between touching surfaces [m]; the noise of both comes on top.
     """
-    pairs = _touching(surface, reach)
-    # The pairs of cells of each contact stand together from here on.
-    pairs = pairs[np.lexsort(surface.labels[pairs].T[::-1])]
+    pairs = touching_cells(surface, reach)
     ends = surface.labels[pairs]
     is_first = (np.diff(ends, axis=0, prepend=0) != 0).any(axis=1)
     contact, labels = np.cumsum(is_first) - 1, ends[is_first]
@@ -102,7 +117,7 @@ def find_contacts(surface: LabelledSurface, reach: float) -> Contacts:
     away = np.linalg.norm(points - surface.viewpoint, axis=2)
     apart = _first_in_steps(middles, contact)
     around = [
-        _Around.of(surface, pairs[own], middles[own], middles[places])
+        _Around.of(surface, pairs[own], middles[places])
         for own, places in zip(
             _parted(contact, len(labels)),
             (
@@ -136,53 +151,13 @@ def find_contacts(surface: LabelledSurface, reach: float) -> Contacts:
         slope=slope,
         span=column("span", (2, 2)),
         facing=column("facing", (2,)),
+        axis=column("axis", (3,)),
+        drop=column("drop", ()),
+        n_over=column("n_over", ()),
+        n_pairs=column("n_pairs", ()),
+        share=column("n_touching", (2,)) / np.bincount(surface.labels)[labels],
         upper=np.where(np.abs(difference) > _CLEAR_SLOPE, upper, 0),
     )
-
-
-def _touching(surface: LabelledSurface, reach: float) -> IntArray:
-    """Pairs of cells of two objects as near as touching ones, smaller label first."""
-    if len(surface.points) < 2:
-        return np.empty((0, 2), dtype=np.int64)
-    near = _beside_others(surface, reach + 2.0 * float(surface.noise.max()))
-    points, noise = surface.points[near], surface.noise[near]
-    limit = reach + 2.0 * float(noise.max(initial=0.0))
-    pairs = cKDTree(points).query_pairs(limit, output_type="ndarray")
-    labels = surface.labels[near]
-    pairs = pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]
-    gap = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
-    pairs = pairs[gap < reach + noise[pairs].sum(axis=1)]
-    # Cells ascend by label, so the smaller index has the smaller label.
-    found: IntArray = near[np.sort(pairs, axis=1)]
-    return found
-
-
-def _beside_others(surface: LabelledSurface, reach: float) -> IntArray:
-    """Cells that may have a cell of another label within reach, ascending.
-
-    A coarse grid is enough, and leaves little for the exact search.
-    """
-    grid = np.floor(surface.points / reach).astype(np.int64)
-    grid -= grid.min(axis=0) - 1
-    shape = grid.max(axis=0) + 2
-    flat = (grid[:, 0] * shape[1] + grid[:, 1]) * shape[2] + grid[:, 2]
-    cells, index = np.unique(flat, return_inverse=True)
-    low = np.full(len(cells), np.iinfo(np.int64).max)
-    high = np.zeros(len(cells), dtype=np.int64)
-    np.minimum.at(low, index, surface.labels)
-    np.maximum.at(high, index, surface.labels)
-    least, most = low.copy(), high.copy()
-    steps = np.arange(-1, 2)
-    offsets = (steps[:, None, None] * shape[1] + steps[:, None]) * shape[2] + steps
-    # Who is beside whom is mutual: each pair of cells is met once.
-    for offset in offsets[offsets > 0]:
-        at = np.minimum(np.searchsorted(cells, cells + offset), len(cells) - 1)
-        own = np.flatnonzero(cells[at] == cells + offset)
-        other = at[own]
-        for a, b in ((own, other), (other, own)):
-            least[a] = np.minimum(least[a], low[b])
-            most[a] = np.maximum(most[a], high[b])
-    return np.flatnonzero((least != most)[index])
 
 
 def _parted(group: IntArray, n: int) -> list[slice]:
@@ -208,6 +183,12 @@ class _Around:
     slope: list[float]
     span: list[FloatArray]
     facing: list[float]
+    axis: FloatArray
+    drop: float
+    n_over: int
+    n_pairs: int
+    n_touching: list[int]
+    """Cells of each object in the pairs."""
     touching: tuple[FloatArray, FloatArray]
     """Measured points of each object that touch the other, shapes (k, 3)."""
 
@@ -216,10 +197,14 @@ class _Around:
         cls,
         surface: LabelledSurface,
         pairs: IntArray,
-        middles: FloatArray,
         places: FloatArray,
     ) -> _Around:
-        """Measure pairs of cells (k, 2), the middles of all and of a few of them."""
+        """Measure pairs of cells (k, 2), and the middles of a few of them (m, 3)."""
+        points = surface.points[pairs]
+        middles, between = points.mean(axis=1), points[:, 0] - points[:, 1]
+        gap = np.linalg.norm(between, axis=1)
+        nearest = max(float(quantiles(gap, (_NEAREST,))[0]), gap.min() + _NEARLY)
+        drop = between[np.hypot(between[:, 0], between[:, 1]) < _OVER, 2]
         low, high = middles.min(axis=0), middles.max(axis=0)
         margin = max(_ZONE, _STEP + surface.size)
         near = [
@@ -246,6 +231,11 @@ class _Around:
                 surface.normals[zone.cells, 2].sum() / max(len(zone.cells), 1)
                 for zone in zones
             ],
+            axis=main_axes(middles[gap <= nearest])[:, 0],
+            drop=float(np.median(drop)) if len(drop) else np.nan,
+            n_over=len(drop),
+            n_pairs=len(pairs),
+            n_touching=[len(np.unique(side)) for side in pairs.T],
             touching=(first, second),
         )
 

@@ -18,23 +18,28 @@ from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import PointCloud
 
-from .bearing import Seen, judged_relations
+from .bearing import judged_relations
 from .burden import burden_evidence, burden_features
 from .contacts import Contacts
 from .loads import carried_loads, removal_sequence, support_shares
+from .seen import Seen
 from .segmentation import Segmentation
 from .surface import LabelledSurface, Shapes
 
-__all__ = ["GROUND", "SupportConfig", "SupportGraph", "support_graph"]
+__all__ = ["CLEAR", "GROUND", "SupportConfig", "SupportGraph", "support_graph"]
 
 GROUND = 0
 """Label of the ground in relations."""
 
-_GROUND_EVIDENCE = np.array([-20.7, -2.25, 6.43])
-_GROUND_PRIOR = 2.98
+CLEAR = 0.7
+"""Probability from which on a relation is spoken of as a fact: of these more than four
+in five are true."""
+
+_GROUND_EVIDENCE = np.array([-14.7, -2.46, 4.80])
+_GROUND_PRIOR = 3.13
 """What speaks for resting on the ground, a logistic model: height of the lowest part
 that was seen [m], probability of another support, and their product."""
-_OFF_GROUND = 0.15
+_OFF_GROUND = 0.25
 """Height from which on more makes no difference to that [m]."""
 _LEAST_CONFIDENCE = 0.05
 """Relations less likely than this are left out."""
@@ -50,9 +55,9 @@ class SupportConfig:
     cell: float = 0.01
     """Edge of the cells that surfaces are thinned to [m]; larger is faster and blurs
     thin objects."""
-    reach: float = 0.015
-    """Largest gap between cells that touch, without noise [m]; larger finds contacts
-    that are partly hidden, and takes passing close by for touching."""
+    reach: float = 0.035
+    """Largest gap between cells that may touch, without noise [m]: contacts are partly
+    hidden, and what of two objects was seen may only be beside their contact."""
     noise: float = 0.0009
     """s in sigma = s z^2, the error left in the mean of a cell at distance z [1/m],
     about half that of a pixel; larger forgives larger gaps."""

@@ -16,6 +16,7 @@ from .corridor import Corridor, freest_corridor
 from .segmentation import Segmentation
 from .selection import DEFAULT_POINT, Candidate, nearest_distances, require_point
 from .support import (
+    CLEAR,
     GROUND,
     SupportConfig,
     SupportGraph,
@@ -27,8 +28,6 @@ __all__ = ["SupportAware"]
 
 _HEAVY = 100.0
 """Load [N] from which on more makes no difference to the cost."""
-_CLEAR = 0.5
-"""Probability from which on a relation is spoken of as a fact."""
 _WORTH_SAYING = 0.2
 """Probability, or share of the way out, from which on it is spoken of at all."""
 
@@ -122,13 +121,13 @@ def _feasible(
 def _surely_on(graph: SupportGraph, label: int) -> IntArray:
     """Labels of what clearly rests on an object."""
     above, confidence = graph.resting_on(label)
-    return above[confidence >= _CLEAR]
+    return above[confidence >= CLEAR]
 
 
 def _carried(graph: SupportGraph, label: int, gravity: float) -> str:
     """Say what lies on an object."""
     above, confidence = graph.resting_on(label)
-    sure, likely = above[confidence >= _CLEAR], confidence >= _WORTH_SAYING
+    sure, likely = above[confidence >= CLEAR], confidence >= _WORTH_SAYING
     if len(sure):
         low, high = graph.load[label - 1] / gravity
         first = min(sure, key=lambda k: np.flatnonzero(graph.removal_order == k)[0])
@@ -143,7 +142,7 @@ def _carried(graph: SupportGraph, label: int, gravity: float) -> str:
     if occluded >= _WORTH_SAYING:
         return f"others hide {100 * occluded:.0f} % of its outline and may bear on it"
     below, confidence = graph.supports_of(label)
-    held = below[confidence >= _CLEAR]
+    held = below[confidence >= CLEAR]
     if not len(held):
         return "nothing bears on it; what holds it is not seen"
     named = [_named(held[held != GROUND])] if (held != GROUND).any() else []

@@ -12,7 +12,7 @@ from debrisgrasp.geometry import PointCloud
 
 from .ground import spread_sample
 
-__all__ = ["LabelledSurface", "Shapes", "inside_box", "quantiles"]
+__all__ = ["LabelledSurface", "Shapes", "inside_box", "main_axes", "quantiles"]
 
 _LARGEST_NOISE = 0.02
 """Error that a point is given at most [m]: farther away all would touch all."""
@@ -21,6 +21,8 @@ _RANGE = (0.02, 0.98)
 """Quantiles at which a measure starts and ends: the rest may be flying pixels."""
 _OVERLAP_MARGIN = 0.01
 """How far outside the outline of an object still counts as over it [m]."""
+_LOW = 0.03
+"""Height below which a cell is hardly over the ground [m]."""
 _GROUND_CELL = 0.05
 """Edge of the cells in which uneven ground is level [m]."""
 _GROUND_POINTS = 20_000
@@ -146,6 +148,14 @@ def quantiles(values: FloatArray, shares: tuple[float, ...]) -> FloatArray:
     return found
 
 
+def main_axes(points: FloatArray) -> FloatArray:
+    """Principal axes of points (n, 3) as columns, longest first, that one upwards."""
+    spread = np.cov(points.T, bias=True) + 1e-12 * np.eye(3)
+    axes = np.linalg.eigh(spread)[1][:, ::-1]
+    turned: FloatArray = axes * np.where(axes[2, 0] < 0.0, [-1.0, 1.0, 1.0], 1.0)
+    return turned
+
+
 def _cells(
     points: FloatArray, size: float, group: IntArray
 ) -> tuple[IntArray, IntArray]:
@@ -212,6 +222,10 @@ class Shapes:
     """Middle of the box along the principal axes [m], shape (s + 1, 3)."""
     extents: FloatArray
     """Edges of that box, longest first [m], shape (s + 1, 3)."""
+    axis: FloatArray
+    """Unit direction of the longest edge, upwards, shape (s + 1, 3)."""
+    low_down: FloatArray
+    """Share of its cells that are hardly over the ground, shape (s + 1,)."""
     lowest: FloatArray
     """Height of its lowest cells over the ground [m], shape (s + 1,)."""
     highest: FloatArray
@@ -231,7 +245,7 @@ class Shapes:
         """Measure the objects with labels 1 to n."""
         middle, extents = np.zeros((n + 1, 3)), np.zeros((n + 1, 3))
         lowest, highest, foot = np.zeros(n + 1), np.zeros(n + 1), np.zeros((n + 1, 3))
-        hull = np.zeros(n + 1)
+        axis, low_down, hull = np.zeros((n + 1, 3)), np.zeros(n + 1), np.zeros(n + 1)
         outlines: list[FloatArray | None] = [None] * (n + 1)
         for label in range(1, n + 1):
             own = surface.cells_of(label)
@@ -239,10 +253,12 @@ class Shapes:
             if not len(points):
                 continue
             mean = points.mean(axis=0)
-            axes = np.linalg.eigh(np.cov(points.T, bias=True) + 1e-12 * np.eye(3))[1]
-            along = (points - mean) @ axes[:, ::-1]
+            axes = main_axes(points)
+            along = (points - mean) @ axes
             low, high = quantiles(along.T, _RANGE).T
-            middle[label] = mean + axes[:, ::-1] @ (low + high) / 2
+            axis[label] = axes[:, 0]
+            middle[label] = mean + axes @ (low + high) / 2
+            low_down[label] = (height < _LOW).mean()
             extents[label] = high - low
             inside = ((along >= low) & (along <= high)).all(axis=1)
             hull[label] = _hull_volume(points[inside])
@@ -252,6 +268,8 @@ class Shapes:
         return cls(
             middle=middle,
             extents=extents,
+            axis=axis,
+            low_down=low_down,
             lowest=lowest,
             highest=highest,
             n_cells=np.bincount(surface.labels, minlength=n + 1),

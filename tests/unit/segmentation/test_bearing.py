@@ -5,19 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from debrisgrasp.geometry import PointCloud
 from debrisgrasp.segmentation import SupportConfig
 from debrisgrasp.segmentation.bearing import (
     BEARING,
     CONTACT,
-    Seen,
     bearing_evidence,
     contact_evidence,
     contact_features,
+    context_evidence,
     in_context,
     judged_relations,
 )
 from debrisgrasp.segmentation.burden import BURDEN, burden_evidence, burden_features
+from debrisgrasp.segmentation.seen import Columns, Seen
 from debrisgrasp.segmentation.support import labelled_surface
+from debrisgrasp.segmentation.surface import LabelledSurface
 
 from .clouds import box_at, labelled, scene_cloud, truth_of
 
@@ -51,8 +54,65 @@ def test_each_contact_is_looked_at_from_both_ends(seen):
     assert high["overlap_back"] < 0.6
     assert high["normal_up"] > 0.8
     assert high["rise"] > 0.3
+    assert high["drop"] == -low["drop"] > 0.0
+    assert high["share_above"] == low["share_below"] > high["share_below"] > 0.0
+    assert high["log_columns"] == low["log_columns"] > 0.0
+    assert -0.02 < high["least_clearance"] <= high["clearance"] < 0.02
+    assert low["clearance"] < -0.1
+    assert high["low_down_below"] > 0.0 == high["low_down_above"]
     low, high = contact_evidence().probability(features)
     assert low < 0.5 < high
+
+
+def test_columns_are_those_in_which_both_were_seen(rng):
+    points = rng.uniform(0.0, [0.06, 0.06, 0.2], (600, 3))
+    labels = np.sort(rng.integers(1, 5, 600))
+    labels[labels == 4] = 5  # one label was not seen at all
+    points[labels == 3] += 1.0
+    cloud = PointCloud(points=points, normals=points * np.nan, viewpoint=np.zeros(3))
+    surface = LabelledSurface.of(cloud, labels, None, size=0.01, noise=0.0)
+    pairs = np.array([[1, 2], [1, 5], [2, 3]])
+    columns = Columns.of(pairs, surface)
+    place = np.floor(surface.points[:, :2] / 0.015)
+    for k, (a, b) in enumerate(pairs):
+        over = [[], []]
+        for column in np.unique(place, axis=0):
+            here = (place == column).all(axis=1)
+            z_a, z_b = (
+                surface.points[here & (surface.labels == of), 2] for of in (a, b)
+            )
+            if len(z_a) and len(z_b):
+                over[0].append(z_a.min() - z_b.max())
+                over[1].append(z_b.min() - z_a.max())
+        assert columns.number[k] == len(over[0])
+        if over[0]:
+            np.testing.assert_allclose(columns.least[k], np.min(over, axis=1))
+            np.testing.assert_allclose(columns.middle[k], np.median(over, axis=1))
+    assert columns.number[0] > 0 == columns.number[2]
+    assert np.isnan(columns.middle[2]).all()
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3, -0.8])
+def test_a_bar_is_told_by_its_axis_and_where_it_is_touched(tilt, rng):
+    """A bar across a beam: the contact runs along the beam's edge, off the middle."""
+    along = rng.uniform(-0.4, 0.4, 3000)
+    axis = np.array([np.cos(tilt), 0.0, np.sin(tilt)])
+    bar = along[:, None] * axis + rng.uniform(-0.02, 0.02, (3000, 3))
+    place = 0.2 * axis
+    beam = place + rng.uniform([-0.02, -0.3, -0.06], [0.02, 0.3, -0.03], (3000, 3))
+    points = np.concatenate([bar, beam]) + np.array([2.0, 0.0, 1.0])
+    labels = np.repeat([1, 2], 3000)
+    up = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+    cloud = PointCloud(points=points, normals=up, viewpoint=np.array([0.0, 0.0, 2.0]))
+    segmentation = labelled(cloud, labels)
+    surface = labelled_surface(segmentation, cloud, SupportConfig())
+    _, features = contact_features(Seen.of(segmentation, cloud, surface, 0.015))
+    high = dict(zip(CONTACT, features[0], strict=True))
+    assert high["tilt_above"] == pytest.approx(abs(np.sin(tilt)), abs=0.03)
+    assert high["tilt_below"] == pytest.approx(0.0, abs=0.05)
+    assert high["place_along_above"] == pytest.approx(0.25, abs=0.05)
+    assert high["place_along_below"] < 0.05
+    assert high["share_above"] < 0.3
 
 
 def test_relations_are_judged_among_the_others():
@@ -131,6 +191,7 @@ def test_objects_without_contacts_have_no_relations():
     ("evidence", "names"),
     [
         (contact_evidence, CONTACT),
+        (context_evidence, BEARING),
         (bearing_evidence, BEARING),
         (burden_evidence, BURDEN),
     ],

@@ -9,6 +9,7 @@ from debrisgrasp.segmentation.contacts import find_contacts
 from debrisgrasp.segmentation.corridor import freest_corridor
 from debrisgrasp.segmentation.occlusion import occluded_shares
 from debrisgrasp.segmentation.surface import LabelledSurface, inside_box, quantiles
+from debrisgrasp.segmentation.touching import touching_cells
 
 
 def thinned(points, labels, size=0.01):
@@ -44,6 +45,40 @@ def test_each_cell_holds_its_own_points(rng):
         np.testing.assert_allclose(own.mean(axis=0), mean)
     every = surface.points_in(np.arange(len(surface.labels)))
     np.testing.assert_array_equal(every, surface.measured)
+
+
+def test_cells_touch_those_of_others_within_reach_and_noise(rng):
+    points, labels = rng.uniform(0.0, 0.15, (800, 3)), rng.integers(1, 5, 800)
+    points[:, 2] += 3.0
+    surface = thinned(points, labels)
+    gap = cdist(surface.points, surface.points)
+    limit = 0.02 + surface.noise[:, None] + surface.noise
+    near = (gap < limit) & (surface.labels[:, None] < surface.labels)
+    pairs = touching_cells(surface, 0.02)
+    assert len(pairs) > 100
+    assert {tuple(pair) for pair in pairs} == {
+        tuple(pair) for pair in np.argwhere(near)
+    }
+    ends = surface.labels[pairs]
+    contacts = find_contacts(surface, 0.02)
+    for k, (a, b) in enumerate(contacts.labels):
+        own = pairs[(ends == [a, b]).all(axis=1)]
+        assert contacts.n_pairs[k] == len(own)
+        for side, label in enumerate((a, b)):
+            touching = len(set(own[:, side])) / (surface.labels == label).sum()
+            assert contacts.share[k, side] == pytest.approx(touching)
+        between = surface.points[own[:, 0]] - surface.points[own[:, 1]]
+        over = np.linalg.norm(between[:, :2], axis=1) < 0.012
+        assert contacts.n_over[k] == over.sum()
+        assert contacts.drop[k] == pytest.approx(np.median(between[over, 2]))
+
+
+def test_a_contact_runs_along_the_edge_at_which_two_meet(rng):
+    flat = rng.uniform([-0.2, -0.1, 0.0], [0.2, 0.1, 0.001], (8000, 3))
+    labels = np.where(flat[:, 1] < 0.0, 1, 2)
+    turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    contacts = find_contacts(thinned(flat @ turn.T, labels), 0.015)
+    assert abs(contacts.axis[0] @ turn[:, 0]) > 0.99
 
 
 def test_the_length_of_a_contact_counts_steps_in_which_points_touch(rng):
