@@ -36,6 +36,7 @@ __all__ = [
     "require_writable",
     "schema_found",
     "why_not_there",
+    "why_nothing_there",
     "why_unreadable",
     "write_atomic",
 ]
@@ -101,10 +102,15 @@ def is_pointer(path: PathLike) -> bool:
 
 def is_there(path: PathLike) -> bool:
     """Whether there is a file or folder at a path; none has a name too long for one."""
+    return not why_nothing_there(path)
+
+
+def why_nothing_there(path: PathLike) -> str:
+    """Say why there is neither file nor folder at a path; empty if there is one."""
     try:
-        return Path(path).exists()
-    except OSError:
-        return False
+        return "" if Path(path).exists() else "no such file or folder"
+    except OSError as error:
+        return error.strerror or str(error)
 
 
 def why_not_there(path: Path, kind: Literal["file", "folder"]) -> str:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-__all__ = ["arm_called", "counted", "in_kilograms", "shortened"]
+__all__ = ["arm_called", "counted", "in_kilograms", "shortened", "shown_path"]
+
+_LONGEST_NAME = 255
+"""Letters of the longest name that a file has on the usual systems."""
 
 
 def arm_called(name: str) -> str:
@@ -41,3 +44,15 @@ def shortened(words: str, most: int = 80) -> str:
     '0.125, ...'
     """
     return words if len(words) <= most else f"{words[: most - 3]}..."
+
+
+def shown_path(path: object) -> str:
+    """Write a path for a message: of a name that no file can have only the beginning.
+
+    Examples
+    --------
+    >>> len(shown_path("/tmp/" + 300 * "x"))
+    85
+    """
+    names = str(path).split("/")
+    return "/".join(n if len(n) <= _LONGEST_NAME else shortened(n) for n in names)

@@ -27,7 +27,7 @@ from debrisgrasp._files import (
     write_atomic,
 )
 from debrisgrasp._parsing import json_content, json_found
-from debrisgrasp._words import shortened
+from debrisgrasp._words import shortened, shown_path
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture
 
@@ -108,7 +108,8 @@ class RunRecord:
             self._taken_back(made)
             if isinstance(error, OutputError):
                 raise
-            raise OutputError(folder, error.strerror or str(error)) from error
+            reason = error.strerror or str(error)
+            raise OutputError(shown_path(folder), reason) from error
         self._size = 0
         self.fault = ""
         """Why the record ends early, if it does; the run goes on without it."""

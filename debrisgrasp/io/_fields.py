@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import shown_path
 from debrisgrasp.errors import CaptureError, ConfigError, InputError
 from debrisgrasp.geometry import SE3, Intrinsics
 
@@ -40,7 +41,7 @@ def naming_the_file(path: Path) -> Iterator[None]:
         raise  # comes from a file of settings, and names it
     except InputError as error:
         raise CaptureError(
-            f"{path}: {error.what}",
+            f"{shown_path(path)}: {error.what}",
             got=error.got,
             expected=error.expected,
             mend=error.mend,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, sealed
 from debrisgrasp._checked import checked, checked_fields
-from debrisgrasp._files import PULL, is_pointer, is_there, write_atomic
+from debrisgrasp._files import PULL, is_pointer, why_nothing_there, write_atomic
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.geometry import (
@@ -256,10 +256,8 @@ class Capture:
 
 def _read(path: Path, camera_file: str | os.PathLike[str] | None) -> CaptureFields:
     """Choose the reader by the name of the file."""
-    if not is_there(path):
-        raise CaptureError(
-            "capture", got="no such file or folder", expected="an existing path"
-        )
+    if nothing := why_nothing_there(path):
+        raise CaptureError("capture", got=nothing, expected="an existing path")
     if not (path.is_file() or path.is_dir()):
         raise CaptureError(
             "capture", got="a pipe or a device", expected="a regular file or a folder"

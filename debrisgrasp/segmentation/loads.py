@@ -74,6 +74,8 @@ def carried_loads(
 ) -> FloatArray:
     """Weight that rests on each object, passed down from the top.
 
+    Each of several supports may carry all, but none more than all that is above it.
+
     Parameters
     ----------
     relations, shares
@@ -91,13 +93,19 @@ def carried_loads(
         Bounds on the load [N], shape (s + 1, 2); row 0 is the ground.
     """
     loads = np.zeros((len(weights) + 1, 2))
+    own_weight = np.vstack([np.zeros(2), weights])
+    comes_from = np.eye(len(weights) + 1, dtype=np.bool_)
     turn = np.full(len(weights) + 1, len(weights))
     turn[np.asarray(sequence, dtype=np.int64)] = np.arange(len(weights))
     for label in sequence:
         own = np.flatnonzero(relations[:, 0] == label)
         own = own[turn[relations[own, 1]] > turn[label]]
-        passed = weights[label - 1] + loads[label]
+        above = comes_from[label] @ own_weight - own_weight[label]
+        loads[label] = np.minimum(loads[label], above)
+        passed = own_weight[label] + loads[label]
         np.add.at(loads, relations[own, 1], shares[own] * passed)
+        comes_from[relations[own[shares[own, 1] > 0.0], 1]] |= comes_from[label]
+    loads[0] = np.minimum(loads[0], comes_from[0] @ own_weight)
     return loads
 
 

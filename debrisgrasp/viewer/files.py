@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from debrisgrasp._files import is_there, is_yaml, read_json
+from debrisgrasp._files import is_yaml, read_json, why_nothing_there
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive.record import load_run
 from debrisgrasp.io import Capture, point_colors
@@ -57,8 +57,8 @@ def content_of(
         If the file is malformed, or of no kind that can be shown.
     """
     path = Path(path)
-    if not is_there(path):
-        raise ConfigError(str(path), got="no such file or folder", expected=_KNOWN)
+    if nothing := why_nothing_there(path):
+        raise ConfigError(str(path), got=nothing, expected=_KNOWN)
     if path.is_dir() and (path / "events.jsonl").exists():
         return RunContent(run=load_run(path), robot=_robot(robot or "roman"))
     if is_yaml(path) or (

@@ -94,6 +94,28 @@ def test_another_object_on_top_never_lightens_a_load(pile, weight, data):
     assert after[below, 0] >= before[below, 0] + weight - 1e-9
 
 
+def test_what_may_come_down_two_ways_is_counted_once():
+    """Each of two doubtful supports may carry all, what is below both not twice."""
+    diamond = np.array([[4, 3], [4, 2], [3, 1], [2, 1], [1, 0]])
+    weights = np.tile([[1.0, 2.0]], (4, 1))
+    shares = np.tile([0.0, 1.0], (5, 1))
+    loads = carried_loads(diamond, shares, weights, [4, 3, 2, 1])
+    np.testing.assert_allclose(loads[:, 1], [8.0, 6.0, 2.0, 2.0, 0.0])
+    assert not loads[:, 0].any()
+
+
+@given(piles())
+def test_no_load_is_more_than_all_that_others_weigh(pile):
+    n, relations, shares = pile
+    weights = np.column_stack([np.arange(1.0, n + 1), np.arange(2.0, n + 2)])
+    order, _ = removal_sequence(relations, np.full(len(relations), 0.9), np.zeros(n))
+    loads = carried_loads(relations, shares, weights, order)
+    assert (loads >= 0.0).all()
+    assert (loads[:, 0] <= loads[:, 1] + 1e-9).all()
+    assert (loads[0] <= weights.sum(axis=0) + 1e-9).all()
+    assert (loads[1:] <= weights.sum(axis=0) - weights + 1e-9).all()
+
+
 @given(piles())
 def test_nothing_is_taken_before_what_rests_on_it(pile):
     n, relations, _ = pile
