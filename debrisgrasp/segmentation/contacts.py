@@ -117,7 +117,7 @@ def find_contacts(surface: LabelledSurface, reach: float) -> Contacts:
     away = np.linalg.norm(points - surface.viewpoint, axis=2)
     apart = _first_in_steps(middles, contact)
     around = [
-        _Around.of(surface, pairs[own], middles[places])
+        _Around.of(surface, pairs[own], middles[own], between[own], middles[places])
         for own, places in zip(
             _parted(contact, len(labels)),
             (
@@ -197,11 +197,15 @@ class _Around:
         cls,
         surface: LabelledSurface,
         pairs: IntArray,
+        middles: FloatArray,
+        between: FloatArray,
         places: FloatArray,
     ) -> _Around:
-        """Measure pairs of cells (k, 2), and the middles of a few of them (m, 3)."""
-        points = surface.points[pairs]
-        middles, between = points.mean(axis=1), points[:, 0] - points[:, 1]
+        """Measure pairs of cells (k, 2).
+
+        Given are their middles, the way from the second cell of each to the first
+        (k, 3), and the middles of a few of them (m, 3).
+        """
         gap = np.linalg.norm(between, axis=1)
         nearest = max(float(quantiles(gap, (_NEAREST,))[0]), gap.min() + _NEARLY)
         drop = between[np.hypot(between[:, 0], between[:, 1]) < _OVER, 2]
