@@ -184,7 +184,7 @@ def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
     The force grows only while fingers on both sides feel it, and the arm gives way to
     what it pushes the hand aside with: else the wrist would bear it.
     """
-    gripper, first = drive.limb.limb.gripper, held.state
+    first = held.state
     context.held = None
     config = held.grip.config
     n_gives = n_waits = level = 0
@@ -194,14 +194,12 @@ def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
         fingers = drive.fingers()
         _, command = held.grip.step(first, fingers)
         goals = zip(command.openings, fingers.openings, strict=True)
-        command = command._replace(openings=tuple(max(x, y - _STEP) for x, y in goals))
-        gripper.command(command._replace(force=force))
+        drive.send_fingers([max(x, y - _STEP) for x, y in goals], force)
         stood = drive.stand(4 * context.settings.period)
         if isinstance(stood, FaultFound):
             return stood
         if hypot(*drive.load[:3]) > _PUSHED:
-            halted = tuple(drive.fingers().openings)
-            gripper.command(command._replace(openings=halted, force=config.resistance))
+            drive.send_fingers(drive.fingers().openings, config.resistance)
             level //= 2
             fault = _given_way(context, held, drive, n_gives)
             if fault is not None:

@@ -89,6 +89,8 @@ class LimbState:
     """Corners (k, d) of ways that it found to grasps, the latest."""
     is_own_joint: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Which of its joints no other arm moves, shape (d,)."""
+    taken: str = ""
+    """Name of the preshape that its hand took last; empty: none yet."""
 
     def feel(self, q: Measured, wrench_ft: Measured) -> None:
         """Take a reading, and note whether it can follow the last one."""
@@ -127,6 +129,18 @@ class LimbState:
     def first_preshape(self) -> str:
         """Name of the preshape of a hand that no grasp asks for another."""
         return next(iter(self.hand.preshapes))
+
+    @property
+    def preshape(self) -> str:
+        """Name of the preshape that its hand has."""
+        return self.taken or self.first_preshape
+
+    @property
+    def opening(self) -> float:
+        """How wide its hand is open by the widest finger that tells, in range [m]."""
+        shape = self.hand.preshape(self.preshape)
+        told = [x for x in self.limb.gripper.read().openings if isfinite(x)]
+        return min(max([shape.narrowest, *(told or [shape.widest])]), shape.widest)
 
     @property
     def rest_of(self) -> str:
@@ -292,19 +306,6 @@ class Context:
         """
         T_way_base = self.T_base_way.inverse()
         return self.settings.bounds.grown(beside).contains(T_way_base.apply(points))
-
-    def preshape_of(self, limb: LimbState) -> str:
-        """Name of the preshape that a hand has taken."""
-        motion = self.cycle.motion
-        if motion is not None and motion.arm == limb.name:
-            return motion.grasp.preshape
-        return limb.first_preshape
-
-    def opening_of(self, limb: LimbState) -> float:
-        """How wide a hand is open by its widest finger that tells, in its range [m]."""
-        shape = limb.hand.preshape(self.preshape_of(limb))
-        told = [x for x in limb.limb.gripper.read().openings if isfinite(x)]
-        return min(max([shape.narrowest, *(told or [shape.widest])]), shape.widest)
 
     def count_removal(self) -> None:
         """Count the object of this cycle, which lies at the drop-off, once."""

@@ -28,7 +28,7 @@ def feel_out(senses: Senses) -> None:
     context, limb = senses.context, senses.limb
     if context.held is not None:
         return
-    hand = limb.hand.solids(context.preshape_of(limb), context.opening_of(limb))
+    hand = limb.hand.solids(limb.preshape, limb.opening)
     found = touched_at(np.array(senses.load), hand)
     if found is not None:
         T_base_hand = limb.pose(context.posture(limb))

@@ -8,7 +8,7 @@ from math import copysign, hypot, isfinite, nan
 
 import numpy as np
 
-from debrisgrasp.control import GripCommand, GripPhase
+from debrisgrasp.control import GripPhase
 
 from .context import FINGER_TICKS, Held
 from .drive import Drive
@@ -54,7 +54,7 @@ class _Pressed:
 
     def moved(self, openings: tuple[float, ...], force: float) -> FaultFound | None:
         """Send the fingers somewhere [m], and measure it a little later."""
-        self._drive.devices.gripper.command(GripCommand(openings, force))
+        self._drive.send_fingers(openings, force)
         self._drive.context.wait(FINGER_TICKS * self._drive.period)
         self.force()
         return self.fault
@@ -89,12 +89,11 @@ def run_grip(
     if isinstance(begun, FaultFound):
         return begun
     state, q = begun, tuple(np.asarray(begun.q).tolist())
-    gripper = drive.devices.gripper
     for _ in range(int(12.0 / drive.period)):
         held.state, command = held.grip.step(held.state, drive.fingers())
         # No finger squeezes before all have met the object, or it is pushed away.
-        command = command._replace(force=held.grip.config.resistance)
-        gripper.command(command)
+        force = held.grip.config.resistance
+        drive.send_fingers(command.openings, force)
         if held.state.phase in until:
             return None
         fault, state, _ = drive.ticked(
@@ -103,8 +102,7 @@ def run_grip(
         if fault is not None:
             return fault
         if hypot(*drive.load[:3]) > most_force:
-            halted = GripCommand(tuple(drive.fingers().openings), command.force)
-            gripper.command(halted)
+            drive.send_fingers(drive.fingers().openings, force)
             return None
     words = f"the fingers are still {held.state.phase.value} after 12 s"
     return FaultFound("finger_jammed", words, drive.limb.name)
@@ -117,8 +115,9 @@ def open_hand(drive: Drive, preshape: str, opening: float) -> FaultFound | None:
     """
     gripper = drive.devices.gripper
     gripper.preshape(preshape, opening)
+    drive.limb.taken = preshape
     n = len(gripper.read().openings)
-    gripper.command(GripCommand((opening,) * n, _OPENING_FORCE))
+    drive.send_fingers((opening,) * n, _OPENING_FORCE)
     hand = _Pressed(drive)
     end, pressed = drive.clock.now() + 6.0, hand.force()
     widest = tuple(gripper.read().openings)
@@ -131,7 +130,7 @@ def open_hand(drive: Drive, preshape: str, opening: float) -> FaultFound | None:
         widest, pressed = gripper.read().openings, hand.force()
         if hand.fault is not None:
             return hand.fault
-    gripper.command(GripCommand(tuple(widest), _OPENING_FORCE))
+    drive.send_fingers(widest, _OPENING_FORCE)
     words = f"fingers at {', '.join(f'{1e3 * x:.0f}' for x in widest)} mm of "
     words += f"{1e3 * opening:.0f} mm, {pressed:.0f} N on the hand"
     return FaultFound("finger_jammed", words, drive.limb.name)
@@ -158,7 +157,7 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
             min(max(x, was_sent) + min(step, steps.get(i, step)), x + _AHEAD, goal)
             for i, (x, was_sent, goal) in enumerate(zip(last, sent, goals, strict=True))
         )
-        gripper.command(GripCommand(sent, _OPENING_FORCE))
+        drive.send_fingers(sent, _OPENING_FORCE)
         drive.context.wait(FINGER_TICKS * drive.period)
         now = gripper.read().openings
         force = pressed.force()
@@ -166,7 +165,7 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
             return pressed.fault
         if force > most_force and not _is_less(gripper.read().forces, squeeze):
             # Wedged: from here on the arm must give way.
-            gripper.command(GripCommand(tuple(now), _OPENING_FORCE))
+            drive.send_fingers(now, _OPENING_FORCE)
             return None
         if all(x > goal - _OPEN for x, goal in zip(now, goals, strict=True)):
             break
@@ -192,15 +191,13 @@ def give_way(drive: Drive) -> FaultFound | None:
     As far as they go, or until none is pressed hard any more.
     """
     gripper, pressed = drive.devices.gripper, _Pressed(drive)
-    shape = drive.limb.hand.preshape(drive.context.preshape_of(drive.limb))
     for _ in range(_YIELDS):
         hand = gripper.read()
         steps = [_yielding(force) for force in hand.forces]
         if not any(steps):
             break
         goals = tuple(
-            min(max(x + step, shape.narrowest), shape.widest)
-            for x, step in zip_longest(hand.openings, steps, fillvalue=0.0)
+            x + step for x, step in zip_longest(hand.openings, steps, fillvalue=0.0)
         )
         fault = pressed.moved(goals, _OPENING_FORCE)
         if fault is not None:

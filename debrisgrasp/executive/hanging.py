@@ -126,8 +126,8 @@ def looked_around(context: Context, arm: str) -> None:
     points, sight = _cloud(taken)
     points = points[_away(points, place) < _BESIDE]
     points = points[voxel_downsample(points, _CELL)]
-    opening = context.opening_of(limb)
-    points = points[~_are_own(context, arm, context.preshape_of(limb), opening, points)]
+    opening = limb.opening
+    points = points[~_are_own(context, arm, limb.preshape, opening, points)]
     around = context.cycle.around
     pile = before.cloud.points if around is None else around
     is_far = _away(pile, place) >= _BESIDE
@@ -158,7 +158,7 @@ def looked_after(
     """
     if context.cycle.motion is None:
         return None
-    opening = context.opening_of(context.limbs[arm])
+    opening = context.limbs[arm].opening
     # What may have fallen lies low.
     place = np.array([*place[:2], min(place[2], _HIGHEST)])
     seen: list[FloatArray] = []

@@ -213,7 +213,7 @@ def _opened_low(drive: Drive) -> FaultFound | None:
     motion = context.cycle.motion
     risen = 0.0 if motion is None else _risen(context, drive, motion.grasp.T_base_hand)
     fault = lower(drive, risen) if risen > _LOW else None
-    fault = fault or loosen(drive, limb.hand.preshape(context.preshape_of(limb)).widest)
+    fault = fault or loosen(drive, limb.hand.preshape(limb.preshape).widest)
     if fault is None and risen > _LOW:
         fault = back_out(context, limb.name)
     return fault

@@ -66,9 +66,7 @@ def _shaken_open(context: Context) -> FaultFound | None:
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
     with context.fingers_as_they_are():
         fault = _nudged(drive, -_SHAKE * _UP)
-    fault = fault or let_go(
-        context, limb.hand.preshape(context.preshape_of(limb)).widest
-    )
+    fault = fault or let_go(context, limb.hand.preshape(limb.preshape).widest)
     fault = fault or relieve(context, limb.name)
     return fault or _nudged(drive, _SHAKE * _UP) or _nudged(drive, -_SHAKE * _UP)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import hypot
 
@@ -118,8 +118,19 @@ class Senses:
 
     def _stay(self, force: float) -> None:
         """Leave the fingers where they are."""
-        command = GripCommand(tuple(self.fingers().openings), force)
-        self.devices.gripper.command(command)
+        self.send_fingers(self.fingers().openings, force)
+
+    def send_fingers(self, openings: Sequence[float], force: float) -> None:
+        """Send each pad somewhere [m] with a force [N], within what the hand can do.
+
+        What is read may lie beyond that: a drive tells less than nothing where a
+        finger curls around what it holds.
+        """
+        hand = self.limb.hand
+        shape = hand.preshape(self.limb.preshape)
+        inside = [min(max(x, shape.narrowest), shape.widest) for x in openings]
+        force = min(max(force, 0.0), hand.max_force)
+        self.devices.gripper.command(GripCommand(tuple(inside), force))
 
     def _stopped(self, stop: Stop, reading: Reading) -> FaultFound:
         """Halt, and name the fault; fingers that hold something close no more.
@@ -145,7 +156,7 @@ class Senses:
         held.state, command = held.watch.step(
             held.state, fingers._replace(carried=carried)
         )
-        self.devices.gripper.command(command)
+        self.send_fingers(*command)
         if held.state.phase is GripPhase.SLIPPED and self._is_borne(held, fingers):
             # It lies on something, or something that lay on it is gone.
             held.state = held.state._replace(

@@ -13,10 +13,10 @@ from debrisgrasp.robot.fake_arm import FakeArm, FakeForceSensor
 
 __all__ = ["SimArm", "SimForceSensor"]
 
-_SLACK = 1.02
-"""A step may exceed the acceleration by rounding."""
-_SLOW = 0.05
-"""An arm that is sent on more slowly stands [rad/s or m/s]."""
+_PAUSE = 3
+"""Ticks without a command after which the next one may begin anew."""
+_SAME = 1e-9
+"""[rad or m]."""
 
 
 class SimArm(FakeArm):
@@ -27,34 +27,26 @@ class SimArm(FakeArm):
     """
 
     _measured: tuple[float, ...] | None = None
-    _gaps = (0.0, 0.0, 0.0)
 
     @property
     def q(self) -> tuple[float, ...]:
         """Measured posture [rad or m]; where it starts until there is one."""
         return super().q if self._measured is None else self._measured
 
-    def _check_rates(
-        self, rate: Sequence[float], before: Sequence[float], dt: float
-    ) -> None:
-        """Take note of jumps, but for those from where it was sent to where it is.
+    def command(self, q: Sequence[float]) -> None:
+        """Go there as `FakeArm` does.
 
         Whoever begins anew begins with the posture that was measured: that weight kept
         an arm that stands a little from where it was sent is no jump of the command.
         """
-        last = self.q if self._commanded is None else self._commanded[1]
-        gap = max(abs(a - b) for a, b in zip(last, self.q, strict=True))
-        self._gaps = (*self._gaps[1:], gap)
-        known = len(self._violations)
-        super()._check_rates(rate, before, dt)
-        if len(self._violations) == known or max(map(abs, before)) > _SLOW:
-            return
-        excess = 2.0 * max(self._gaps) / dt
-        if all(
-            abs(new - old) <= _SLACK * gain * dt + excess
-            for new, old, gain in zip(rate, before, self._acceleration, strict=True)
-        ):
-            del self._violations[known:]
+        sent = self._commanded
+        refusal, values = self._checked(q)
+        if sent is not None and not refusal:
+            off = _gap(values, self.q)
+            is_new = off < _SAME or self._timeline.tick - sent[0] >= _PAUSE
+            if is_new and off < _gap(values, sent[1]):
+                self._commanded = sent[0], self.q, sent[2]
+        super().command(q)
 
     def measure(self, q: tuple[float, ...]) -> None:
         """Take note of where the joints are, d values."""
@@ -87,3 +79,8 @@ class SimForceSensor(FakeForceSensor):
         ]
         self.load_ee = loads.load_ee(raw, R)
         return self.load_ee
+
+
+def _gap(q: Sequence[float], other: Sequence[float]) -> float:
+    """Farthest that a joint is between two postures [rad or m]."""
+    return max(abs(a - b) for a, b in zip(q, other, strict=True))

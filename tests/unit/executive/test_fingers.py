@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from debrisgrasp.control import GripCommand
 from debrisgrasp.executive.drive import Drive
@@ -27,6 +29,11 @@ class Deaf:
         if not self.after <= self.n_read - 1 < self.after + self.times:
             return reading
         return reading._replace(wrench_ft=np.full(6, np.nan))
+
+
+@pytest.fixture(scope="module")
+def brick_task(pipeline):
+    return before_a_brick(pipeline)[1]
 
 
 def opened(drive):
@@ -168,3 +175,54 @@ def test_a_finger_that_is_nearly_where_it_was_sent_is_not_jammed(pipeline):
     springs.forces = lambda: (5.0, 0.0, 0.0)
     limb.limb = replace(limb.limb, gripper=springs)
     assert loosen(Drive(task.context, "right"), 0.1) is None
+
+
+class Odd:
+    """A gripper that reads anything, and keeps what it is sent."""
+
+    def __init__(self, reads):
+        self.reads, self.commands = reads, []
+
+    def preshape(self, name, opening):
+        pass
+
+    def command(self, command):
+        self.commands.append(command)
+
+    def read(self):
+        return HandReading(0.0, tuple(self.reads), (20.0,) * len(self.reads))
+
+
+@given(
+    reads=st.lists(st.floats(-0.02, 0.3), min_size=3, max_size=3),
+    force=st.floats(-10.0, 1e4),
+)
+def test_no_hand_is_sent_beyond_what_it_can_do(brick_task, reads, force):
+    limb = brick_task.context.limbs["right"]
+    odd, whole, taken = Odd(reads), limb.limb, limb.taken
+    limb.limb = replace(whole, gripper=odd)
+    try:
+        drive = Drive(brick_task.context, "right")
+        for name, shape in limb.hand.preshapes.items():
+            limb.taken = name
+            odd.commands.clear()
+            drive.send_fingers(reads, force)
+            drive.halt_fingers()
+            give_way(drive)
+            assert len(odd.commands) > 2
+            for openings, most in odd.commands:
+                assert shape.narrowest <= min(openings)
+                assert max(openings) <= shape.widest
+                assert 0.0 <= most <= limb.hand.max_force
+    finally:
+        limb.limb, limb.taken = whole, taken
+
+
+def test_a_hand_keeps_the_preshape_that_it_took_last(brick_task):
+    limb = brick_task.context.limbs["right"]
+    *_, last = limb.hand.preshapes
+    assert last != limb.first_preshape
+    drive = Drive(brick_task.context, "right")
+    assert open_hand(drive, last, limb.hand.preshape(last).widest) is None
+    assert limb.preshape == last
+    assert limb.opening == pytest.approx(limb.hand.preshape(last).widest, abs=6e-3)

@@ -95,7 +95,8 @@ def test_a_wrist_feels_the_weight_of_what_it_lifts(lifted):
     assert truth.removed == ()
     assert truth.overloads == ()
     assert 0.0 < truth.deepest["right"] < 0.002
-    assert truth.peak_force["right"] == pytest.approx(2.5 * GRAVITY, rel=0.5)
+    # Until the other side holds against it, one pushes the hand with all its 50 N.
+    assert 2.4 * GRAVITY < truth.peak_force["right"] < 1.05 * 50.0
 
 
 def test_each_side_presses_with_what_was_asked_for(lifted):
