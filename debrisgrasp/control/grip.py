@@ -40,9 +40,10 @@ class GripPhase(Enum):
 
 _WIDEST = 1.0
 """No hand opens farther; beyond it a length was meant in millimetres [m]."""
-_RESEATS = 3.0
-"""While the wrist bears all the weight, fingers that close by up to this multiple of
-the travel of a slip have only found a better hold."""
+_PRESSES, _SHUT = 0.5, 0.8
+"""While the weaker side feels so much of the squeeze, or the wrist bears all the
+weight, fingers that close by up to so much of the way to each other have only found a
+better hold: those that curl around something close, too."""
 _FELT = 0.8
 """A finger that exerts its share of the resistance may feel so much of that only: the
 rest goes into its joints, or into pushing the object along."""
@@ -79,8 +80,9 @@ class GripConfig:
     timeout: float = 4.0
     """For preshape and closing each [s]."""
     slip_travel: float = 0.005
-    """Fingers that close so much while holding have lost their object [m]; three times
-    as much as long as the wrist bears its weight."""
+    """Fingers that close so much while holding have lost their object [m]; 0.8 of the
+    way to each other while both sides press at least half as hard as they should, or
+    the wrist bears the weight."""
     slip_load: float = 0.3
     """So does a carried load that falls by this share."""
     slip_time: float = 0.05
@@ -302,14 +304,18 @@ class GripController:
         config = self.config
         travel = self.travel(state.held_openings, reading.openings)
         carried, most = reading.carried, state.most_carried
+        is_held = self.weakest(reading.forces) >= _PRESSES * config.squeeze
         has_fallen, most_travel = False, config.slip_travel
         if carried is not None and isfinite(carried):
             # Half a kilogram is where a share of the load rises above the noise.
             is_known = most > 5.0
             has_fallen = is_known and carried < (1.0 - config.slip_load) * most
-            if is_known and not has_fallen:
-                most_travel *= _RESEATS
+            is_held = is_held or (is_known and not has_fallen)
             most = max(most, carried)
+        if is_held:
+            shut = (0.0,) * len(config.sides)
+            way = self.travel(state.held_openings, shut)
+            most_travel = max(most_travel, _SHUT * way)
         is_slipping = travel >= most_travel or has_fallen
         slipping = state.slipping + config.period if is_slipping else 0.0
         phase = GripPhase.SLIPPED if slipping > config.slip_time else state.phase

@@ -80,6 +80,11 @@ class Attempt:
     peak_torque: float = 0.0
     """[N m]."""
 
+    @property
+    def has_set_out(self) -> bool:
+        """Whether an arm went to the object; else it was only looked for a way."""
+        return State.PREGRASP in self.reached or self.pushed > 0.0
+
     def facts(self) -> dict[str, object]:
         """Tell what a record has of it."""
         return {

@@ -36,6 +36,8 @@ __all__ = ["Executive", "Observer"]
 
 _RECOVERIES = 4
 """So many times an arm is brought out of the pile and to rest, before the run ends."""
+_PLANS = 3
+"""Tries that end with the plan may be so many times as many as others."""
 _OF_THE_PILE = (FaultClass.BAD_GRASP, FaultClass.PLANNING)
 
 
@@ -130,8 +132,7 @@ class Executive:
         while True:
             if state is State.CAPTURE and self._is_enough():
                 return RunEnd.FINISHED
-            n_most = self.context.settings.max_attempts
-            if len(self._attempts) >= n_most and state in FOLLOWING:
+            if state in FOLLOWING and self._has_tried_enough():
                 self._note(State.SELECT, _given_up(self.context), Action.ABORT)
                 state = State.ABORT
             self._enter(state)
@@ -155,6 +156,12 @@ class Executive:
     def _is_enough(self) -> bool:
         most = self.context.settings.max_removals
         return most is not None and self.context.n_removed >= most
+
+    def _has_tried_enough(self) -> bool:
+        """Whether arms went to objects as often as allowed, or plans led nowhere."""
+        n_most, n_tried = self.context.settings.max_attempts, len(self._attempts)
+        n_gone = sum(attempt.has_set_out for attempt in self._attempts)
+        return n_gone >= n_most or n_tried - n_gone >= _PLANS * n_most
 
     def _enter(self, state: State) -> None:
         context = self.context

@@ -88,17 +88,31 @@ def holding():
     return hand, run(hand, until=(GripPhase.HOLDING,))[0]
 
 
-def test_fingers_that_close_while_holding_have_lost_their_object():
+@pytest.mark.parametrize(("felt", "travel"), [(8.0, 0.005), (20.0, 0.064)])
+def test_fingers_that_close_while_holding_have_lost_their_object(felt, travel):
     hand, state = holding()
     grip = GripController(CONFIG)
-    for k in range(100):
+    steps = round(travel / 1e-4)
+    for k in range(2 * steps):
         openings = tuple((hand.openings - 0.0001 * k).tolist())
-        state, command = grip.step(state, FingerReading(openings, (40.0,) * 3))
+        reading = FingerReading(openings, (felt, 0.5 * felt, 0.5 * felt))
+        state, command = grip.step(state, reading)
         if state.phase is GripPhase.SLIPPED:
             break
     assert state.phase is GripPhase.SLIPPED
-    assert 50 <= k <= 65
+    assert steps <= k <= steps + 15
     assert command.force == CONFIG.squeeze
+
+
+def test_fingers_that_have_met_each_other_hold_nothing_though_they_press():
+    _, state = holding()
+    grip = GripController(CONFIG)
+    state = state._replace(held_openings=(0.01,) * 3)
+    for opening, phase in ((0.004, GripPhase.HOLDING), (0.0, GripPhase.SLIPPED)):
+        reading = FingerReading((opening,) * 3, (40.0, 20.0, 20.0))
+        for _ in range(100):
+            state, _ = grip.step(state, reading)
+        assert state.phase is phase
 
 
 def test_a_load_that_falls_by_a_third_means_slip_and_noise_does_not():
@@ -264,12 +278,11 @@ def test_a_finger_that_finds_a_better_hold_has_not_lost_what_the_wrist_still_bea
         after = state._replace(most_carried=60.0)
         openings = tuple((hand.openings - 0.008).tolist())
         for _ in range(100):
-            reading = FingerReading(openings, (40.0,) * 3, carried)
-            after, _ = grip.step(after, reading)
+            after, _ = grip.step(after, FingerReading(openings, (8.0,) * 3, carried))
         assert after.phase is phase
     for _ in range(100):
-        openings = tuple((hand.openings - 0.016).tolist())
-        state, _ = grip.step(state, FingerReading(openings, (40.0,) * 3, 60.0))
+        openings = tuple((hand.openings - 0.066).tolist())
+        state, _ = grip.step(state, FingerReading(openings, (8.0,) * 3, 60.0))
     assert state.phase is GripPhase.SLIPPED
 
 

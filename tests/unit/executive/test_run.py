@@ -222,13 +222,16 @@ def test_objects_that_no_try_could_take_end_the_run_in_order_with_their_reasons(
     assert record.events[-1]["end"] == "left"
 
 
-def test_a_run_without_progress_ends(run):
-    result, _ = run(
-        {State.PLAN_GRASP: failing("no_grasp")}, TaskSettings(max_attempts=5)
-    )
+@pytest.mark.parametrize(
+    ("state", "fault", "n"),
+    [(State.APPROACH, "early_contact", 5), (State.PLAN_GRASP, "no_grasp", 15)],
+)
+def test_a_run_without_progress_ends(run, state, fault, n):
+    result, _ = run({state: failing(fault)}, TaskSettings(max_attempts=5))
     assert result.end is RunEnd.LEFT
     assert result.fault_class is FaultClass.PLANNING
-    assert len(result.attempts) == 5
+    assert len(result.attempts) == n
+    assert sum(attempt.has_set_out for attempt in result.attempts) in (0, n)
 
 
 def test_arms_that_the_robot_has_not_are_refused(fake, pipeline):
