@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import TarePolicy
+from debrisgrasp.control import GripPhase, TarePolicy
 from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3
 
@@ -39,6 +39,11 @@ _PRESSED = 0.03
 """Share of a limit above which it gives way to what may only press on it."""
 _LOOK = 0.1
 """How long a hand that should be empty is weighed [s]."""
+_FELT = 1.0
+"""Fingers that feel less have nothing between them [N]."""
+_PUSHED_BACK = 45.0
+"""A hand that goes back and is pushed against its way by more has come as far as it
+can [N]: then it opens, and that pushes it, too."""
 _LOW = 5e-3
 """What hangs no higher than it lay falls no way [m]."""
 _GOES_ON = (*MET, "oscillation", "bias_jump")
@@ -84,7 +89,10 @@ def clear_up(context: Context) -> FaultFound | None:
     fault: FaultFound | None = None
     if held is not None:
         held.is_watched = False
-    if held is not None and held.is_lifted:
+    if held is not None and _has_lost(context, held):
+        # Lowered, the hand would come down on what it lost.
+        fault = let_go(context) or relieve(context, held.arm)
+    elif held is not None and held.is_lifted:
         fault = relieve(context, held.arm) or taken_back(context)
         fault = fault or put_down(context, _LOWERED)
     elif busy is not None:
@@ -123,6 +131,12 @@ def clear_up(context: Context) -> FaultFound | None:
     return None
 
 
+def _has_lost(context: Context, held: Held) -> bool:
+    """Whether nothing is left between the fingers of a hand that held something."""
+    felt = held.grip.weakest(Drive(context, held.arm).fingers().forces)
+    return held.state.phase is GripPhase.SLIPPED and felt < _FELT
+
+
 def _gone_back(context: Context, held: Held) -> FaultFound | None:
     """Go back to where a lift began that came to nothing, as far as that goes.
 
@@ -143,6 +157,7 @@ def _gone_back(context: Context, held: Held) -> FaultFound | None:
         speed=lowering_speed(drive, load),
         tare=TarePolicy.SESSION,
         limits=with_room(drive.limits, load),
+        until=drive.against(way, _PUSHED_BACK),
     )
     if not isinstance(end, FaultFound):
         return None

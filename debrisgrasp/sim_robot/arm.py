@@ -36,16 +36,21 @@ class SimArm(FakeArm):
     def command(self, q: Sequence[float]) -> None:
         """Go there as `FakeArm` does.
 
-        Whoever begins anew begins with the posture that was measured: that weight kept
-        an arm that stands a little from where it was sent is no jump of the command.
+        Whoever begins anew begins with the posture that was measured, or where its
+        limits are if weight keeps a joint a little beyond them: that an arm that stands
+        is not quite where it was sent is no jump of the command.
         """
-        sent = self._commanded
         refusal, values = self._checked(q)
-        if sent is not None and not refusal:
-            off = _gap(values, self.q)
-            is_new = off < _SAME or self._timeline.tick - sent[0] >= _PAUSE
-            if is_new and off < _gap(values, sent[1]):
-                self._commanded = sent[0], self.q, sent[2]
+        if self._is_engaged and not refusal:
+            sent, tick = self._commanded, self._timeline.tick
+            ranges = zip(self.q, self._ranges, strict=True)
+            here = tuple([min(max(x, low), high) for x, (low, high) in ranges])
+            off = _gap(values, here)
+            may_be_new = sent is None or off < _SAME or tick - sent[0] >= _PAUSE
+            if sent is None:
+                self._commanded = tick - 1, here, (0.0,) * len(here)
+            elif may_be_new and off < _gap(values, sent[1]):
+                self._commanded = sent[0], here, sent[2]
         super().command(q)
 
     def measure(self, q: tuple[float, ...]) -> None:

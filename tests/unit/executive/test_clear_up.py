@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from debrisgrasp.control import GripPhase
 from debrisgrasp.executive import recover as recovery
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
@@ -86,11 +87,21 @@ def test_an_arm_that_met_something_is_away_before_the_trunk_turns(
     assert order == ["left", "right"]
 
 
-@pytest.mark.parametrize(("force", "is_back"), [(0.0, True), (140.0, False)])
+@pytest.mark.parametrize(
+    ("force", "phase", "is_back"),
+    [
+        (0.0, GripPhase.HOLDING, True),
+        (140.0, GripPhase.HOLDING, False),
+        (0.0, GripPhase.SLIPPED, False),
+    ],
+)
 def test_a_hand_whose_lift_came_to_nothing_goes_back_before_it_opens(
-    pipeline, monkeypatch, force, is_back
+    pipeline, monkeypatch, force, phase, is_back
 ):
-    """Up there its fingers would be caught in what held it; not under too much load."""
+    """Up there its fingers would be caught in what held it.
+
+    Not under too much load, nor on to what it has lost.
+    """
     _, task = before_a_brick(pipeline)
     context, opened = task.context, []
     limb, drive = context.limbs["right"], Drive(context, "right")
@@ -102,6 +113,7 @@ def test_a_hand_whose_lift_came_to_nothing_goes_back_before_it_opens(
     drive.leg([0.0, 0.0, 0.04], speed=0.05)
     assert height() == pytest.approx(begun[2] + 0.04, abs=2e-3)
     context.held, context.is_in_pile = holding(begun=begun), "right"
+    context.held.state = context.held.state._replace(phase=phase)
     monkeypatch.setattr(recovery, "let_go", lambda _: opened.append(height()))
     monkeypatch.setattr(recovery, "back_out", lambda *_: None)
     monkeypatch.setattr(recovery, "put_away", lambda *_: None)
@@ -110,3 +122,29 @@ def test_a_hand_whose_lift_came_to_nothing_goes_back_before_it_opens(
     assert recovery.clear_up(context) is None
     height = begun[2] + 0.04 * (not is_back)
     assert opened == [pytest.approx(height, abs=2e-3)]
+
+
+def test_a_hand_that_lost_what_it_carried_is_not_lowered_on_to_it(
+    pipeline, monkeypatch
+):
+    _, task = before_a_brick(pipeline)
+    context, done = task.context, []
+    context.held, context.is_in_pile = holding(is_lifted=True), "right"
+    context.held.state = context.held.state._replace(phase=GripPhase.SLIPPED)
+    for name in ("let_go", "put_down", "taken_back", "back_out", "put_away"):
+        monkeypatch.setattr(recovery, name, lambda *_, name=name: done.append(name))
+    assert recovery.clear_up(context) is None
+    assert done == ["let_go", "back_out", "put_away", "put_away"]
+
+
+def test_a_hand_that_goes_back_presses_on_nothing(pipeline, monkeypatch):
+    _, task = before_a_brick(pipeline)
+    context, ends = task.context, []
+    limb = context.limbs["right"]
+    T = limb.pose(context.posture(limb))
+    context.held = holding(begun=T.p - [0.0, 0.0, 0.05])
+    monkeypatch.setattr(Drive, "leg", lambda *_, until, **__: ends.append(until))
+    assert recovery._gone_back(context, context.held) is None
+    for push, is_met in ((60.0, True), (30.0, False), (-60.0, False)):
+        load = (*(T.R.T @ [0.0, 0.0, push]), 0.0, 0.0, 0.0)
+        assert ends[0](load) is is_met
