@@ -63,6 +63,9 @@ _ANSWERED = 0.3
 """... until those feel this share of what the first ones do."""
 _MOVED = 0.01
 """A finger that has closed by so much does move [m]."""
+_LOOKS = 4
+"""So often a grip is looked at until its fingers rest: where they curl around
+something, that takes a while."""
 _SQUEEZED = 0.015
 """What gives way by more when squeezed was not between the fingers [m]."""
 
@@ -233,23 +236,27 @@ def verify_grasp(context: Context) -> StepResult:
     held = context.held
     assert held is not None
     drive = Drive(context, held.arm)
-    before = drive.fingers().openings
     most = _PUSHED + _MORE
-    stood = drive.stand(STANDING, until=lambda load: hypot(*load[:3]) > most)
-    if isinstance(stood, FaultFound):
-        return stood
-    force = hypot(*drive.load[:3])
-    if force > most:
-        drive.halt_fingers()
-        words = f"squeezing pushes the hand off: {force:.0f} N"
-        return FaultFound("empty_grip", words, held.arm, {"force": force})
-    fingers = drive.fingers()
-    travel = held.grip.travel(before, fingers.openings)
+    for _ in range(_LOOKS):
+        before = drive.fingers().openings
+        stood = drive.stand(STANDING, until=lambda load: hypot(*load[:3]) > most)
+        if isinstance(stood, FaultFound):
+            return stood
+        force = hypot(*drive.load[:3])
+        if force > most:
+            drive.halt_fingers()
+            words = f"squeezing pushes the hand off: {force:.0f} N"
+            return FaultFound("empty_grip", words, held.arm, {"force": force})
+        fingers = drive.fingers()
+        travel = held.grip.travel(before, fingers.openings)
+        if travel <= held.grip.config.slip_travel:
+            break
     least = held.grip.weakest(fingers.forces)
     if travel > held.grip.config.slip_travel or least < 1.0:
         words = f"closed by {1e3 * travel:z.1f} mm more, the weaker side feels "
         words += f"{least:.1f} N"
         return FaultFound("empty_grip", words, held.arm)
+    held.state = held.state._replace(held_openings=tuple(fingers.openings))
     limb = context.limbs[held.arm]
     held.points_hand = object_in_hand(
         context, limb.pose(context.posture(limb)), motion_of(context).grasp.width
