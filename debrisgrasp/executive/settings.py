@@ -37,7 +37,8 @@ class TaskSettings:
     max_removals: int | None = None
     """Stop after so many; None: when nothing that can be removed is left."""
     max_attempts: int = 120
-    """Give up after so many tries in which an arm went to an object."""
+    """Give up after so many tries in which an arm went to an object, or three times as
+    many that ended with the plan."""
     tries: int = 3
     """At one object, before it is left."""
     workspace: tuple[tuple[float, float, float], tuple[float, float, float]] = (
