@@ -133,8 +133,9 @@ def clear_up(context: Context) -> FaultFound | None:
 
 def _has_lost(context: Context, held: Held) -> bool:
     """Whether nothing is left between the fingers of a hand that held something."""
-    felt = held.grip.weakest(Drive(context, held.arm).fingers().forces)
-    return held.state.phase is GripPhase.SLIPPED and felt < _FELT
+    if held.state.phase is not GripPhase.SLIPPED:
+        return False
+    return held.grip.weakest(Drive(context, held.arm).fingers().forces) < _FELT
 
 
 def _gone_back(context: Context, held: Held) -> FaultFound | None:

@@ -7,9 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from debrisgrasp.control import GripConfig, GripController, GripPhase
+from debrisgrasp.control import (
+    FingerReading,
+    GripConfig,
+    GripController,
+    GripPhase,
+)
 from debrisgrasp.executive import closing
+from debrisgrasp.executive.drive import Drive
+from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3
+from tests.unit.executive.rigs import before_a_brick, holding
 
 ENOUGH = 10.0
 """At which a finger stops [N]."""
@@ -69,3 +77,42 @@ def test_it_stops_once_the_fingers_of_both_sides_would(
     _, _, until, forces = shifted
     forces[:] = [thumb, pair / 2, pair / 2]
     assert until([load, 0.0, 0.0, 0.0, 0.0, 0.0]) is is_met
+
+
+@pytest.mark.parametrize(
+    ("closed", "force", "rests_at"),
+    [
+        ((0.0,), 50.0, 0.09),
+        ((0.008, 0.0), 50.0, 0.082),  # it curled around something
+        ((0.008,) * 4, 50.0, None),  # it goes on: what was there is pushed out
+        ((0.0,), 0.5, None),
+    ],
+)
+def test_a_grip_whose_fingers_come_to_rest_on_something_holds(
+    pipeline, monkeypatch, closed, force, rests_at
+):
+    _, task = before_a_brick(pipeline)
+    held = task.context.held = holding()
+    openings, steps = np.full(3, 0.09), list(closed)
+
+    def stand(*_, **__):
+        openings[:] -= steps.pop(0)
+        return []
+
+    def fingers(_):
+        return FingerReading(tuple(openings.tolist()), (force,) * 3)
+
+    monkeypatch.setattr(Drive, "stand", stand)
+    monkeypatch.setattr(Drive, "fingers", fingers)
+    monkeypatch.setattr(closing, "object_in_hand", lambda *_: np.zeros((0, 3)))
+    monkeypatch.setattr(
+        closing, "motion_of", lambda _: SimpleNamespace(grasp=SimpleNamespace(width=0))
+    )
+    result = closing.verify_grasp(task.context)
+    assert not steps
+    if rests_at is None:
+        assert isinstance(result, FaultFound)
+        assert result.fault == "empty_grip"
+    else:
+        assert isinstance(result, Done)
+        assert held.state.held_openings == pytest.approx((rests_at,) * 3)
