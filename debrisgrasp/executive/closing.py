@@ -23,6 +23,7 @@ from .dropoff import object_in_hand
 from .fingers import run_grip
 from .grasping import STANDING, motion_of, opening_of
 from .result import Done, FaultFound, StepResult
+from .senses import STILL_FELT
 
 __all__ = ["close", "verify_grasp"]
 
@@ -252,7 +253,7 @@ def verify_grasp(context: Context) -> StepResult:
         if travel <= held.grip.config.slip_travel:
             break
     least = held.grip.weakest(fingers.forces)
-    if travel > held.grip.config.slip_travel or least < 1.0:
+    if travel > held.grip.config.slip_travel or least < STILL_FELT:
         words = f"closed by {1e3 * travel:z.1f} mm more, the weaker side feels "
         words += f"{least:.1f} N"
         return FaultFound("empty_grip", words, held.arm)

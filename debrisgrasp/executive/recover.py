@@ -23,6 +23,7 @@ from .outcome import FaultEvent
 from .relief import doubted, heaviest, relieve, share_of, standing_load, with_room
 from .resting import has_touched, put_away
 from .result import Done, FaultFound, StepResult
+from .senses import STILL_FELT
 from .states import State
 from .stopping import reset_stops, stop_all
 from .table import Answer
@@ -39,8 +40,6 @@ _PRESSED = 0.03
 """Share of a limit above which it gives way to what may only press on it."""
 _LOOK = 0.1
 """How long a hand that should be empty is weighed [s]."""
-_FELT = 1.0
-"""Fingers that feel less have nothing between them [N]."""
 _PUSHED_BACK = 45.0
 """A hand that goes back and is pushed against its way by more has come as far as it
 can [N]: then it opens, and that pushes it, too."""
@@ -135,7 +134,7 @@ def _has_lost(context: Context, held: Held) -> bool:
     """Whether nothing is left between the fingers of a hand that held something."""
     if held.state.phase is not GripPhase.SLIPPED:
         return False
-    return held.grip.weakest(Drive(context, held.arm).fingers().forces) < _FELT
+    return held.grip.weakest(Drive(context, held.arm).fingers().forces) < STILL_FELT
 
 
 def _gone_back(context: Context, held: Held) -> FaultFound | None:

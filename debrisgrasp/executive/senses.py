@@ -29,7 +29,7 @@ from .noticed import fault_of_stop, refused
 from .result import FaultFound
 from .states import State
 
-__all__ = ["SAFETY", "Senses", "mean_wrench", "met_from"]
+__all__ = ["SAFETY", "STILL_FELT", "Senses", "mean_wrench", "met_from"]
 
 _ZERO: Wrench = (0.0,) * 6
 SAFETY = SafetyConfig()
@@ -44,7 +44,7 @@ more than at first by so much, whichever is more [N, N m]."""
 _CLOSING = (State.CLOSE, State.VERIFY_GRASP)
 _SLACK = 10.0
 """With which fingers stay where they were stopped [N]."""
-_STILL_FELT = 1.0
+STILL_FELT = 1.0
 """Both sides feel at least so much of what is between them [N]."""
 _LETS_GO = 0.15
 """Fingers that have lost what they held have closed within so long [s]."""
@@ -182,7 +182,7 @@ class Senses:
         """Whether the hand lost weight, but its fingers still squeeze what they had."""
         travel = held.grip.travel(held.state.held_openings, fingers.openings)
         is_shut = travel >= 0.5 * held.grip.config.slip_travel
-        return not is_shut and held.grip.weakest(fingers.forces) >= _STILL_FELT
+        return not is_shut and held.grip.weakest(fingers.forces) >= STILL_FELT
 
     def room(self, safety: SafetyConfig) -> tuple[float, float]:
         """From where a touch ends a planned motion to the limits [N, N m]."""
@@ -318,7 +318,7 @@ class Senses:
         travel = held.grip.travel(before, fingers.openings) if is_whole else 0.0
         if (
             travel < held.grip.config.slip_travel
-            and held.grip.weakest(fingers.forces) >= _STILL_FELT
+            and held.grip.weakest(fingers.forces) >= STILL_FELT
         ):
             return ""
         return f"the load jumped as the fingers closed by {1e3 * travel:z.0f} mm"
