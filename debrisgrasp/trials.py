@@ -60,7 +60,7 @@ class TrialSpec:
     """What is tried; equal specs give equal records but for the seconds."""
 
     tier: str
-    """One of `debrisgrasp.sim.TIERS`."""
+    """One of `debrisgrasp.sim.TIERS`, or any name where the scene is given."""
     seed: int
     robot: str = "roman"
     """Robot of the pipeline; ``"none"`` plans for floating hands."""
@@ -210,13 +210,22 @@ def pipeline_of(spec: TrialSpec) -> Pipeline:
     return Pipeline(robot=spec.robot, policy=policy)
 
 
-def trial(spec: TrialSpec, pipeline: Pipeline | None = None) -> Trial:
-    """Try the first grasp of one scene and keep everything; see `run_trial`."""
-    return trials(spec, pipeline)[0]
+def trial(
+    spec: TrialSpec,
+    pipeline: Pipeline | None = None,
+    *,
+    scene: TierScene | None = None,
+) -> Trial:
+    """Try the first grasp of one scene and keep everything; see `trials`."""
+    return trials(spec, pipeline, scene=scene)[0]
 
 
 def trials(
-    spec: TrialSpec, pipeline: Pipeline | None = None, *, ranks: Sequence[int] = (0,)
+    spec: TrialSpec,
+    pipeline: Pipeline | None = None,
+    *,
+    ranks: Sequence[int] = (0,),
+    scene: TierScene | None = None,
 ) -> list[Trial]:
     """Try several grasps of one plan, each in the untouched scene.
 
@@ -224,6 +233,8 @@ def trials(
     ----------
     ranks
         Which grasps, 0 the first; those that the plan doesn't have are left out.
+    scene
+        Bodies of your own (`debrisgrasp.sim.scene_of`); None: that of tier and seed.
 
     Returns
     -------
@@ -231,7 +242,7 @@ def trials(
         One for each grasp; one without a grasp if the plan is empty.
     """
     pipeline = pipeline or pipeline_of(spec)
-    scene = tier_scene(spec.tier, spec.seed, spec.scene)
+    scene = scene or tier_scene(spec.tier, spec.seed, spec.scene)
     start = time.thread_time()
     planned = pipeline.plan(capture_of(scene), seed=spec.seed)
     plan_seconds = time.thread_time() - start

@@ -122,12 +122,12 @@ class PadLook:
 
     probability: FloatArray
     """That both sides get to press within their cones, in [0, 1], shape (k,). A side of
-    which too little was seen is taken to lean as the outline of the object does, if
-    what was seen of that leaves a finger room there. Where the object ends before it
-    gets to a finger, that one presses on nothing, and so do all where it is narrower
-    than what closed fingers leave between them at its height. Fingertips that end
-    before the middle of what is round press it out of the hand, and fingers that lean
-    over it press it to the palm."""
+    which too little was seen is taken to lean as the outline of the object does, and
+    as the face above it does, if what was seen of that leaves a finger room there.
+    Where the object ends before it gets to a finger, that one presses on nothing, and
+    so do all where it is narrower than what closed fingers leave between them at its
+    height. Fingertips that end before the middle of what is round press it out of the
+    hand, and fingers that lean over it press it to the palm."""
     causes: FloatArray
     """What of it the lean of the faces leaves, then pads beyond the end of the object,
     then its being narrow, or where fingers lean over it, in [0, 1], shape (k, 3)."""
@@ -243,10 +243,9 @@ class PadContacts:
         is_behind, is_cut = self._is_behind[near.point], self._is_cut[near.point]
         width = upper[:, 1] - lower[:, 1]
         between = _Between(around, near, near.curve(), is_behind, is_cut, lower, upper)
-        angles, rooms, slopes, seen, open_ = zip(
+        angles, rooms, slopes, leaning, seen, open_ = zip(
             *(self._side(side, between) for side in SIDES), strict=True
         )
-        leaning = np.arctan(np.abs(slopes))
         over = self._overhang(near, is_behind | is_cut, width)
         to_hand = Ts[:, :3, 3] - self._viewpoint
         sight = np.einsum("ki,kij->kj", to_hand, Ts[:, :3, :3])
@@ -272,11 +271,12 @@ class PadContacts:
 
     def _side(
         self, side: float, between: _Between
-    ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray, BoolArray]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray, BoolArray]:
         """Look at what one side (-1 or 1) of the fingers meets, shape (k,) each.
 
         The angle of its face, NaN where too little was seen, the room before it, the
-        slope of its outline, whether that was seen, and whether it may go on unseen.
+        slope of its outline, how far a face that was not seen leans by that and by what
+        was seen above it, whether it was seen, and whether it may go on unseen.
         """
         around, near, (middle, radius, turns), is_behind, is_cut, lower, upper = between
         least = self._config.min_points
@@ -287,6 +287,9 @@ class PadContacts:
         # On a curved face the pad comes to lie where it is turned to it most.
         steepest = near.greatest(np.where(faces, cosine, np.float32(0.0)), 0.0)
         angle = np.where(is_seen, np.arccos(bounded(steepest, 0.0, 1.0)), np.nan)
+        # Where its face was seen to end above the pads it goes on below.
+        pads = lower[:, 2] + np.float32(self._config.zone)
+        below = near.turned_below(cosine, cosine > np.float32(_TURNED), pads)
         room = upper[:, 0] - (side * middle + radius)
         room[np.isnan(room)] = np.inf
         # What goes on to the finger has hardly a side before it, what goes on under it
@@ -312,7 +315,9 @@ class PadContacts:
         # askew ends in a corner of few points.
         ends = near.count(is_last & (cosine > -np.float32(_TURNED)))
         is_open |= (ends < np.minimum(near.count(is_last), least)) & ~turns
-        return angle, np.where(is_seen, np.inf, room), slope, is_seen, is_open
+        leaning = np.fmax(np.arctan(np.abs(slope)), np.arccos(below))
+        room[is_seen] = np.inf
+        return angle, room, slope, leaning, is_seen, is_open
 
     def _least_gap(
         self, top: Float32Array, deep: Float32Array, prototype: IntArray

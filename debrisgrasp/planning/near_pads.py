@@ -21,6 +21,8 @@ _CURVED = 0.04
 """Variance of the normals along the closing axis of what shows more than one face."""
 _EVEN = 0.001
 """Variance of the normals along the palm's axis that comes from noise alone."""
+_LEAST_FACE = 0.02**2 / 12
+"""Variance of the heights of what goes down by 2 cm: less may be a rounded edge."""
 _LEAST_RADIUS = 0.005
 """What curves more sharply than this is an edge [m]."""
 _STRIPS = 4
@@ -199,6 +201,34 @@ class NearPads:
         radius = np.minimum(radius, np.maximum(most, _LEAST_RADIUS))
         is_round = (count >= _LEAST_CURVED) & (radius > _LEAST_RADIUS)
         return mean_z + radius * mean_facing, radius, is_round
+
+    def turned_below(
+        self, cosine: Float32Array, is_face: BoolArray, height: Float32Array
+    ) -> FloatArray:
+        """Cosine that a face has at a height that it was not seen at, shape (k,).
+
+        Flat faces go on as they are, and those of round things grow steeper. NaN where
+        too little was seen to tell.
+
+        Parameters
+        ----------
+        cosine
+            Of each point's normal to the way outwards, shape (m,).
+        is_face
+            Which points are of the face, shape (m,).
+        height
+            Over the palm [m], shape (k,).
+        """
+        face = self.picked(is_face)
+        cosine, count = cosine[is_face], face.n_each
+        n = np.maximum(count, 1)
+        mean_z, mean = face._mean(face.z, n), face._mean(cosine, n)
+        spread = face._mean(face.z * face.z, n) - mean_z**2
+        steepens = face._mean(face.z * cosine, n) - mean_z * mean
+        steepens /= np.maximum(spread, _LEAST_FACE)
+        known = (count >= _LEAST_CURVED) & (spread > _LEAST_FACE)
+        found = bounded(mean + steepens * (height - mean_z), 0.0, 1.0)
+        return np.where(known, found, np.nan)
 
     def curve(self) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Middle and half width [m] that the points have, NaN if unknown, (k,) each.

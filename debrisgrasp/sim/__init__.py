@@ -5,8 +5,9 @@ from .flight import Flight, FlightConfig, FlownGrasp, Moment, Verdict
 from .flying import fly
 from .model import Physics, build_model
 from .piles import settled_pile
+from .scenes import SceneConfig, TierScene, scene_of, seen_again
 from .settle import Contact, SettleConfig, Settled, let_fall, settle
-from .tiers import TIERS, SceneConfig, TierScene, seen_again, tier_scene
+from .tiers import TIERS, tier_scene
 from .wrist import WristConfig
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "build_model",
     "fly",
     "let_fall",
+    "scene_of",
     "seen_again",
     "settle",
     "settled_pile",

@@ -3,10 +3,12 @@ from __future__ import annotations
 import json
 import pickle
 
+import numpy as np
 import pytest
 
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.sim import SceneConfig, Verdict
+from debrisgrasp.geometry import SE3, Box
+from debrisgrasp.sim import SceneConfig, Verdict, let_fall, scene_of
 from debrisgrasp.trials import (
     NO_GRASP,
     TrialRecord,
@@ -15,6 +17,7 @@ from debrisgrasp.trials import (
     trial,
     trials,
 )
+from debrisgrasp.worlds import Body, World
 
 pytest.importorskip("mujoco")
 
@@ -60,6 +63,17 @@ def test_further_grasps_of_a_plan_are_flown_in_the_untouched_scene(done):
     assert (again.record.rank, last.record.rank) == (0, n - 1)
     assert last.record.probability == last.grasp.success_probability
     assert last.record.terms == last.grasp.success.terms
+
+
+def test_bodies_of_your_own_are_tried_as_those_of_a_tier():
+    case = Body("case", "own", (Box(np.array([0.2, 0.045, 0.045])),), 2.0)
+    world = World((case.at(SE3.from_parts(p=[1.1, 0.0, 0.1])),))
+    scene = scene_of(let_fall(world), 4, name="cases")
+    spec = TrialSpec(tier="cases", seed=4, robot="none")
+    record = trial(spec, pipeline_of(spec), scene=scene).record
+    assert (record.tier, record.seed, record.kind) == ("cases", 4, "own")
+    assert record.mass == 2.0
+    assert record.outcome == Verdict.HELD.value
 
 
 def test_specs_that_make_no_sense_are_refused():

@@ -77,6 +77,26 @@ def test_hidden_sides_lean_as_the_outline_of_the_top_does(corner, least, most):
 
 
 @pytest.mark.parametrize(
+    ("lean", "least", "most"), [(0.0, 0.99, 1.0), (0.8, 0.0, 0.1), (1.2, 0.0, 0.02)]
+)
+def test_a_flat_face_leans_below_what_was_seen_of_it_as_above(lean, least, most):
+    end = PadZones.of(LIBRARY, CONFIG).lower[0, 2] - 0.005
+    depth = np.linspace(0.0, 0.03, 13)
+    out = 0.04 - np.tan(lean) * depth * (lean < 1.0)
+    faces = []
+    for side in (-1, 1):
+        points = np.stack([side * out, 0 * depth, end - depth], axis=1)
+        faces.append((points, [side * np.cos(lean), 0.0, -np.sin(lean)]))
+    points = np.concatenate([extruded(face) for face, _ in faces])
+    normals = np.repeat([normal for _, normal in faces], 5 * len(depth), axis=0)
+    cloud = PointCloud(points, normals, np.array([0.0, 0.0, -2.0]))
+    found = PadContacts(scene_of(cloud), PadZones.of(LIBRARY, CONFIG), CONFIG)
+    look = found.look(np.eye(4)[None], FIRST)
+    assert not look.is_seen.any()
+    assert least <= look.causes[0, 0] <= most
+
+
+@pytest.mark.parametrize(
     ("short", "least", "most"), [(-0.02, 0.9, 1.0), (0.03, 0, 0.02)]
 )
 def test_fingertips_that_end_before_the_middle_of_a_pipe_squeeze_it_out(

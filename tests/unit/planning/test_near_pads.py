@@ -41,6 +41,23 @@ def test_the_curve_of_a_circle_is_its_middle_and_radius(rng):
     assert turns.tolist() == [False, True, False, True, False]
 
 
+def test_faces_go_on_flat_and_round_things_grow_steeper_below_what_was_seen():
+    turn = np.linspace(0.3, 0.9, 30)
+    flat = np.full(30, 0.6, dtype=np.float32)
+    cosine = np.concatenate([flat, np.sin(turn)]).astype(np.float32)
+    heights = np.concatenate([0.05 + 0.05 * turn, 0.08 - 0.08 * np.cos(turn)])
+    z, zero = heights.astype(np.float32), np.zeros(60, dtype=np.float32)
+    pose = np.repeat([0, 2], 30)
+    near = NearPads(pose, np.arange(60), zero, zero, z, cosine, zero, 3)
+    below = near.turned_below(cosine, cosine > 0.1, np.full(3, 0.08, np.float32))
+    np.testing.assert_allclose(below[0], 0.6, rtol=1e-5)
+    assert np.isnan(below[1])
+    assert 0.95 < below[2] <= 1.0
+    edge = NearPads(pose, np.arange(60), zero, zero, 0.3 * z, cosine, zero, 3)
+    low = edge.turned_below(cosine, cosine > 0.1, np.full(3, 0.08, np.float32))
+    assert np.isnan(low).all()
+
+
 def test_a_bulge_is_no_wider_than_what_was_seen_of_it_and_its_middle_moves_along():
     turn = np.linspace(-1.0, 1.0, 30)
     facing = np.cos(turn).astype(np.float32)

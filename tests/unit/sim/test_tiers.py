@@ -1,12 +1,22 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
-from debrisgrasp.geometry import so3
-from debrisgrasp.sim import TIERS, SceneConfig, seen_again, settle, tier_scene
-from debrisgrasp.worlds import World
+from debrisgrasp.geometry import SE3, Box, so3
+from debrisgrasp.sim import (
+    TIERS,
+    SceneConfig,
+    let_fall,
+    scene_of,
+    seen_again,
+    settle,
+    tier_scene,
+)
+from debrisgrasp.worlds import Body, World
 
 pytest.importorskip("mujoco")
 
@@ -69,6 +79,37 @@ def test_a_scene_is_seen_again_without_what_was_taken(scenes, rng):
     if others:
         gone = seen_again(marked, settle(World(others)), rng=rng)
         assert gone.mask is None
+
+
+def own(x: float) -> World:
+    crate = Body("crate", "own", (Box(np.array([0.1, 0.06, 0.05])),), 2.0)
+    return World((crate.at(SE3.from_parts(p=[x, 0.0, 0.05])),))
+
+
+def test_bodies_of_your_own_are_seen_as_those_of_a_tier():
+    settled = let_fall(own(1.1))
+    scene, again = (scene_of(settled, 3, name="crates") for _ in range(2))
+    assert (scene.tier, scene.seed, scene.target) == ("crates", 3, None)
+    np.testing.assert_array_equal(scene.depth, again.depth)
+    on_top = scene.labels == 1
+    points = scene.T_base_camera.apply(scene.intrinsics.deproject(scene.depth))
+    assert np.nanmedian(points[on_top][:, 2].clip(0.0)) == pytest.approx(0.1, abs=0.01)
+    marked = scene_of(settled, 3, target="crate")
+    np.testing.assert_array_equal(marked.mask, marked.labels == 1)
+
+
+def test_scenes_of_your_own_say_what_is_wrong_with_them():
+    settled = let_fall(own(1.1))
+    with pytest.raises(UnknownNameError, match="box"):
+        scene_of(settled, 0, target="box")
+    with pytest.raises(InputError, match="seed"):
+        scene_of(settled, -1)
+    with pytest.raises(InputError, match="settled"):
+        scene_of(settled.world, 0)
+    with pytest.raises(InputError, match="at rest"):
+        scene_of(replace(settled, is_at_rest=False), 0)
+    with pytest.raises(InputError, match="in sight"):
+        scene_of(let_fall(own(30.0)), 0)
 
 
 def test_bodies_are_as_many_as_the_tier_says(scenes):
