@@ -8,7 +8,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
@@ -107,19 +107,20 @@ def is_there(path: PathLike) -> bool:
 
 def why_nothing_there(path: PathLike) -> str:
     """Say why there is neither file nor folder at a path; empty if there is one."""
-    try:
-        return "" if Path(path).exists() else "no such file or folder"
-    except OSError as error:
-        return error.strerror or str(error)
+    return _why_not(Path(path).exists, "no such file or folder")
 
 
 def why_not_there(path: Path, kind: Literal["file", "folder"]) -> str:
     """Say why there is no file or folder at a path; empty if there is one."""
+    is_it = path.is_file if kind == "file" else path.is_dir
+    return _why_not(is_it, f"no {kind} there")
+
+
+def _why_not(is_there: Callable[[], bool], words: str) -> str:
     try:
-        found = path.is_file() if kind == "file" else path.is_dir()
+        return "" if is_there() else words
     except OSError as error:  # as of a name that no file can have
         return error.strerror or str(error)
-    return "" if found else f"no {kind} there"
 
 
 def is_yaml(name_or_path: PathLike) -> bool:
@@ -214,7 +215,7 @@ def write_atomic(path: PathLike, data: bytes | str) -> None:
     OutputError
         If it can't be written; what was there before is untouched.
     """
-    target = Path(os.path.realpath(path))
+    target = _resolved(path)
     content = data.encode() if isinstance(data, str) else data
     _require_replaceable(target)
     # In the same folder, because a rename is atomic only within one file system.
@@ -233,7 +234,7 @@ def write_atomic(path: PathLike, data: bytes | str) -> None:
 
 def require_writable(path: PathLike) -> None:
     """Raise `OutputError` unless a file can be written there; leaves no trace."""
-    target = Path(os.path.realpath(path))
+    target = _resolved(path)
     _require_replaceable(target)
     if why_not_there(target.parent, "folder"):
         raise OutputError(path, f"there is no folder {Path(path).parent}")
@@ -250,7 +251,7 @@ def require_folder(folder: PathLike, path: PathLike | None = None) -> None:
     path
         What the error names; the folder by default.
     """
-    there = Path(os.path.realpath(folder))
+    there = _resolved(folder)
     try:
         while not there.exists():
             there = there.parent
@@ -283,6 +284,14 @@ def read_text(path: PathLike) -> str:
     if is_device:
         raise ConfigError(str(path), got="a device", expected="a text file")
     return text
+
+
+def _resolved(path: PathLike) -> Path:
+    """Where a path leads, links followed, or `OutputError` if it can lead nowhere."""
+    try:
+        return Path(os.path.realpath(path))
+    except ValueError as error:
+        raise OutputError(repr(path), "a zero byte in its name") from error
 
 
 def _require_replaceable(target: Path) -> None:

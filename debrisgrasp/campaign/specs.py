@@ -111,7 +111,8 @@ class RunSpec:
     max_removals: int | None = None
     """End a run after so many; None: when the way is clear."""
     max_attempts: int = 12
-    """Give a run up after so many tries in which an arm went to an object."""
+    """Give a run up after so many tries in which an arm went to an object, or three
+    times as many plans that led to none."""
 
     def __post_init__(self) -> None:
         self._require_kinds()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from threading import Thread
 
@@ -122,6 +123,9 @@ def test_results_have_no_name_that_no_file_can_have(tmp_path, write):
 def test_a_name_with_a_zero_byte_is_no_file():
     with pytest.raises(ConfigError, match="zero byte in its name"):
         read_yaml("a\0.yaml")
+    for write in (require_folder, require_writable, partial(write_atomic, data="")):
+        with pytest.raises(OutputError, match="zero byte in its name"):
+            write("a\0.yaml")
 
 
 @pytest.mark.parametrize("read", [read_yaml, read_json])
