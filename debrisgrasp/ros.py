@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, require_range
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Intrinsics, so3
 from debrisgrasp.io import Capture
@@ -24,6 +24,7 @@ from debrisgrasp.prototypes import GripperModel
 __all__ = [
     "CameraInfoMessage",
     "ImageMessage",
+    "StampedTransformMessage",
     "TransformMessage",
     "capture_of",
     "joint_trajectory",
@@ -67,6 +68,12 @@ class TransformMessage(Protocol):
     """x, y, z [m]."""
     rotation: Any
     """Quaternion x, y, z, w."""
+
+
+class StampedTransformMessage(Protocol):
+    """Field of ``geometry_msgs/TransformStamped`` that is read."""
+
+    transform: TransformMessage
 
 
 def capture_of(
@@ -114,11 +121,18 @@ def capture_of(
     )
 
 
-def pose_of(transform: TransformMessage) -> SE3:
-    """Pose from ``geometry_msgs/Transform``, as tf2 gives it for base and camera."""
-    t, r = transform.translation, transform.rotation
+def pose_of(transform: TransformMessage | StampedTransformMessage) -> SE3:
+    """Pose from ``geometry_msgs/Transform``, or from the ``TransformStamped`` of tf2.
+
+    Raises
+    ------
+    InputError
+        If its quaternion is zero, or a number of it is not finite.
+    """
+    inner: Any = getattr(transform, "transform", None) or transform
+    t, r = inner.translation, inner.rotation
     R = so3.from_quat_wxyz(np.array([r.w, r.x, r.y, r.z], dtype=np.float64))
-    return SE3.from_parts(R, [t.x, t.y, t.z])
+    return SE3.from_matrix(SE3.from_parts(R, [t.x, t.y, t.z]).matrix)
 
 
 def pose_stamped(T: SE3, *, frame_id: str = "base", stamp: float = 0.0) -> Fields:
@@ -157,9 +171,15 @@ def joint_trajectory(
         ros2_control interpolates with the same cubics.
     stamp
         When it begins; 0: when it arrives.
+
+    Raises
+    ------
+    ConfigError
+        If the period is below 0.1 ms.
     """
     times, q, dq = trajectory.times, trajectory.q, trajectory.dq
     if period is not None:
+        require_range("period [s]", period, 1e-4)
         n = max(2, int(np.ceil(trajectory.duration / period - 1e-9)) + 1)
         times = np.linspace(0.0, trajectory.duration, n)
         q, dq, _ = trajectory.at(times)

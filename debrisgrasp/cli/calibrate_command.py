@@ -30,6 +30,7 @@ from debrisgrasp.calibration import (
     calibrate,
 )
 from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.io.calibration_json import SCHEMA as CALIBRATION_SCHEMA
 from debrisgrasp.io.calibration_json import (
     StoredCalibration,
     calibration_to_dict,
@@ -44,7 +45,7 @@ from debrisgrasp.io.observations_file import (
 
 from . import marker_commands
 from .calibrate_text import change_in_words, plan_table, plan_to_list, summary
-from .reports import PICTURE_FORMS, print_written, require_places
+from .reports import PICTURE_FORMS, print_written, require_own, require_places
 from .site_arguments import add_site, site_of
 from .tables import columns
 from .values import some_path, whole
@@ -106,6 +107,7 @@ def run_solve(arguments: argparse.Namespace) -> int:
     """Calibrate; status 1 if the result is refused."""
     source = arguments.observations
     require_places([arguments.report], PICTURE_FORMS, arguments.out, source=source)
+    require_own(arguments.out, CALIBRATION_SCHEMA)
     given = load_observations(source)
     rig = _rig(arguments, given, source.parent)
     previous = load_calibration(arguments.previous) if arguments.previous else None

@@ -15,6 +15,7 @@ from debrisgrasp.io import (
     data_path,
     save_labels,
 )
+from debrisgrasp.io.plan_json import SCHEMA as PLAN_SCHEMA
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.pipeline import pose_notes
 from debrisgrasp.segmentation import GroundReport
@@ -33,6 +34,8 @@ from .reports import (
     REPORT_FORMS,
     add_reports,
     print_written,
+    require_own,
+    require_own_labels,
     require_places,
     write_plan_reports,
     write_segmentation_picture,
@@ -63,9 +66,9 @@ def add_demo(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--out-dir",
         type=some_path,
-        default=Path(),
+        default=Path("demo"),
         metavar="DIR",
-        help="where to write grasps.json, report.png and report.html (default: here)",
+        help="where to write grasps.json, report.png and report.html (default: demo)",
     )
     parser.add_argument("--seed", type=seed, default=0, help="default: 0")
     parser.set_defaults(run=run_demo)
@@ -81,6 +84,7 @@ def run_demo(arguments: argparse.Namespace) -> int:
         raise OutputError(out, error.strerror or str(error)) from error
     grasps, reports = out / "grasps.json", [out / "report.png", out / "report.html"]
     require_places(reports, REPORT_FORMS, grasps)
+    require_own(grasps, PLAN_SCHEMA)
     result = debrisgrasp.plan(
         Capture.load(data_path("captures", "pile.npz")),
         seed=arguments.seed,
@@ -126,6 +130,7 @@ def run_plan(arguments: argparse.Namespace) -> int:
     require_places(
         arguments.report, REPORT_FORMS, arguments.out, source=arguments.capture
     )
+    require_own(arguments.out, PLAN_SCHEMA)
     result = planned(arguments, settings, advise=arguments.advice)
     ground = result.segmentation.ground
     if arguments.json:
@@ -168,6 +173,7 @@ def run_segment(arguments: argparse.Namespace) -> int:
     require_places(
         [arguments.report], PICTURE_FORMS, arguments.out, source=arguments.capture
     )
+    require_own_labels(arguments.out)
     capture = load_capture(arguments)
     segmentation = debrisgrasp.segment(capture)
     tell(pose_notes(segmentation.ground))

@@ -202,6 +202,9 @@ def site(settings: Settings) -> Iterator[Finding]:
     arms_in_use = {arm.name: arm for arm in pipeline.arms}
     for arm_name, place in settings.drop_off.items():
         yield _drop_off(arm_name, place, arms_in_use)
+    for arm_name in set(arms_in_use) - {*settings.drop_off, *TaskSettings().drop_off}:
+        text = "none, which `clear` needs: give one as drop_off of the site"
+        yield Finding(f"drop-off of {arm_called(arm_name)}", "note", text)
     yield from _sides(settings, arms_in_use)
     if robot is not None:
         for arm in pipeline.arms:
@@ -218,7 +221,10 @@ def _limits(name: str, limits: LimitSet, settings: Settings) -> Finding:
     try:
         require_room(limits, TaskSettings().load_share)
     except InputError as error:
-        return Finding(what, "fault", f"{text}; `clear` refuses that: {error}")
+        # What the arm itself bears is no mistake: plans and motions need no more.
+        given = settings.limits.force, settings.limits.torque
+        status = "note" if given == (None, None) else "fault"
+        return Finding(what, status, f"{text}; `clear` refuses that: {error}")
     return Finding(what, "ok", text)
 
 

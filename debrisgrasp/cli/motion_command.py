@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from debrisgrasp import api
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.io.motion_json import motion_to_dict, save_motion
+from debrisgrasp.io.motion_json import MOTION_SCHEMA, motion_to_dict, save_motion
 from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.pipeline import MotionsConfig, recall_plan
 
@@ -23,7 +23,7 @@ from .capture_arguments import (
     refuse_planning,
 )
 from .commands import Subparsers
-from .reports import PICTURE_FORMS, print_written, require_places
+from .reports import PICTURE_FORMS, print_written, require_own, require_places
 from .site_arguments import site_of
 from .tables import columns
 from .values import some_path
@@ -73,6 +73,7 @@ def add(subparsers: Subparsers) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     report, out = arguments.report, arguments.out
     require_places([report], PICTURE_FORMS, out, source=arguments.capture)
+    require_own(out, MOTION_SCHEMA)
     settings = site_of(arguments)
     if settings.robot == "none":
         raise ConfigError("robot", got="none", expected="one with an arm to move")

@@ -9,8 +9,11 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
+from zipfile import BadZipFile
 
-from debrisgrasp._files import require_writable
+import numpy as np
+
+from debrisgrasp._files import read_json, require_writable
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture
 from debrisgrasp.prototypes import CoverageMap, GraspPrototype, GripperModel, check
@@ -27,6 +30,8 @@ __all__ = [
     "REPORT_FORMS",
     "add_reports",
     "print_written",
+    "require_own",
+    "require_own_labels",
     "require_places",
     "write_coverage",
     "write_plan_reports",
@@ -89,6 +94,41 @@ def require_places(
         if os.path.realpath(path) in taken:
             raise OutputError(path, "it is what is read, or another result goes there")
         taken.add(os.path.realpath(path))
+
+
+def require_own(path: Path | None, schema: str) -> None:
+    """Raise if a file is there that is no earlier result, but somebody's own.
+
+    Parameters
+    ----------
+    path
+        Of a result as JSON; None stands for one not asked for.
+    schema
+        Of such results, whatever their version; an empty file is nobody's.
+    """
+    if path is None or not path.is_file() or not path.stat().st_size:
+        return
+    family, _, _ = schema.rpartition("/")
+    try:
+        content = read_json(path)
+    except ConfigError:
+        content = None
+    found = content.get("schema") if isinstance(content, dict) else None
+    if str(found).rpartition("/")[0] != family:
+        raise OutputError(path, f"what is there is not of {family}, and would be lost")
+
+
+def require_own_labels(path: Path | None) -> None:
+    """Raise if arrays (.npz) are there that are more than labels, as captures are."""
+    if path is None or not path.is_file() or not path.stat().st_size:
+        return
+    try:
+        with np.load(path) as content:
+            names = list(content)
+    except (OSError, ValueError, BadZipFile):
+        names = []
+    if names != ["labels"]:
+        raise OutputError(path, "what is there is not labels alone, and would be lost")
 
 
 def print_written(*paths: Path | None) -> None:

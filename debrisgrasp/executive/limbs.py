@@ -98,7 +98,7 @@ def limbs_of(
                 f"drop-off of the {arm_called(name)}",
                 got=f"places of {', '.join(settings.drop_off) or 'no arm'}",
                 expected="a place (x, y) in the base frame [m]",
-                mend="Give one in TaskSettings.drop_off.",
+                mend="Give one as drop_off of the site, or of TaskSettings.",
             )
     limbs = {}
     for name in names:

@@ -236,7 +236,7 @@ def careful(
     step = np.linalg.norm(np.diff(where, axis=0), axis=2).max(axis=1)
     speed = np.append(step, 0.0)
     speed[1:] = np.maximum(speed[1:], step)
-    speed *= (n - 1) / trajectory.duration
+    speed *= (n - 1) / max(trajectory.duration, 1e-9)  # one row stands
     speed = np.maximum(speed, 1e-9)
     braking = (np.abs(rates) / limb.limits.planner.acceleration).max(axis=1)
     reach = float(np.linalg.norm(points, axis=1).max())

@@ -289,14 +289,17 @@ class KinematicChain:
     def unwound(self, q: ArrayLike, q_near: ArrayLike) -> FloatArray:
         """Return the same postures, turned by whole turns to lie near others.
 
-        Only within the limits; postures (..., d) of which leading axes broadcast.
+        As near as the limits allow, and as they are where no turn leads within them;
+        postures (..., d) of which leading axes broadcast.
         """
-        q = np.asarray(q, dtype=np.float64)
+        q, turn = np.asarray(q, dtype=np.float64), 2.0 * np.pi
         gap = np.asarray(q_near, dtype=np.float64) - q
         require_trailing(gap, "joint values", (self.n_joints,))
-        turned = q + 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
-        fits = (turned >= self.lower) & (turned <= self.upper) & self.is_revolute
-        return np.where(fits, turned, q)
+        least = np.ceil((self.lower - q) / turn)
+        most = np.floor((self.upper - q) / turn)
+        turns = bounded(np.round(gap / turn), least, most)
+        fits = (least <= most) & self.is_revolute
+        return np.where(fits, q + turn * np.where(fits, turns, 0.0), q)
 
     def way(self, q_to: ArrayLike, q_from: ArrayLike) -> FloatArray:
         """Motion that leads from one posture to another [rad or m], shape (..., d).

@@ -266,14 +266,14 @@ class MotionPlanner:
         self, start: FloatArray, goal: SE3 | ArrayLike, rng: Rng
     ) -> tuple[FloatArray, str]:
         """Postures of the goal (g, d), nearest to the start first, or why none."""
-        chain, limits = self.chain, self.limits
+        limits = self.limits
         if isinstance(goal, SE3):
             q, reason = self._postures_at(start, goal, rng)
         else:
             q = np.atleast_2d(self._checked(goal, "goal postures"))
             self._require_within(q, "goal postures")
             reason = ""
-        q = chain.unwound(q, start)
+        q = self._narrow.unwound(q, start)
         within = ((q >= limits.lower) & (q <= limits.upper)).all(axis=1)
         if len(q) and not within.any() and isinstance(goal, SE3):
             q = self._pulled_in(q, goal, rng)

@@ -102,19 +102,18 @@ def mask_notes(
     """
     if is_marked is None or not is_marked.any():
         return ()
-    notes = []
     ground = 1.0 - np.count_nonzero(segmentation.labels[is_marked]) / is_marked.sum()
     if ground > 0.5:
-        notes.append(
+        return (
             f"{ground:.0%} of the mask lies on the ground or on what is no object; "
-            "is it the right mask?"
+            "is it the right mask?",
         )
     shares = segmentation.marked_shares
-    if shares is not None and len(shares) > 1:
-        told = ", ".join(f"{share:.0%}" for share in shares[:-1])
-        told += f" and {shares[-1]:.0%}"
-        notes.append(
-            f"the mask covers {len(shares)} objects, with {told} of what stands in it; "
-            "they are taken for one"
-        )
-    return tuple(notes)
+    if shares is None or len(shares) < 2:
+        return ()
+    told = ", ".join(f"{share:.0%}" for share in shares[:-1])
+    told += f" and {shares[-1]:.0%}"
+    return (
+        f"the mask covers {len(shares)} objects, with {told} of what stands in it; "
+        "they are taken for one",
+    )

@@ -29,7 +29,7 @@ from debrisgrasp.segmentation import (
 )
 
 from .notes import mask_notes, part_notes, pose_notes
-from .targets import Target, whole_of
+from .targets import Target, whole_of, with_crumbs
 
 __all__ = ["Perception", "motion_space"]
 
@@ -167,8 +167,9 @@ class Perception:
             return np.zeros(len(labels), dtype=bool)
         if target.label and self.is_marked is None:
             is_own: BoolArray = labels == target.label
-            return is_own
-        return self.chosen_and_whole(target)[1]
+        else:
+            is_own = self.chosen_and_whole(target)[1]
+        return with_crumbs(self.cloud.points, labels, is_own, self.ground_plane)
 
     @cached_property
     def _thin_cloud(self) -> PointCloud:

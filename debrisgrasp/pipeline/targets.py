@@ -6,18 +6,24 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from debrisgrasp._arrays import BoolArray, require_metres
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_metres
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import Bounds, PointCloud
 from debrisgrasp.segmentation import Candidate, Segmentation, region_of_interest
 
-__all__ = ["Target", "choose_targets", "whole_of"]
+__all__ = ["Target", "choose_targets", "whole_of", "with_crumbs"]
 
 _LIKELY = 0.5
 """More likely than this to be of one object counts as part of it."""
 _SEVERAL = 0.2
 """What holds such a share of the points in a region lies in it, and not just beside."""
+
+_CRUMB_HEIGHT = 0.03
+"""What is of no object and stands higher over the ground is a crumb of one [m] ..."""
+_CRUMB_GAP = 0.02
+"""... from which it is no farther than this [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,4 +132,37 @@ def whole_of(segmentation: Segmentation, label: int, is_chosen: BoolArray) -> Bo
         is_part = count > _SEVERAL * count.sum()
         is_part[0] = False
     whole: BoolArray = is_chosen | is_part[labels]
+    return whole
+
+
+def with_crumbs(
+    points: FloatArray, labels: IntArray, is_own: BoolArray, plane: FloatArray | None
+) -> BoolArray:
+    """Add crumbs to the points of what is lifted, shape (n,).
+
+    What is too small for an object is of none, also at the rim of a crate, where it
+    would stand in the way of the crate itself.
+
+    Parameters
+    ----------
+    points
+        Base frame [m], shape (n, 3).
+    labels
+        Of each; 0: no object, shape (n,).
+    is_own
+        Which are lifted, shape (n,).
+    plane
+        Of the ground (4,); None: nothing tells a crumb from it.
+    """
+    if plane is None or not is_own.any():
+        return is_own
+    around = region_of_interest(points[is_own], margin=2.0 * _CRUMB_GAP)
+    near = np.flatnonzero(around.contains(points))
+    height = points[near] @ plane[:3] + plane[3]
+    is_crumb = (labels[near] == 0) & ~is_own[near] & (height > _CRUMB_HEIGHT)
+    crumbs, others = near[is_crumb], near[~is_crumb & (is_own | (labels > 0))[near]]
+    whole = is_own.copy()
+    if len(crumbs):
+        gap, nearest = cKDTree(points[others]).query(points[crumbs])
+        whole[crumbs] = (gap < _CRUMB_GAP) & is_own[others[nearest]]
     return whole

@@ -112,11 +112,13 @@ def _loaded(path: Path) -> Any:
 def _sampled(mesh: Any) -> tuple[FloatArray, FloatArray]:
     """Points spread evenly over the faces, with the normals of the faces."""
     areas = np.asarray(mesh.area_faces)
-    n = int(np.clip(areas.sum() * _SAMPLES, _FEWEST, _MOST))
+    # Rounded: cut off, float noise would decide between two lattices.
+    n = round(float(np.clip(areas.sum() * _SAMPLES, _FEWEST, _MOST)))
     # A lattice along the faces instead of chance: equal files give equal prototypes.
     place = (np.arange(n) + 0.5) / n * areas.sum()
     face = np.minimum(np.searchsorted(np.cumsum(areas), place), len(areas) - 1)
-    index = np.arange(n)
+    # From 0.5 on: the first point at 0 would be a corner, on the verge of any grid.
+    index = np.arange(n) + 0.5
     u = np.sqrt((index * 0.7548776662466927) % 1.0)[:, None]
     v = ((index * 0.5698402909980532) % 1.0)[:, None]
     a, b, c = (np.asarray(mesh.triangles)[face, corner] for corner in range(3))

@@ -246,7 +246,9 @@ def _placed(
     return tuple(finger.solids(values) for finger in gripper.fingers)
 
 
-FURTHER_HANDS = "The folder of your own hands is given as --grippers, or grippers=."
+FURTHER_HANDS = (
+    "The folder of your own hands is given as --grippers, grippers=, or in a site."
+)
 """How a hand that does not ship is made known."""
 
 

@@ -26,6 +26,16 @@ _COMMAND_STEPS = 401
 stays below a micrometre for fingers of 20 cm."""
 _OPENING_SLACK = 1e-5
 """How far pads may move apart between two commands [m]: rounded tables."""
+_LEAST_MASS = 1e-3
+"""No hand is lighter [kg]; a mass of 0 is one that nobody has filled in ..."""
+_LEAST_FORCE = 0.01
+"""... and so is a largest force of 0: loads are divided by it [N]."""
+_KILOGRAMS = "It is the mass of the whole hand in kilograms: 800 g is 0.8."
+_NEWTONS = (
+    "It is what the fingers of one side press with together, in newtons; a data sheet "
+    "calls it grip force."
+)
+_FULL_TURN = 2.0 * np.pi + 1e-9
 
 
 class HandContent(TypedDict):
@@ -53,9 +63,7 @@ def read_hand(path: str | os.PathLike[str]) -> HandContent:
     T_hand_base = read_pose(base)
     base.finish()
     chains = _chains(fields.child("chains"))
-    fingers = tuple(
-        _finger(child, chains, T_hand_base) for child in fields.children("fingers")
-    )
+    fingers = _fingers(fields, chains, T_hand_base)
     if {finger.side for finger in fingers} != set(_SIDES.values()):
         raise ConfigError(
             fields.where("fingers"),
@@ -65,14 +73,41 @@ def read_hand(path: str | os.PathLike[str]) -> HandContent:
     content = HandContent(
         name=fields.text("name"),
         description=fields.text("description", "-"),
-        mass=fields.number("mass", 0.0, 100.0),
-        max_force=fields.number("max_force", 0.0, 1e5),
-        palm=tuple(solid.moved(T_hand_base) for solid in _solids(fields, "palm")),
+        mass=_number(fields, "mass", _LEAST_MASS, 100.0, _KILOGRAMS),
+        max_force=_number(fields, "max_force", _LEAST_FORCE, 1e5, _NEWTONS),
+        palm=tuple(solid.moved(T_hand_base) for solid in _palm(fields)),
         fingers=fingers,
         preshapes=_preshapes(fields.child("preshapes"), fingers),
     )
     fields.finish()
     return content
+
+
+def _number(fields: Fields, name: str, low: float, high: float, mend: str) -> float:
+    """Read a number within [low, high]; where it isn't, say what it is a number of."""
+    try:
+        return fields.number(name, low, high)
+    except ConfigError as error:
+        raise ConfigError(
+            error.what,
+            got=error.got,
+            expected=error.expected,
+            mend=error.mend or mend,
+        ) from error
+
+
+def _palm(fields: Fields) -> tuple[Solid, ...]:
+    """Read the solids of the palm; without any it would go through what lies there."""
+    fields.raw("palm")
+    palm = _solids(fields, "palm")
+    if not palm:
+        raise ConfigError(
+            fields.where("palm"),
+            got="no solid",
+            expected="at least one: without it the palm would touch nothing",
+            mend="A box a little larger than the body of the hand will do.",
+        )
+    return palm
 
 
 def _solids(fields: Fields, name: str) -> tuple[Solid, ...]:
@@ -143,8 +178,42 @@ def _chains(fields: Fields) -> dict[str, tuple[tuple[HandLink, ...], FloatArray]
                 got="no pad in the last link" if links_and_pads else "no link",
                 expected="links, the last with pad: [x, y, z], where it meets objects",
             )
-        chains[name] = (tuple(link for link, _ in links_and_pads), pad)
+        links = tuple(link for link, _ in links_and_pads)
+        _require_tip(fields, name, links)
+        chains[name] = (links, pad)
     return chains
+
+
+def _require_tip(fields: Fields, name: str, links: tuple[HandLink, ...]) -> None:
+    """Refuse a chain whose pad moves without a solid that could meet an object."""
+    moved = [index for index, link in enumerate(links) if link.joint is not None]
+    if moved and not any(link.solids for link in links[moved[-1] :]):
+        raise ConfigError(
+            fields.where(f"{name}[{moved[-1]}].solids"),
+            got="no solid from the last joint to the pad",
+            expected="at least one, to meet objects",
+            mend="Give the link a box, cylinder, capsule or sphere about as large as "
+            "the finger is there.",
+        )
+
+
+def _fingers(
+    fields: Fields,
+    chains: Mapping[str, tuple[tuple[HandLink, ...], FloatArray]],
+    T_hand_base: SE3,
+) -> tuple[Finger, ...]:
+    fingers: dict[str, Finger] = {}
+    for child in fields.children("fingers"):
+        finger = _finger(child, chains, T_hand_base)
+        if finger.name in fingers:
+            raise ConfigError(
+                child.where("name"),
+                got=f"{finger.name!r} a second time",
+                expected="a name that no other finger of the hand has",
+                mend="Joint values are told apart by it: <finger>_<joint>.",
+            )
+        fingers[finger.name] = finger
+    return tuple(fingers.values())
 
 
 def _finger(
@@ -166,6 +235,13 @@ def _finger(
         pad,
     )
     fields.finish()
+    if not any(link.solids for link in finger.links):
+        raise ConfigError(
+            fields.where("solids"),
+            got=f"no solid, here or in chain {chain!r}",
+            expected="at least one, to meet objects",
+            mend=f"Give them to the finger, or to a link of chains.{chain}.",
+        )
     return finger
 
 
@@ -183,8 +259,10 @@ def _preshape(name: str, fields: Fields, fingers: tuple[Finger, ...]) -> Preshap
     if "fixed" in fields:
         fixed = fields.child("fixed")
         for joint in fixed.names():
-            joints[joint] = np.full_like(commands, fixed.number(joint, -10.0, 10.0))
+            value = fixed.number(joint, -np.inf, np.inf)
+            joints[joint] = np.full_like(commands, value)
     _require_joints(fields, fingers, joints)
+    _require_units(fields, fingers, joints)
     openings = _openings(fingers, joints)
     if not (np.diff(openings) <= _OPENING_SLACK).all():
         raise ConfigError(
@@ -253,6 +331,37 @@ def _require_joints(
             fields.where(),
             got=f"no values of {', '.join(missing)}",
             expected="every joint among closing or fixed",
+        )
+
+
+def _require_units(
+    fields: Fields, fingers: tuple[Finger, ...], joints: Mapping[str, FloatArray]
+) -> None:
+    """Refuse joint values that can only be millimetres or degrees."""
+    slides = {
+        link.joint.variable
+        for finger in fingers
+        for link in finger.links
+        if link.joint is not None and link.joint.is_prismatic
+    }
+    for name, table in joints.items():
+        value = float(table[np.abs(table).argmax()])
+        if abs(value) <= (MAX_LENGTH if name in slides else _FULL_TURN):
+            continue
+        is_fixed = "fixed" in fields and name in fields.child("fixed")
+        where = fields.where(f"{'fixed' if is_fixed else 'closing'}.{name}")
+        if name in slides:
+            raise ConfigError(
+                where,
+                got=value,
+                expected=f"metres, for a prismatic joint at most {MAX_LENGTH:g}",
+                mend=f"If these are millimetres, {value:g} mm is {value / 1e3:g}.",
+            )
+        raise ConfigError(
+            where,
+            got=value,
+            expected="radians, for a revolute joint at most 2 pi = 6.28",
+            mend=f"If these are degrees, {value:g} degrees is {np.deg2rad(value):.4g}.",
         )
 
 

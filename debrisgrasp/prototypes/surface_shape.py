@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
 from debrisgrasp.errors import InputError, ShapeError
-from debrisgrasp.geometry import SE3, Bounds, voxel_downsample
+from debrisgrasp.geometry import SE3, Bounds, voxel_cells
+from debrisgrasp.geometry.neighbors import cell_means
 
 from .surfaces import Patch
 from .symmetry import Symmetry
@@ -23,6 +24,11 @@ SIDES = ("all", "seen")
 SPACING = 0.005
 """Distance between the stored points of a surface [m]: finer than a finger is thick, so
 that none slips between them."""
+_LAYER = SPACING / np.sqrt(2.0)
+"""Faces that look the same way and are farther apart than this keep points of their own
+[m]: no round measure, so that steps and fins of round ones don't lie on the verge."""
+_EQUAL = 1e-5
+"""Distances in steps of this [m]: of points equally far away the first is kept."""
 _MIN_POINTS = 30
 """With fewer points than this nothing can be told from anything else."""
 _MAX_SIZE = 1.0
@@ -94,7 +100,11 @@ class SurfaceShape:
     def thinned(
         cls, points: FloatArray, normals: FloatArray, sides: str = "seen"
     ) -> SurfaceShape:
-        """Keep one point for each cell of 5 mm and each side of a thin piece.
+        """Keep one point for each square of 5 mm, on each side of a thin piece.
+
+        Squares lie across the axis that a normal is closest to. How far along it a face
+        lies doesn't matter: in cells, float noise would spread a face on their border
+        over two of them, and count it twice.
 
         Parameters
         ----------
@@ -106,7 +116,10 @@ class SurfaceShape:
         axis: IntArray = np.argmax(np.abs(normals), axis=1).astype(np.int64)
         side = 2 * axis + (np.take_along_axis(normals, axis[:, None], 1)[:, 0] > 0)
         groups = [np.flatnonzero(side == number) for number in range(6)]
-        kept = [group[voxel_downsample(points[group], SPACING)] for group in groups]
+        kept = [
+            group[_chosen(points[group], number // 2)]
+            for number, group in enumerate(groups)
+        ]
         chosen = np.sort(np.concatenate(kept))
         return cls(points[chosen], normals[chosen], sides)
 
@@ -225,6 +238,30 @@ class SurfaceBody:
         rise = (self.points[ahead] - origins) * self.normals[nearest]
         blocked: BoolArray = (ahead >= 0) & (rise.sum(axis=1) > self.spacing)
         return blocked
+
+
+def _chosen(points: FloatArray, axis: int) -> IntArray:
+    """Choose the point nearest to the mean of each layer in each column along an axis.
+
+    Parameters
+    ----------
+    points
+        Of surfaces that lie more across the axis than along it [m], shape (n, 3).
+    """
+    flat, height = points.copy(), points[:, axis]
+    flat[:, axis] = 0.0
+    column, _ = voxel_cells(flat, SPACING)
+    order = np.lexsort((height, column))
+    is_next = np.diff(column[order], prepend=-1) > 0
+    is_next |= np.diff(height[order], prepend=0.0) > _LAYER
+    layer = np.empty(len(points), dtype=np.int64)
+    layer[order] = np.cumsum(is_next) - 1
+    means = cell_means(points, layer, int(np.count_nonzero(is_next)))
+    away = np.linalg.norm(points - means[layer], axis=1)
+    # Two alone are equally far from their mean, whatever float noise says.
+    order = np.lexsort((np.round(away / _EQUAL), layer))
+    found: IntArray = order[np.diff(layer[order], prepend=-1) > 0]
+    return found
 
 
 def _square_to(directions: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -58,18 +58,27 @@ class Check:
     function: Callable[[Robot], Iterator[str]]
     needs: frozenset[str] = frozenset()
     """Members of devices that it uses, such as ``arm.read``."""
+    subject: str = ""
+    """The device that it is about, if a robot may be without: ``head`` or ``base``."""
 
     def lacks(self, gaps: Iterable[Gap]) -> tuple[str, ...]:
         """Tell which of the members that it needs are missing."""
         return tuple(member for gap in gaps for member in gap.of(self.needs))
 
+    def is_idle(self, robot: Robot) -> bool:
+        """Tell whether the robot is without the device that this is about."""
+        return bool(self.subject) and getattr(robot, self.subject) is None
+
     def __call__(self, robot: Robot) -> tuple[str, ...]:
         """Return what is wrong, in words; nothing, if the promise is kept.
 
-        Nothing is done with a robot that lacks a member that the check needs.
+        Nothing is done with a robot that lacks a member that the check needs. Of a
+        device that a robot may be without, and is, nothing can be wrong.
         """
         if lacking := self.lacks(absent(robot)):
             return (f"not run: there is no {', '.join(lacking)}",)
+        if self.is_idle(robot):
+            return ()
         problems: list[str] = []
         try:
             problems.extend(self.function(robot))
@@ -137,8 +146,10 @@ def _check(
     needs: str,
     *,
     moves: bool = False,
+    subject: str = "",
 ) -> Check:
-    return Check(function.__name__, promise, moves, function, frozenset(needs.split()))
+    members = frozenset(needs.split())
+    return Check(function.__name__, promise, moves, function, members, subject)
 
 
 _CLOCK = "clock.now clock.wait_until "
@@ -184,48 +195,62 @@ CHECKS = (
         "depth is in metres, in the size and frame that it says",
         "clock.now camera.capture",
     ),
-    _check(head_is_known, "the head's joints are the model's, and it stands", _HEAD),
+    _check(
+        head_is_known,
+        "the head's joints are the model's, and it stands",
+        _HEAD,
+        subject="head",
+    ),
     _check(
         base_stands,
         "the base tells a pose, and stands when stopped",
         _CLOCK + "base.read base.stop",
+        subject="base",
     ),
     _check(stop_latches, "a stop stays until it is reset", _CLOCK + _STATE),
 )
 """Checks that move nothing."""
 
-MOVING_CHECKS = tuple(
-    _check(function, promise, needs, moves=True)
-    for function, promise, needs in (
-        (
-            disengaged_arm_stands,
-            "a disengaged arm follows nothing",
-            _MOTION + "arm.disengage arm.is_engaged",
-        ),
-        (
-            arm_follows,
-            "an engaged arm goes where it is sent",
-            _MOTION + _STATE + "arm.joint_names",
-        ),
-        (
-            wrist_feels_weight,
-            "a turned wrist feels the tool's weight",
-            _MOTION + _STATE + "sensor.read",
-        ),
-        (nonsense_is_refused, "an arm follows no NaN", _MOTION + _STATE),
-        (stopped_arm_stands, "a stopped arm follows nothing", _MOTION + _STATE),
-        (
-            hand_moves,
-            "fingers initialise, open and close",
-            _CLOCK + "arm.disengage gripper.name gripper.initialise gripper.preshape "
-            "gripper.is_initialised gripper.command gripper.read",
-        ),
-        (
-            head_moves,
-            "the head turns and tells when it has arrived",
-            _CLOCK + _HEAD + "head.move_to arm.disengage",
-        ),
-    )
+MOVING_CHECKS = (
+    _check(
+        disengaged_arm_stands,
+        "a disengaged arm follows nothing",
+        _MOTION + "arm.disengage arm.is_engaged",
+        moves=True,
+    ),
+    _check(
+        arm_follows,
+        "an engaged arm goes where it is sent",
+        _MOTION + _STATE + "arm.joint_names",
+        moves=True,
+    ),
+    _check(
+        wrist_feels_weight,
+        "a turned wrist feels the tool's weight",
+        _MOTION + _STATE + "sensor.read",
+        moves=True,
+    ),
+    _check(nonsense_is_refused, "an arm follows no NaN", _MOTION + _STATE, moves=True),
+    _check(
+        stopped_arm_stands,
+        "a stopped arm follows nothing",
+        _MOTION + _STATE,
+        moves=True,
+    ),
+    _check(
+        hand_moves,
+        "fingers initialise, open and close",
+        _CLOCK + "arm.disengage gripper.name gripper.initialise gripper.preshape "
+        "gripper.is_initialised gripper.command gripper.read",
+        moves=True,
+    ),
+    _check(
+        head_moves,
+        "the head turns and tells when it has arrived",
+        _CLOCK + _HEAD + "head.move_to arm.disengage",
+        moves=True,
+        subject="head",
+    ),
 )
 """Checks that move: joints by up to 2 degrees, fingers by 2 cm, the head by 2 degrees.
 The arms must stand free, and a person at the stop."""
@@ -249,12 +274,13 @@ def check_robot(robot: Robot, *, motion: bool = False) -> Report:
     -------
     Report
         A check at rest that fails does not keep others from being run, but for those
-        that need what a device lacks.
+        that need what a device lacks. Checks of a head or a base are not run on a robot
+        without.
 
     Raises
     ------
     InputError
-        If something else than a `Robot` is given.
+        If something else than a `Robot` is given, or one of its limbs isn't a `Limb`.
     """
     passed: list[str] = []
     findings: list[Finding] = []
@@ -262,6 +288,10 @@ def check_robot(robot: Robot, *, motion: bool = False) -> Report:
     gaps: tuple[Gap, ...] = ()
     at_rest = {check.name for check in CHECKS}
     for check in (*CHECKS, *(MOVING_CHECKS if motion else ())):
+        if check.is_idle(robot):
+            why = f"the robot has no {check.subject}"
+            skipped.append(Finding(check.name, why))
+            continue
         if check.moves and at_rest.intersection(found.check for found in findings):
             skipped.append(Finding(check.name, _UNSAFE))
             continue

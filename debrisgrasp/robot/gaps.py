@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
+
+from debrisgrasp._words import shortened
+from debrisgrasp.errors import InputError
 
 from .interface import (
     Arm,
@@ -18,6 +21,7 @@ from .interface import (
     HandReading,
     Head,
     JointReading,
+    Limb,
     Robot,
     WrenchReading,
 )
@@ -52,7 +56,13 @@ class Gap:
 
 
 def absent(robot: Robot) -> Iterator[Gap]:
-    """Find members that devices don't have; nothing is asked of them."""
+    """Find members that devices don't have; nothing is asked of them.
+
+    Raises
+    ------
+    InputError
+        If the limbs aren't a dictionary of `Limb`.
+    """
     for name, device, protocol in _devices(robot):
         lacking = tuple(
             member
@@ -99,10 +109,27 @@ def _devices(robot: Robot) -> Iterator[tuple[str, Any, Any]]:
     ):
         if device is not None:
             yield name, device, protocol
-    for name, limb in robot.limbs.items():
+    for name, limb in _limbs(robot).items():
         yield f"arm {name}", limb.arm, Arm
         yield f"sensor {name}", limb.sensor, ForceSensor
         yield f"gripper {name}", limb.gripper, Gripper
+
+
+def _limbs(robot: Robot) -> Mapping[str, Limb]:
+    """Refuse limbs that hold no devices: nothing can be asked of them."""
+    limbs = robot.limbs
+    if not isinstance(limbs, Mapping):
+        said = shortened(repr(limbs))
+        raise InputError("limbs of the robot", got=said, expected="a dictionary")
+    for name, limb in limbs.items():
+        if not isinstance(limb, Limb):
+            raise InputError(
+                f"limb {name} of the robot",
+                got=shortened(repr(limb)),
+                expected="a Limb",
+                mend="Limb(arm=..., sensor=..., gripper=..., loads=...) makes one.",
+            )
+    return limbs
 
 
 def _members(protocol: Any) -> dict[str, object]:

@@ -51,8 +51,8 @@ def disengaged_arm_stands(robot: Robot) -> Iterator[str]:
 def stopped_arm_stands(robot: Robot) -> Iterator[str]:
     """Check that a stopped arm follows nothing."""
     for name, limb in robot.limbs.items():
-        if not _engaged(robot, limb.arm):
-            yield f"arm {name}: not engaged within 0.5 s"
+        if odd := _unready(robot, limb.arm):
+            yield f"arm {name}: {odd}"
             continue
         limb.arm.stop()
         yield from _stands(robot, name, limb.arm, "stopped")
@@ -64,8 +64,8 @@ def arm_follows(robot: Robot) -> Iterator[str]:
     """Check that an engaged arm goes where it is sent."""
     for name, limb in robot.limbs.items():
         arm = limb.arm
-        if not _engaged(robot, arm):
-            yield f"arm {name}: not engaged within 0.5 s"
+        if odd := _unready(robot, arm):
+            yield f"arm {name}: {odd}"
             continue
         start = _q(arm)
         goal = start + _swing(arm, start)
@@ -91,8 +91,8 @@ def wrist_feels_weight(robot: Robot) -> Iterator[str]:
     """
     for name, limb in robot.limbs.items():
         arm, loads, chain = limb.arm, limb.loads, robot.model.chain(name)
-        if not _engaged(robot, arm):
-            yield f"arm {name}: not engaged within 0.5 s"
+        if odd := _unready(robot, arm):
+            yield f"arm {name}: {odd}"
             continue
         start = _q(arm)
         goal = start + _tilt(arm, chain, start)
@@ -155,17 +155,23 @@ def nonsense_is_refused(robot: Robot) -> Iterator[str]:
     """Check that an arm follows no NaN."""
     for name, limb in robot.limbs.items():
         arm = limb.arm
-        if not _engaged(robot, arm):
-            yield f"arm {name}: not engaged within 0.5 s"
+        if odd := _unready(robot, arm):
+            yield f"arm {name}: {odd}"
             continue
         before = _q(arm)
         for _ in range(10):
             with suppress(Exception):  # to refuse by raising is fine
                 arm.command([float("nan")] * len(before))
             _wait(robot, _PERIOD)
-        after = _q(arm)
-        if not np.isfinite(after).all() or np.abs(after - before).max() > _STOOD:
-            yield f"arm {name}: went to {after.tolist()} when sent NaN"
+        try:
+            after = _q(arm)
+        except Exception as error:  # noqa: BLE001 - a driver may raise any
+            said = f"{type(error).__name__}: {error}"
+            yield f"arm {name}: can't be read after it was sent NaN ({said})"
+            continue
+        # NaN compares as false.
+        if not np.abs(after - before).max() <= _STOOD:
+            yield f"arm {name}: obeys NaN, went to {after.tolist()} when sent NaN"
         if arm.is_stopped:
             arm.reset()
         arm.disengage()
@@ -274,11 +280,17 @@ def _send(robot: Robot, name: str, q_from: FloatArray, q_to: FloatArray) -> None
         _wait(robot, _PERIOD)
 
 
-def _engaged(robot: Robot, arm: Arm) -> bool:
+def _unready(robot: Robot, arm: Arm) -> str:
+    """Engage an arm; say why it can't be sent anywhere, "" if it can."""
     if arm.is_stopped:
         arm.reset()
     arm.engage()
-    return _becomes(robot, lambda: arm.is_engaged, 0.5)
+    if not _becomes(robot, lambda: arm.is_engaged, 0.5):
+        return "not engaged within 0.5 s"
+    q = _q(arm)
+    if not np.isfinite(q).all():
+        return f"reads {q.tolist()}; did it obey NaN?"
+    return ""
 
 
 def _becomes(robot: Robot, condition: Callable[[], bool], limit: float) -> bool:

@@ -1,4 +1,4 @@
-"""Fit the evidence that singulation joins regions by, to simulated piles and stacks.
+"""Fit the evidence that singulation joins regions by, to piles and stacks of things.
 
 Run: python -m tests.benchmarks.fit_singulation --out FILE [--piles N]
 
@@ -39,13 +39,16 @@ from debrisgrasp.segmentation.singulation.notches import flush_bars_apart
 from debrisgrasp.segmentation.singulation.patches import planar_patches
 
 from .boosting import Boosting, Cases, write_evidence
-from .piles import FreshPile, fresh_piles, fresh_stack
+from .piles import FreshPile, fresh_piles, fresh_stack, fresh_strangers
 from .segmentation import DATA, reference
+from .strangers import LEARNT
 
 FIRST_SEED = 30_000
 """Of the piles to learn from; benchmarks report on others."""
 STACKS = 24
 """Piles of debris for each stack of household things."""
+STRANGERS = 5
+"""Piles of debris for each pile of things that the generator does not make."""
 STACK_WEIGHT = 2.0
 """What pairs of stacks count: they are few."""
 REAL_WEIGHT = 4.0
@@ -196,7 +199,9 @@ def main() -> None:
     rng = np.random.default_rng(options.seed)
     seeds = range(FIRST_SEED, FIRST_SEED + options.piles)
     stacks = map(fresh_stack, seeds[: options.piles // STACKS])
-    captures = [part for pile in fresh_piles(seeds) for part in divided(pile)]
+    others = (fresh_strangers(s, LEARNT) for s in seeds[: options.piles // STRANGERS])
+    piles = chain(fresh_piles(seeds), others)
+    captures = [part for pile in piles for part in divided(pile)]
     for pile in stacks:
         captures += [replace(part, weight=STACK_WEIGHT) for part in divided(pile)]
     captures += real()

@@ -29,6 +29,7 @@ from debrisgrasp.worlds import (
 )
 
 from .report import arguments, publish
+from .strangers import Kinds, settled_strangers
 
 FEWEST_PIXELS = 60
 
@@ -84,6 +85,12 @@ def fresh_stack(seed: int) -> FreshPile:
     ]
     world = World(tuple(bodies), Ground.level(), f"{seed} stack")
     return _seen(seed, let_fall(world), rng)
+
+
+def fresh_strangers(seed: int, kinds: Kinds) -> FreshPile:
+    """Draw a pile of three to eight things that the generator does not make."""
+    rng = np.random.default_rng([seed, 2])
+    return _seen(seed, settled_strangers(rng, kinds, (3, 8)), rng)
 
 
 def _household(rng: np.random.Generator, name: str, spread: float) -> Body:

@@ -245,16 +245,44 @@ def test_what_cannot_be_written_is_said_and_nothing_is_lost(
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.parametrize("command", ["plan", "motion", "segment"])
+def test_only_an_earlier_result_is_replaced_by_a_result(
+    refused, pipe_file, command, tmp_path
+):
+    suffix = "npz" if command == "segment" else "json"
+    texts = ["robot: none", '{"schema": "debrisgrasp/other/1"}', '{"fx": 600.0}']
+    for number, text in enumerate(texts):
+        mine = tmp_path / f"mine_{number}.{suffix}"
+        mine.write_text(text)
+        assert "would be lost" in refused(command, pipe_file, "--out", mine)
+        assert mine.read_text() == text
+    other = tmp_path / f"capture.{suffix}"
+    other.write_bytes(Path(pipe_file).read_bytes())
+    assert "would be lost" in refused(command, pipe_file, "--out", other)
+    assert other.read_bytes() == Path(pipe_file).read_bytes()
+
+
+def test_earlier_results_are_replaced(run, pipe_file, dictionary, tmp_path):
+    plan = ["plan", pipe_file, "--robot", "none", "--prototypes", dictionary]
+    out = tmp_path / "grasps.json"
+    out.touch()
+    for _ in range(2):
+        assert run(*plan, "--out", out).status == 0
+    labels = tmp_path / "labels.npz"
+    for _ in range(2):
+        assert run("segment", pipe_file, "--out", labels).status == 0
+
+
 def test_an_existing_result_stays_whole_when_the_run_fails(
     refused, pipe_file, dictionary, tmp_path
 ):
     out = tmp_path / "grasps.json"
-    out.write_text("precious")
+    out.write_text('{"schema": "debrisgrasp/grasps/1"}')
     refused(
         *("plan", pipe_file, "--robot", "none", "--prototypes", dictionary),
         *("--object", "99", "--out", out),
     )
-    assert out.read_text() == "precious"
+    assert out.read_text() == '{"schema": "debrisgrasp/grasps/1"}'
     assert [entry.name for entry in tmp_path.iterdir()] == [out.name]
 
 

@@ -139,7 +139,7 @@ def test_with_a_load_in_the_hand_a_sensor_that_lies_stops_the_robot(pipeline):
 
 def test_a_load_that_grows_on_an_open_hand_that_stands_stops_it(pipeline):
     task = SimulatedTask(
-        objects=1, seed=3, drive_over=0.02, faults=("ratchet@verify_release",)
+        objects=1, seed=4, drive_over=0.02, faults=("ratchet@verify_release",)
     )
     done = api.clear(task, pipeline=pipeline)
     assert done.happened == ("ratchet",)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from debrisgrasp import ros
-from debrisgrasp.errors import CaptureError, InputError
+from debrisgrasp.errors import CaptureError, ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.prototypes import GripperModel
@@ -165,6 +166,8 @@ def test_a_pose_survives_the_way_there_and_back(store, sent):
         message.pose.position, message.pose.orientation
     )
     np.testing.assert_allclose(ros.pose_of(transform).matrix, TURNED.matrix, atol=1e-12)
+    stamped = SimpleNamespace(transform=transform)  # as tf2 looks it up
+    np.testing.assert_allclose(ros.pose_of(stamped).matrix, TURNED.matrix, atol=1e-12)
 
 
 def test_a_transform_that_nobody_filled_in_is_no_pose(store):
@@ -175,6 +178,12 @@ def test_a_transform_that_nobody_filled_in_is_no_pose(store):
     )
     with pytest.raises(InputError, match="an empty message holds only zeros"):
         ros.pose_of(empty)
+    lost = SimpleNamespace(
+        translation=SimpleNamespace(x=np.nan, y=0.0, z=0.0),
+        rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0),
+    )
+    with pytest.raises(InputError, match="transform"):
+        ros.pose_of(lost)
 
 
 def test_a_trajectory_is_sent_by_its_knots_or_at_a_period(sent):
@@ -187,6 +196,8 @@ def test_a_trajectory_is_sent_by_its_knots_or_at_a_period(sent):
     )
     name = "trajectory_msgs/msg/JointTrajectory"
     knots = sent(name, ros.joint_trajectory(motion))
+    with pytest.raises(ConfigError, match="period"):
+        ros.joint_trajectory(motion, period=0.0)
     assert knots.joint_names == ["a", "b"]
     np.testing.assert_allclose([p.positions for p in knots.points], motion.q)
     np.testing.assert_allclose([p.velocities for p in knots.points], motion.dq)

@@ -154,6 +154,22 @@ def met(pipeline, way, share, offset, size):
     return fault, fake.truth()
 
 
+def test_a_motion_to_where_the_arm_stands_is_followed(pipeline):
+    _, task = before_a_brick(pipeline)
+    drive = Drive(task.context, "right")
+    q = np.array([task.context.posture(drive.limb)])
+    still = Trajectory(
+        joint_names=drive.limb.reach.chain.joint_names,
+        times=np.zeros(1),
+        q=q,
+        dq=np.zeros_like(q),
+        limits_hash=drive.limb.limits.planner.hash,
+    )
+    assert still.duration == 0.0
+    assert drive.follow(still) is None
+    np.testing.assert_allclose(task.context.posture(drive.limb), q[0], atol=1e-3)
+
+
 @settings(max_examples=8, deadline=None)
 @given(
     st.floats(0.2, 0.95),

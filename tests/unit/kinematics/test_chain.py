@@ -5,11 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from debrisgrasp.errors import ConfigError, DebrisGraspError, UnknownNameError
-from debrisgrasp.kinematics import KinematicChain
+from debrisgrasp.kinematics import KinematicChain, RobotModel
 
 from .robots import ROMAN_URDF, JointText, PinocchioOracle, written
+
+ARM = RobotModel.load("roman").chain("left")
 
 MIXED = (
     JointText("continuous", axis=(0, 0, 1)),
@@ -229,6 +233,21 @@ def test_a_closed_loop_of_links_is_refused(tmp_path: Path) -> None:
 def test_a_urdf_that_does_not_exist_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"none\.urdf"):
         KinematicChain.from_urdf(tmp_path / "none.urdf", "a", "b")
+
+
+@given(
+    st.floats(-20.0, 20.0), st.floats(-7.0, 7.0), st.floats(0.05, 7.0) | st.just(np.inf)
+)
+def test_postures_unwind_to_the_nearest_whole_turn_within_the_limits(
+    q: float, near: float, most: float
+) -> None:
+    n = ARM.n_joints
+    chain = replace(ARM, lower=np.full(n, -most), upper=np.full(n, most))
+    found = chain.unwound(np.full(n, q), np.full(n, near))
+    turns = q + 2.0 * np.pi * np.arange(-5, 6)
+    within = turns[np.abs(turns) <= most]
+    nearest = np.abs(within - near).min() if len(within) else abs(q - near)
+    np.testing.assert_allclose(np.abs(found - near), nearest, atol=1e-9)
 
 
 def test_wrong_number_of_joint_values_is_refused(arm: KinematicChain) -> None:

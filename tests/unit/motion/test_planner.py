@@ -45,6 +45,28 @@ def test_in_the_open_the_way_is_straight(arm, planner, empty, q_goal):
     np.testing.assert_allclose(found.trajectory.q[-1], q_goal, atol=1e-6)
 
 
+def test_a_goal_is_sought_at_turns_within_the_limits_of_the_planner(arm, empty):
+    limits = arm.robot.limits("left", arm.chain).planner
+    full = 2.0 * np.pi
+    chain = replace(
+        arm.chain,
+        lower=np.append(arm.chain.lower[:-1], -full),
+        upper=np.append(arm.chain.upper[:-1], full),
+    )
+    inner = replace(
+        limits,
+        lower=np.append(limits.lower[:-1], 0.02 - full),
+        upper=np.append(limits.upper[:-1], full - 0.02),
+    )
+    body = replace(arm.collision.body, chain=chain)
+    planner = MotionPlanner(replace(arm.collision, body=body), inner)
+    goal = np.append(arm.q_present[:-1], 0.0)
+    for turn in (3.0, 3.3, 5.0, -3.5):
+        found = plan(planner, np.append(goal[:-1], turn), goal, empty)
+        require_free(planner, found, empty)
+        assert found.trajectory.q[-1, -1] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_goes_around_what_is_in_the_way(arm, planner, pillar, q_goal):
     direct = arm.q_present + np.linspace(0, 1, 101)[:, None] * (q_goal - arm.q_present)
     assert not planner.exact_test(pillar).is_free(direct).all()

@@ -93,7 +93,7 @@ def test_without_a_mask_or_with_nothing_in_it_there_is_nothing_to_say(pile):
     assert told(capture, np.zeros_like(labels, dtype=bool)) == ()
 
 
-@pytest.mark.parametrize("covered", [(3, 4), (1, 2, 3, 4, 5), range(1, 9)])
+@pytest.mark.parametrize("covered", [(3, 4), (1, 2, 3, 4, 5), (1, 2, 3, 4, 5, 6, 8)])
 def test_a_mask_over_objects_that_touch_tells_their_number(pile, covered):
     capture, labels = pile
     (note,) = told(capture, np.isin(labels, covered))

@@ -11,7 +11,7 @@ import debrisgrasp
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import data_path
-from debrisgrasp.pipeline.targets import choose_targets, whole_of
+from debrisgrasp.pipeline.targets import choose_targets, whole_of, with_crumbs
 
 
 def divided(kinship):
@@ -32,6 +32,24 @@ def test_the_rest_of_a_marked_object_is_lifted_with_it_and_no_neighbour():
     whole = whole_of(divided(chain), 1, CHOSEN)
     assert whole.tolist() == [False, True, True, True, False]
     assert whole_of(divided(None), 1, CHOSEN).tolist() == [0, 1, 1, 0, 0]
+
+
+def test_crumbs_of_what_is_lifted_are_lifted_and_neither_ground_nor_neighbours():
+    plane = np.array([0.0, 0.0, 1.0, 0.1])  # the ground lies at -0.1
+    own = [[0.0, 0.0, 0.0], [0.2, 0.0, 0.1]]
+    crumbs = [[0.21, 0.0, 0.1], [0.1, 0.0, 0.1], [0.0, 0.015, -0.09]]
+    neighbour = [[0.0, 0.03, 0.0], [0.0, 0.018, 0.0]]
+    points = np.array([*own, *crumbs, *neighbour])
+    labels = np.array([1, 1, 0, 0, 0, 2, 0])
+    whole = with_crumbs(points, labels, labels == 1, plane)
+    assert whole.tolist() == [True, True, True, False, False, False, False]
+    for unchanged in (
+        with_crumbs(points, labels, labels == 1, None),
+        with_crumbs(points, np.maximum(labels, 1), labels == 1, plane),
+    ):
+        np.testing.assert_array_equal(unchanged, labels == 1)
+    nothing = np.zeros(7, dtype=bool)
+    assert not with_crumbs(points, labels, nothing, plane).any()
 
 
 def test_in_a_region_counts_what_lies_in_it():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import ConfigError, DebrisGraspError
-from debrisgrasp.prototypes import GripperModel
+from debrisgrasp.prototypes import GripperModel, known_grippers
 
 JAW = """\
 name: jaw
@@ -101,6 +101,119 @@ def test_bad_hands_are_refused_with_file_field_and_range(
     assert found in JAW
     with pytest.raises(DebrisGraspError, match=f"(?s){message}"):
         load_text(tmp_path, JAW.replace(found, replacement, 1))
+
+
+HOOKS = """\
+name: hooks
+mass: 1.0
+max_force: 100
+base: {}
+palm:
+  - {type: box, size: [0.2, 0.04, 0.06], position: [0, 0, -0.03]}
+chains:
+  hook:
+    - joint: {name: root, axis: [0, 1, 0]}
+      solids: [{type: box, size: [0.01, 0.02, 0.04], position: [0, 0, 0.02]}]
+    - position: [0, 0, 0.04]
+      joint: {name: tip, axis: [0, 1, 0]}
+      solids: [{type: box, size: [0.01, 0.02, 0.04], position: [0, 0, 0.02]}]
+    - pad: [0, 0, 0.04]
+fingers:
+  - {name: left, side: thumb, chain: hook, position: [-0.04, 0, 0]}
+  - {name: right, side: pair, chain: hook, position: [0.04, 0, 0], rpy_deg: [0, 0, 180]}
+preshapes:
+  fist:
+    widths: [0.001, 0.08]
+    fixed: {tip: 0.0}
+    closing: {command: [0, 1], root: [0, 0.7]}
+"""
+SOLIDS = (
+    "      solids: [{type: box, size: [0.01, 0.02, 0.04], position: [0, 0, 0.02]}]\n"
+)
+
+
+def test_a_link_without_solids_may_carry_the_pad(tmp_path: Path) -> None:
+    hooks = load_text(tmp_path, HOOKS)
+    assert len(hooks.finger_solids("fist", 0.05)) == 4
+    assert hooks.joint_values("fist", 0.08)["left_root"] == pytest.approx(0.0)
+
+
+def test_a_finger_without_joint_takes_its_solids_from_anywhere(tmp_path: Path) -> None:
+    """A fixed jaw: the one of the finger itself does for a chain without any."""
+    jaw = JAW.replace("chain: jaw}", "chain: anvil, position: [0.0, 0, 0]}")
+    jaw = jaw.replace("fingers:\n", "  anvil: [{pad: [0, 0, 0.07]}]\nfingers:\n")
+    jaw = jaw.replace("[0.001, 0.08]", "[0.001, 0.04]")
+    with pytest.raises(ConfigError, match=r"fingers\[1\]\.solids.*chains\.anvil"):
+        load_text(tmp_path, jaw)
+    solid = "solids: [{type: sphere, radius: 0.01, position: [0.05, 0, 0.07]}]}"
+    fixed = jaw.replace("position: [0.0, 0, 0]}", solid)
+    assert len(load_text(tmp_path, fixed).finger_solids("parallel", 0.03, 1)) == 1
+
+
+@pytest.mark.parametrize(
+    ("found", "replacement", "message"),
+    [
+        (
+            "[0, 0, 0.04]\n      joint: {name: tip, axis: [0, 1, 0]}\n" + SOLIDS,
+            "[0, 0, 0.04]\n      joint: {name: tip, axis: [0, 1, 0]}\n",
+            r"field chains\.hook\[1\]\.solids: got no solid.*Give the link",
+        ),
+        (
+            "root: [0, 0.7]",
+            "root: [0, 40]",
+            r"fist\.closing\.root: got 40\.0, .*2 pi.*degrees, 40 degrees is 0\.6981",
+        ),
+        ("root: [0, 0.7]", "root: [-45, 0]", r"closing\.root: got -45.*is -0\.7854"),
+        ("tip: 0.0", "tip: 9", r"fist\.fixed\.tip: got 9\.0, .*9 degrees is 0\.1571"),
+        ("tip: 0.0", "tip: 30", r"fist\.fixed\.tip: got 30.*30 degrees is 0\.5236"),
+    ],
+)
+def test_hooks_that_cannot_be_are_refused(
+    tmp_path: Path, found: str, replacement: str, message: str
+) -> None:
+    assert found in HOOKS
+    with pytest.raises(ConfigError, match=f"(?s){message}"):
+        load_text(tmp_path, HOOKS.replace(found, replacement, 1))
+
+
+PALM = "  - {type: box, size: [0.2, 0.04, 0.06], position: [0, 0, -0.03]}\n"
+FINGER = JAW[JAW.index("      solids") : JAW.index("      pad")]
+
+
+@pytest.mark.parametrize(
+    ("found", "replacement", "message"),
+    [
+        (FINGER, "", r"field chains\.jaw\[0\]\.solids: got no solid.*Give the link"),
+        (FINGER, "      solids: []\n", r"field chains\.jaw\[0\]\.solids: got no solid"),
+        ("max_force: 100", "max_force: 0", r"max_force: got 0\.0, .*0\.01 to.*newtons"),
+        ("max_force: 100", "max_force: -5", r"max_force: got -5\.0, .*0\.01 to"),
+        ("max_force: 100", "max_force: .nan", r"max_force: got nan, .*0\.01 to"),
+        ("mass: 1.0", "mass: 0", r"field mass: got 0\.0, .*0\.001 to 100.*kilograms"),
+        ("mass: 1.0", "mass: -1", r"field mass: got -1\.0, .*0\.001 to 100"),
+        ("mass: 1.0", "mass: 800", r"field mass: got 800\.0, .*800 g is 0\.8"),
+        ("name: right", "name: left", r"fingers\[1\]\.name: got 'left' a second time"),
+        ("palm:\n" + PALM, "palm: []\n", r"field palm: got no solid.*A box"),
+        ("palm:\n" + PALM, "", r"field palm: got nothing: it is missing"),
+        (
+            "[0.04, 0]}",
+            "[42.5, 0]}",
+            r"closing\.slide: got 42\.5, .*metres.*42\.5 mm is 0\.0425",
+        ),
+        ("[0.04, 0]}", "[-2, -42]}", r"closing\.slide: got -42\.0, .*is -0\.042"),
+    ],
+)
+def test_hands_that_cannot_be_are_refused_with_what_mends_them(
+    tmp_path: Path, found: str, replacement: str, message: str
+) -> None:
+    assert found in JAW
+    with pytest.raises(ConfigError, match=rf"(?s)jaw\.yaml.*{message}"):
+        load_text(tmp_path, JAW.replace(found, replacement, 1))
+
+
+def test_shipped_and_example_hands_can_be() -> None:
+    example = Path(__file__).parents[3] / "examples" / "grippers" / "jaw_140.yaml"
+    for hand in (*known_grippers(), str(example)):
+        assert GripperModel.load(hand).fingers
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

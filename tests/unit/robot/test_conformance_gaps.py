@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from debrisgrasp.errors import InputError
 from debrisgrasp.robot import CHECKS, MOVING_CHECKS, check_robot
 from tests.unit.robot.broken_robots import (
     Changed,
@@ -88,6 +89,40 @@ def test_a_device_that_does_not_answer_keeps_no_check_at_rest_from_being_run():
     report = check_robot(silent(made()))
     assert "clock_runs" in report.passed
     assert "camera_sees" in report.passed
+
+
+def test_what_a_robot_is_without_is_not_run_and_said():
+    bare = replace(made(), head=None, base=None)
+    report = check_robot(bare, motion=True)
+    assert report.is_conformant, str(report)
+    assert {each.check: each.problem for each in report.skipped} == {
+        "head_is_known": "the robot has no head",
+        "head_moves": "the robot has no head",
+        "base_stands": "the robot has no base",
+    }
+    assert len(report.passed) == len(CHECKS) + len(MOVING_CHECKS) - 3
+    assert "16 checks passed, 0 problems, 3 not run" in str(report)
+    assert "not run: head_is_known, head_moves (the robot has no head)" in str(report)
+
+
+@pytest.mark.parametrize("check", [*CHECKS, *MOVING_CHECKS], ids=str)
+def test_a_check_says_which_device_it_is_about(check):
+    bare = replace(made(), head=None, base=None)
+    about = {"head_is_known": "head", "head_moves": "head", "base_stands": "base"}
+    assert check.subject == about.get(check.name, "")
+    assert check.is_idle(bare) == bool(check.subject)
+    assert not check.is_idle(made())
+    if check.subject:
+        assert check(bare) == ()
+
+
+@pytest.mark.parametrize("limbs", [{"left": 1}, {"left": None}, [1], None])
+def test_limbs_that_are_none_are_refused_in_words(limbs):
+    robot = replace(made(), limbs=limbs)
+    with pytest.raises(InputError, match=r"limb.*of the robot.*expected a"):
+        check_robot(robot)
+    with pytest.raises(InputError, match=r"limb.*of the robot.*expected a"):
+        CHECKS[0](robot)
 
 
 class Watched(Changed):

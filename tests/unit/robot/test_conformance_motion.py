@@ -56,6 +56,35 @@ def credulous(robot):
     return with_limb(robot, "arm", command=command, read=read)
 
 
+def obedient(robot):
+    """A driver that is nowhere once it was sent NaN."""
+    arm, lost = robot.limbs["right"].arm, []
+
+    def command(q):
+        lost.extend(value for value in q if np.isnan(value))
+        arm.command(q)
+
+    def read():
+        reading = arm.read()
+        return reading._replace(q=np.full(8, np.nan)) if lost else reading
+
+    return with_limb(robot, "arm", command=command, read=read)
+
+
+def confused(robot):
+    """A driver that can't count any more once it was sent NaN."""
+    arm, lost = robot.limbs["right"].arm, []
+
+    def command(q):
+        lost.extend(value for value in q if np.isnan(value))
+        arm.command(q)
+
+    def read():
+        return int(lost[0]) if lost else arm.read()
+
+    return with_limb(robot, "arm", command=command, read=read)
+
+
 def unfelt(robot):
     """A sensor that is alive and measures nothing but its bias."""
     limb, rng = robot.limbs["right"], np.random.default_rng(1)
@@ -109,6 +138,8 @@ def still_head(robot):
         (unfelt, "wrist_feels_weight", "right.*does it measure at all"),
         (inverted_weight, "wrist_feels_weight", "right.*sign is inverted"),
         (credulous, "nonsense_is_refused", "sent NaN"),
+        (obedient, "nonsense_is_refused", "right: obeys NaN, went to .*nan"),
+        (confused, "nonsense_is_refused", "right: can't be read after .* sent NaN"),
         (deaf_stop, "stopped_arm_stands", "though it was stopped"),
         (stiff_hand, "hand_moves", "missed by|misses it"),
         (never_zeroed, "hand_moves", "not initialised"),
@@ -121,6 +152,14 @@ def test_a_promise_broken_in_motion_fails_its_check(broken, check, words):
     problems = one(broken(made()))
     assert problems
     assert re.search(words, " ".join(problems)), problems
+
+
+def test_an_arm_that_obeys_nan_is_told_of_in_words():
+    report = check_robot(obedient(made()), motion=True)
+    problems = {found.check: found.problem for found in report.findings}
+    assert "obeys NaN" in problems["nonsense_is_refused"]
+    assert "did it obey NaN?" in problems["stopped_arm_stands"]
+    assert "raised" not in str(report)
 
 
 def test_at_rest_no_check_sees_what_a_turn_of_the_wrist_shows():
