@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.kinematics import ArmReach
 from debrisgrasp.pipeline import with_hands
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.prototypes import FURTHER_HANDS, load_grippers
 
+from .capture_arguments import tell
 from .site_arguments import add_grippers, add_site, site_of
 
 __all__ = ["add_arm", "chosen_arms"]
@@ -42,7 +44,14 @@ def chosen_arms(arguments: argparse.Namespace) -> list[ArmReach]:
     robot = settings.robot_model()
     if robot is None:
         raise InputError("robot", got="none", expected="one with an arm")
-    robot = with_hands(robot, load_grippers(settings.grippers))
+    hands = load_grippers(settings.grippers)
+    tell(
+        f"the {arm_called(name)} carries {arm.gripper!r}, of which there is no file: "
+        f"that hand touches nothing here. {FURTHER_HANDS}"
+        for name, arm in robot.arms.items()
+        if arm.gripper not in hands
+    )
+    robot = with_hands(robot, hands)
     names = tuple(robot.arms)
     if settings.arm is not None:
         names = (robot.arm(settings.arm).name,)

@@ -57,6 +57,16 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
             )
     model.T_base_camera()
     assert model.camera is not None
+    above = {joint.name for joint in model.tree.joints_above(model.camera)}
+    for name in robot.limbs:
+        if above.issuperset(model.chain(name).joint_names):
+            raise InputError(
+                f"camera of {model.name}",
+                got=f"{model.camera}, which the {arm_called(name)} carries",
+                expected="one on the body, or on a head",
+                mend="The task watches its own hands; plans and motions take captures "
+                "of any camera whose pose they have.",
+            )
     for joint in model.tree.joints_above(model.camera):
         value = look.get(joint.name, 0.0)
         if joint.name in look and not joint.lower <= value <= joint.upper:

@@ -10,7 +10,7 @@ import numpy as np
 from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import Bounds
+from debrisgrasp.geometry import Bounds, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import RobotModel
@@ -27,6 +27,13 @@ __all__ = ["recall_plan"]
 
 _SAME = 0.9
 """So much of an object lies in the region of its plan, if it is the same object."""
+_FARTHEST = 0.5
+"""No pre-grasp is farther from its grasp [m]."""
+_STRAIGHT = 1e-3
+"""Angle by which pre-grasp and grasp may be turned to each other [rad]."""
+_NEAR, _TURNED = 0.01, 0.05
+"""Distance [m] and angle [rad] between a grasp and where its joints take the palm."""
+_TOGETHER = "Pose, pre-grasp and joints of a grasp belong together: plan anew."
 _EVEN = 1e-4
 """Margins of a region are equal within this [m]."""
 
@@ -82,6 +89,7 @@ def recall_plan(
     hands = load_grippers(grippers)
     for i, grasp in enumerate(plan.grasps):
         _require_known(f"{path}, grasps[{i}]", grasp, plan, robot, hands)
+        _require_consistent(f"{path}, grasps[{i}]", grasp, robot)
     return PlanningResult(
         plan=plan,
         capture=capture,
@@ -154,4 +162,33 @@ def _require_known(
             f"{what}.object",
             got=grasp.object_label,
             expected=f"{plan.object_label}, which the plan is for",
+        )
+
+
+def _require_consistent(what: str, grasp: Grasp, robot: RobotModel | None) -> None:
+    """Refuse a grasp whose pre-grasp or joints are not those of its pose."""
+    T, away = grasp.T_base_hand, grasp.T_base_pregrasp
+    back = T.p - away.p
+    far = float(np.linalg.norm(back))
+    turn = float(np.linalg.norm(so3.log(T.R.T @ away.R)))
+    if not 0.0 < far <= _FARTHEST or turn > _STRAIGHT or back @ T.R[:, 2] <= 0.5 * far:
+        raise ConfigError(
+            f"{what}.approach.pregrasp",
+            got=f"{far:.3f} m from the pose, turned by {turn:.3f} rad",
+            expected=f"the same palm up to {_FARTHEST:g} m behind the pose",
+            mend=_TOGETHER,
+        )
+    if robot is None or grasp.arm is None or not grasp.joints:
+        return
+    chain = robot.chain(grasp.arm)
+    q = chain.vector(grasp.joints)
+    reached = chain.fk(q)
+    gap = float(np.linalg.norm(reached.p - T.p))
+    turn = float(np.linalg.norm(so3.log(T.R.T @ reached.R)))
+    if gap > _NEAR or turn > _TURNED or ((q < chain.lower) | (q > chain.upper)).any():
+        raise ConfigError(
+            f"{what}.joints",
+            got=f"values that take the palm {gap:.3f} m, {turn:.2f} rad off the pose",
+            expected="values within the joint limits that take it there",
+            mend=_TOGETHER,
         )

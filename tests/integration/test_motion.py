@@ -232,6 +232,46 @@ def test_a_saved_grasp_that_the_robot_cannot_have_is_refused(
         recall_plan(path, result.capture, result.robot)
 
 
+def _raised(grasp):
+    grasp["pose"][2][3] += 0.3
+
+
+def _raised_with_its_pregrasp(grasp):
+    _raised(grasp)
+    grasp["approach"]["pregrasp"][2][3] += 0.3
+
+
+def _ahead(grasp):
+    pose, away = np.array(grasp["pose"]), np.array(grasp["approach"]["pregrasp"])
+    away[:3, 3] = 2.0 * pose[:3, 3] - away[:3, 3]
+    grasp["approach"]["pregrasp"] = away.tolist()
+
+
+def _far_joint(grasp):
+    grasp["joints"] = dict.fromkeys(grasp["joints"], 100.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (_raised, r"grasps\[0\]\.approach\.pregrasp"),
+        (_ahead, r"grasps\[0\]\.approach\.pregrasp"),
+        (_raised_with_its_pregrasp, r"grasps\[0\]\.joints"),
+        (_far_joint, r"grasps\[0\]\.joints"),
+    ],
+)
+def test_a_saved_grasp_that_contradicts_itself_is_refused(
+    result, tmp_path, change, named
+):
+    path = tmp_path / "grasps.json"
+    result.save(path)
+    content = json.loads(path.read_text())
+    change(content["grasps"][0])
+    path.write_text(json.dumps(content))
+    with pytest.raises(ConfigError, match=named):
+        recall_plan(path, result.capture, result.robot)
+
+
 def test_a_saved_plan_in_another_frame_is_refused(result, tmp_path):
     path = tmp_path / "grasps.json"
     result.save(path)

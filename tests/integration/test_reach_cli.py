@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from debrisgrasp._files import data_path
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
 
@@ -178,6 +179,19 @@ def test_ik_prefers_postures_in_which_the_robot_does_not_touch_itself(run):
         chain = robot.chain(answer["arm"])
         reached = chain.fk(chain.vector(answer["joints"])).matrix
         np.testing.assert_allclose(reached, T, atol=2e-3)
+
+
+def test_ik_tells_of_a_hand_that_it_has_no_file_of(run, tmp_path):
+    own = tmp_path / "own.yaml"
+    text = data_path("robots", "roman.yaml").read_text(encoding="utf-8")
+    urdf = data_path("robots", "roman.urdf")
+    text = text.replace("urdf: roman.urdf", f"urdf: {urdf}")
+    own.write_text(text.replace("gripper: camhand", "gripper: my_claw"), "utf-8")
+    ended = run("ik", 0.9, -0.3, 0.4, 3.1, 0.1, 0.2, "--robot", own)
+    assert "'my_claw', of which there is no file" in ended.err
+    assert "--grippers" in ended.err
+    ended = run("ik", 0.9, -0.3, 0.4, 3.1, 0.1, 0.2)
+    assert "no file" not in ended.err
 
 
 def test_ik_takes_angles_in_radians_only(run):

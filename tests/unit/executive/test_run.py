@@ -258,6 +258,18 @@ def test_a_drop_off_where_the_robot_stands_is_refused(fake, pipeline):
         Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
+def test_a_camera_on_a_hand_is_refused(fake, pipeline):
+    robot = fake.robot
+    on_hand = replace(robot.model, camera=robot.model.arm("right").tip)
+    with pytest.raises(InputError, match="which the right arm carries"):
+        Executive(
+            replace(robot, model=on_hand),
+            TaskSettings(),
+            pipeline=pipeline,
+            rng=np.random.default_rng(0),
+        )
+
+
 LEFT, RIGHT = TaskSettings().drop_off["left"], TaskSettings().drop_off["right"]
 
 
