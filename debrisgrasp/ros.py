@@ -124,6 +124,11 @@ def capture_of(
 def pose_of(transform: TransformMessage | StampedTransformMessage) -> SE3:
     """Pose from ``geometry_msgs/Transform``, or from the ``TransformStamped`` of tf2.
 
+    Returns
+    -------
+    SE3
+        Pose of the child frame, as the camera, in the frame of the header, as base [m].
+
     Raises
     ------
     InputError

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,9 @@ __all__ = ["lacks_camera", "load_camera", "read_depth_png", "read_folder"]
 _CAMERA_SUFFIXES = (".json", ".yaml", ".yml")
 _MILLIMETRE = 0.001
 _K_WORDS = "9 numbers, row by row: [fx, 0, cx, 0, fy, cy, 0, 0, 1]"
+_OPTIONAL = ("depth_scale", "T_base_camera", "width", "height")
+_CLOSE = 0.8
+"""Keys as like as this are misspelt; others are those of who wrote the file."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,6 +152,10 @@ def _read_camera(path: Path) -> _CameraFile:
         raise ConfigError(
             str(path), got=type(content).__name__, expected="a mapping with K"
         )
+    for key in map(str, content):
+        for meant in get_close_matches(key, _OPTIONAL, cutoff=_CLOSE):
+            if key != meant:
+                raise ConfigError(f"key of {path}", got=key, expected=meant)
     flat = content.get("K", content.get("k"))
     if flat is None:
         keys = ", ".join(map(str, content)) or "nothing"

@@ -148,15 +148,23 @@ def _arm(name: str, content: Any, path: Path) -> ArmSpec:
     return spec
 
 
+_MOST = {"acceleration": 100.0, "force": 1e4, "torque": 1e4}
+"""No arm that people stand beside does more [rad/s^2 or m/s^2, N, N m]."""
+
+
 def _limits(reader: _Reader) -> dict[str, float]:
     known = {"acceleration": 2.0, "force": 150.0, "torque": 40.0}
     given = reader.numbers("limits") if reader.has("limits") else {}
     for name, value in given.items():
         if name not in known:
             raise UnknownNameError(f"limit in {reader.where}", name, known)
-        if value <= 0.0:
+        if not 0.0 < value <= _MOST[name]:
+            words = f"If these are degrees, {value:g} is {math.radians(value):.3g} rad."
             raise ConfigError(
-                f"limits.{name} in {reader.where}", got=value, expected="above zero"
+                f"limits.{name} in {reader.where}",
+                got=value,
+                expected=f"above zero, at most {_MOST[name]:g}",
+                mend=words if name == "acceleration" and value > 0.0 else "",
             )
     return known | given
 

@@ -92,6 +92,7 @@ def test_the_scale_of_the_camera_file_and_lower_case_keys_count(folder, info, de
         ({"depth_scale": 0}, "depth_scale"),
         ({"depth_scale": "mm"}, "depth_scale"),
         ({"depth_scale": 1}, "millimetres"),
+        ({"depthscale": 0.001}, "depthscale, expected depth_scale"),
         ({"width": 640, "height": 480}, "Scale K"),
         ({"width": "wide"}, "height, width in .*numbers"),
         ({"width": 20.5}, "whole numbers of pixels"),

@@ -108,6 +108,8 @@ def test_a_wrong_frame_is_refused(described, change, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"limits": {"acceleration": 170.0}}, "If these are degrees, 170 is 2.97 rad"),
+        ({"limits": {"force": 0.0}}, "limits.force"),
         ({"postures": {"zero": {"joint2": 90.0}}}, r"joint2 in posture.*degrees"),
         ({"hand": "link3"}, r"hand of arm arm.*'link3', which carries joint joint4"),
     ],
