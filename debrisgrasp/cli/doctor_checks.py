@@ -26,7 +26,7 @@ from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.io.depth_images import load_camera
-from debrisgrasp.kinematics import ArmReach, LimitSet, cache_folder
+from debrisgrasp.kinematics import ArmReach, LimitSet, RobotModel, cache_folder
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.prototypes import check
 from debrisgrasp.settings import Settings
@@ -208,7 +208,20 @@ def site(settings: Settings) -> Iterator[Finding]:
     yield from _sides(settings, arms_in_use)
     if robot is not None:
         for arm in pipeline.arms:
+            yield from _bodies(robot, arm.name)
             yield _limits(arm.name, robot.limits(arm.name).controller, settings)
+
+
+def _bodies(robot: RobotModel, arm: str) -> Iterator[Finding]:
+    """Tell of an arm of which no link could touch anything."""
+    chains = {name: set(robot.chain(name).joint_names) for name in robot.arms}
+    for link, shapes in robot.tree.shapes.items():
+        above = {joint.name for joint in robot.tree.joints_above(link)}
+        is_of_hand = any(joints <= above for joints in chains.values())
+        if shapes and chains[arm] & above and not is_of_hand:
+            return
+    text = "none has a solid (<collision>) in the URDF: postures and motions are not "
+    yield Finding(f"links of {arm_called(arm)}", "fault", text + "tested against them")
 
 
 def _limits(name: str, limits: LimitSet, settings: Settings) -> Finding:

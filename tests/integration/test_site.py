@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -266,6 +267,20 @@ def _on_drop_off(ended, arm="right"):
         if finding["what"] == f"drop-off of {arm} arm"
     )
     return finding
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_doctor_tells_of_arms_without_bodies(run, tmp_path):
+    text = data_path("robots", "roman.urdf").read_text(encoding="utf-8")
+    bare = re.sub(r"<collision.*?</collision>", "", text, flags=re.DOTALL)
+    (tmp_path / "roman.urdf").write_text(bare, encoding="utf-8")
+    robot = data_path("robots", "roman.yaml").read_text(encoding="utf-8")
+    (tmp_path / "bare.yaml").write_text(robot, encoding="utf-8")
+    path = tmp_path / "site.yaml"
+    path.write_text("schema: debrisgrasp/site/1\nrobot: bare.yaml\n", "utf-8")
+    ended = run("doctor", "--site", path)
+    assert ended.status == 1
+    assert ended.out.count("none has a solid") >= 2
 
 
 def test_the_doctor_plans_on_the_shipped_capture(run):
