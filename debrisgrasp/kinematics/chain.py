@@ -292,14 +292,12 @@ class KinematicChain:
         As near as the limits allow, and as they are where no turn leads within them;
         postures (..., d) of which leading axes broadcast.
         """
-        q, turn = np.asarray(q, dtype=np.float64), 2.0 * np.pi
+        q, tau = np.asarray(q, dtype=np.float64), 2.0 * np.pi
         gap = np.asarray(q_near, dtype=np.float64) - q
         require_trailing(gap, "joint values", (self.n_joints,))
-        least = np.ceil((self.lower - q) / turn)
-        most = np.floor((self.upper - q) / turn)
-        turns = bounded(np.round(gap / turn), least, most)
-        fits = (least <= most) & self.is_revolute
-        return np.where(fits, q + turn * np.where(fits, turns, 0.0), q)
+        least, most = np.ceil((self.lower - q) / tau), np.floor((self.upper - q) / tau)
+        fits, turns = (least <= most) & self.is_revolute, np.round(gap / tau)
+        return q + tau * np.where(fits, bounded(turns, least, most), 0.0)
 
     def way(self, q_to: ArrayLike, q_from: ArrayLike) -> FloatArray:
         """Motion that leads from one posture to another [rad or m], shape (..., d).
