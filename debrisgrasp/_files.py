@@ -116,9 +116,9 @@ def why_not_there(path: Path, kind: Literal["file", "folder"]) -> str:
     return _why_not(is_it, f"no {kind} there")
 
 
-def _why_not(is_there: Callable[[], bool], words: str) -> str:
+def _why_not(is_it: Callable[[], bool], words: str) -> str:
     try:
-        return "" if is_there() else words
+        return "" if is_it() else words
     except OSError as error:  # as of a name that no file can have
         return error.strerror or str(error)
 

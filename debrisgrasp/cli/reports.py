@@ -106,7 +106,7 @@ def require_own(path: Path | None, schema: str) -> None:
     schema
         Of such results, whatever their version; an empty file is nobody's.
     """
-    if path is None or not path.is_file() or not path.stat().st_size:
+    if path is None or not _is_filled(path):
         return
     family, _, _ = schema.rpartition("/")
     try:
@@ -120,7 +120,7 @@ def require_own(path: Path | None, schema: str) -> None:
 
 def require_own_labels(path: Path | None) -> None:
     """Raise if arrays (.npz) are there that are more than labels, as captures are."""
-    if path is None or not path.is_file() or not path.stat().st_size:
+    if path is None or not _is_filled(path):
         return
     try:
         with np.load(path) as content:
@@ -129,6 +129,10 @@ def require_own_labels(path: Path | None) -> None:
         names = []
     if names != ["labels"]:
         raise OutputError(path, "what is there is not labels alone, and would be lost")
+
+
+def _is_filled(path: Path) -> bool:
+    return path.is_file() and path.stat().st_size > 0
 
 
 def print_written(*paths: Path | None) -> None:

@@ -57,9 +57,10 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
             )
     model.T_base_camera()
     assert model.camera is not None
-    above = {joint.name for joint in model.tree.joints_above(model.camera)}
+    above = model.tree.joints_above(model.camera)
+    carried_by = {joint.name for joint in above}
     for name in robot.limbs:
-        if above.issuperset(model.chain(name).joint_names):
+        if carried_by.issuperset(model.chain(name).joint_names):
             raise InputError(
                 f"camera of {model.name}",
                 got=f"{model.camera}, which the {arm_called(name)} carries",
@@ -67,7 +68,7 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
                 mend="The task watches its own hands; plans and motions take captures "
                 "of any camera whose pose they have.",
             )
-    for joint in model.tree.joints_above(model.camera):
+    for joint in above:
         value = look.get(joint.name, 0.0)
         if joint.name in look and not joint.lower <= value <= joint.upper:
             raise InputError(

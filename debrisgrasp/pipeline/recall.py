@@ -10,7 +10,7 @@ import numpy as np
 from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import Bounds, so3
+from debrisgrasp.geometry import SE3, Bounds, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import RobotModel
@@ -168,10 +168,9 @@ def _require_known(
 def _require_consistent(what: str, grasp: Grasp, robot: RobotModel | None) -> None:
     """Refuse a grasp whose pre-grasp or joints are not those of its pose."""
     T, away = grasp.T_base_hand, grasp.T_base_pregrasp
-    back = T.p - away.p
-    far = float(np.linalg.norm(back))
-    turn = float(np.linalg.norm(so3.log(T.R.T @ away.R)))
-    if not 0.0 < far <= _FARTHEST or turn > _STRAIGHT or back @ T.R[:, 2] <= 0.5 * far:
+    far, turn = _apart(T, away)
+    ahead = float((T.p - away.p) @ T.R[:, 2])
+    if not 0.0 < far <= _FARTHEST or turn > _STRAIGHT or ahead <= 0.5 * far:
         raise ConfigError(
             f"{what}.approach.pregrasp",
             got=f"{far:.3f} m from the pose, turned by {turn:.3f} rad",
@@ -182,9 +181,7 @@ def _require_consistent(what: str, grasp: Grasp, robot: RobotModel | None) -> No
         return
     chain = robot.chain(grasp.arm)
     q = chain.vector(grasp.joints)
-    reached = chain.fk(q)
-    gap = float(np.linalg.norm(reached.p - T.p))
-    turn = float(np.linalg.norm(so3.log(T.R.T @ reached.R)))
+    gap, turn = _apart(T, chain.fk(q))
     if gap > _NEAR or turn > _TURNED or ((q < chain.lower) | (q > chain.upper)).any():
         raise ConfigError(
             f"{what}.joints",
@@ -192,3 +189,9 @@ def _require_consistent(what: str, grasp: Grasp, robot: RobotModel | None) -> No
             expected="values within the joint limits that take it there",
             mend=_TOGETHER,
         )
+
+
+def _apart(a: SE3, b: SE3) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between two poses."""
+    turn = so3.log(a.R.T @ b.R)
+    return float(np.linalg.norm(b.p - a.p)), float(np.linalg.norm(turn))

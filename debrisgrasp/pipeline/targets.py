@@ -157,12 +157,15 @@ def with_crumbs(
     if plane is None or not is_own.any():
         return is_own
     around = region_of_interest(points[is_own], margin=2.0 * _CRUMB_GAP)
-    near = np.flatnonzero(around.contains(points))
-    height = points[near] @ plane[:3] + plane[3]
-    is_crumb = (labels[near] == 0) & ~is_own[near] & (height > _CRUMB_HEIGHT)
-    crumbs, others = near[is_crumb], near[~is_crumb & (is_own | (labels > 0))[near]]
+    crumbs = np.flatnonzero((labels == 0) & ~is_own)
+    crumbs = crumbs[points.take(crumbs, axis=0) @ plane[:3] + plane[3] > _CRUMB_HEIGHT]
+    crumbs = crumbs[around.contains(points.take(crumbs, axis=0))]
+    if not len(crumbs):
+        return is_own
+    others = np.flatnonzero(is_own | (labels > 0))
+    others = others[around.contains(points.take(others, axis=0))]
+    tree = cKDTree(points[others], balanced_tree=False, compact_nodes=False)
+    gap, nearest = tree.query(points[crumbs])
     whole = is_own.copy()
-    if len(crumbs):
-        gap, nearest = cKDTree(points[others]).query(points[crumbs])
-        whole[crumbs] = (gap < _CRUMB_GAP) & is_own[others[nearest]]
+    whole[crumbs] = (gap < _CRUMB_GAP) & is_own[others[nearest]]
     return whole

@@ -289,7 +289,8 @@ class PadContacts:
         angle = np.where(is_seen, np.arccos(bounded(steepest, 0.0, 1.0)), np.nan)
         # Where its face was seen to end above the pads it goes on below.
         pads = lower[:, 2] + np.float32(self._config.zone)
-        below = near.turned_below(cosine, cosine > np.float32(_TURNED), pads)
+        is_above = (cosine > np.float32(_TURNED)) & ~is_seen.take(near.pose)
+        below = near.turned_below(cosine, is_above, pads)
         room = upper[:, 0] - (side * middle + radius)
         room[np.isnan(room)] = np.inf
         # What goes on to the finger has hardly a side before it, what goes on under it

@@ -66,6 +66,21 @@ def kept(records: Iterable[list[TrialRecord]], path: Path | None) -> list[TrialR
     return found
 
 
+def shares(records: list[TrialRecord]) -> dict[str, float]:
+    """Share of successes in each tier, with its interval, and what it is to be."""
+    figures: dict[str, float] = {}
+    for tier in dict.fromkeys(record.tier for record in records):
+        group = [record for record in records if record.tier == tier]
+        good = sum(record.is_success for record in group)
+        figures[tier] = good / len(group)
+        figures[f"{tier}_n"] = len(group)
+        figures[f"{tier}_held"] = sum(record.is_held for record in group) / len(group)
+        figures[f"{tier}_low"], figures[f"{tier}_high"] = wilson(good, len(group))
+        if tier in TARGETS:
+            figures[f"{tier}_target"] = TARGETS[tier]
+    return figures
+
+
 def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--tier", action="append", choices=list(TIERS))
@@ -110,16 +125,7 @@ def main() -> None:
     else:
         records = kept(map(tried, jobs), chosen.records)
     print(flights_text(grouped(records)) + "\n")
-    figures: dict[str, float] = {}
-    for tier in dict.fromkeys(record.tier for record in records):
-        group = [record for record in records if record.tier == tier]
-        good = sum(record.is_success for record in group)
-        figures[tier] = good / len(group)
-        figures[f"{tier}_n"] = len(group)
-        figures[f"{tier}_held"] = sum(record.is_held for record in group) / len(group)
-        figures[f"{tier}_low"], figures[f"{tier}_high"] = wilson(good, len(group))
-        if tier in TARGETS:
-            figures[f"{tier}_target"] = TARGETS[tier]
+    figures = shares(records)
     flown = [record for record in records if record.prototype]
     if flown:
         figures["flight_seconds_mean"] = np.mean([r.flight_seconds for r in flown])

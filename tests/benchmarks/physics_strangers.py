@@ -14,11 +14,11 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from debrisgrasp.campaign import grouped, save_flight, wilson
+from debrisgrasp.campaign import grouped, save_flight
 from debrisgrasp.cli.campaign_text import flights_text
 from debrisgrasp.trials import TrialRecord, TrialSpec, trials
 
-from .physics import kept, planner
+from .physics import kept, planner, shares
 from .report import publish
 from .strangers import LEARNT, UNKNOWN, stranger_scene
 
@@ -70,13 +70,7 @@ def main() -> None:
     with ProcessPoolExecutor(chosen.workers) as pool:
         records = kept(pool.map(run, jobs), chosen.records)
     print(flights_text(grouped(records)) + "\n")
-    figures: dict[str, float] = {}
-    for size in SIZES:
-        group = [r for r in records if r.tier == size and r.rank == 0]
-        good = sum(record.is_success for record in group)
-        figures[size], figures[f"{size}_n"] = good / len(group), len(group)
-        figures[f"{size}_low"], figures[f"{size}_high"] = wilson(good, len(group))
-    publish(figures, chosen.json)
+    publish(shares([r for r in records if r.rank == 0]), chosen.json)
 
 
 if __name__ == "__main__":

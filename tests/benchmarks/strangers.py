@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, Rng
 from debrisgrasp.errors import InputError
-from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, random_rotations, so3
+from debrisgrasp.geometry import SE3, Capsule, Cylinder, random_rotations, so3
 from debrisgrasp.sim import Settled, TierScene, let_fall, scene_of
 from debrisgrasp.worlds import Body, Ground, Hull, Part, World, frustum, staves
+from debrisgrasp.worlds.shapes import _beam, _box, _pose
 
 __all__ = ["LEARNT", "UNKNOWN", "Kinds", "settled_strangers", "stranger_scene"]
 
@@ -33,26 +34,9 @@ _CONCRETE = 2200.0
 _LIGHTEST, _HEAVIEST = 0.5, 10.0
 
 
-def _box(edges: tuple[float, ...], at: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Box:
-    return Box(np.array(edges) / 2, SE3.from_parts(p=at))
-
-
-def _along(start: FloatArray, end: FloatArray) -> SE3:
-    """Pose in the middle of a line, z along it."""
-    z = (end - start) / np.linalg.norm(end - start)
-    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
-    x /= np.linalg.norm(x)
-    return SE3.from_parts(np.stack([x, np.cross(z, x), z], -1), (start + end) / 2)
-
-
-def _rod(start: ArrayLike, end: ArrayLike, radius: float) -> Cylinder:
-    a, b = np.array(start, dtype=float), np.array(end, dtype=float)
-    return Cylinder(radius, float(np.linalg.norm(b - a)), _along(a, b))
-
-
 def _limb(start: ArrayLike, end: ArrayLike, radius: float) -> Capsule:
     a, b = np.array(start, dtype=float), np.array(end, dtype=float)
-    return Capsule(radius, float(np.linalg.norm(b - a)), _along(a, b))
+    return Capsule(radius, float(np.linalg.norm(b - a)), _pose((a + b) / 2, b - a))
 
 
 def _lying(parts: Parts) -> Parts:
@@ -109,8 +93,8 @@ def wheel(rng: Rng) -> Drawn:
     radii, turns = (radius - 0.03, radius), np.arange(6) * np.pi / 3
     ring = staves(radii, radii, -0.015, 0.015, count=24)
     spoke = (radius - 0.02) * np.array([np.cos(turns), np.sin(turns), 0 * turns]).T
-    spokes = (_rod((0, 0, 0), tuple(end), 0.006) for end in spoke)
-    return (*ring, *spokes, _rod((0, 0, -0.04), (0, 0, 0.04), 0.02)), (1.0, 3.0)
+    spokes = (_beam((0, 0, 0), tuple(end), 0.006) for end in spoke)
+    return (*ring, *spokes, _beam((0, 0, -0.04), (0, 0, 0.04), 0.02)), (1.0, 3.0)
 
 
 def beam(rng: Rng) -> Drawn:
@@ -191,7 +175,7 @@ def flask(rng: Rng) -> Drawn:
     """Gas cylinder with its valve."""
     half, radius = rng.uniform(0.17, 0.3), rng.uniform(0.06, 0.11)
     end = half + radius
-    valve = _rod((end - 0.01, 0, 0), (end + 0.07, 0, 0), 0.025)
+    valve = _beam((end - 0.01, 0, 0), (end + 0.07, 0, 0), 0.025)
     return (_limb((-half, 0, 0), (half, 0, 0), radius), valve), (3.0, 8.0)
 
 
@@ -240,7 +224,7 @@ def sign(rng: Rng) -> Drawn:
     """Round sign on its post."""
     end, radius = rng.uniform(0.35, 0.55), rng.uniform(0.15, 0.25)
     plate = Cylinder(radius, 0.006, SE3.from_parts(p=(end - 0.1, 0, 0.03)))
-    return (_rod((-end, 0, 0), (end, 0, 0), 0.025), plate), (2.0, 5.0)
+    return (_beam((-end, 0, 0), (end, 0, 0), 0.025), plate), (2.0, 5.0)
 
 
 def sandbag(rng: Rng) -> Drawn:
@@ -254,8 +238,8 @@ def sandbag(rng: Rng) -> Drawn:
 def tee(rng: Rng) -> Drawn:
     """Pipe with a branch."""
     end, radius = rng.uniform(0.15, 0.25), rng.uniform(0.03, 0.055)
-    arm = _rod((0, 0, 0), (0, rng.uniform(0.15, 0.25), 0), radius)
-    return (_rod((-end, 0, 0), (end, 0, 0), radius), arm), (1.5, 5.0)
+    arm = _beam((0, 0, 0), (0, rng.uniform(0.15, 0.25), 0), radius)
+    return (_beam((-end, 0, 0), (end, 0, 0), radius), arm), (1.5, 5.0)
 
 
 def table_leg(rng: Rng) -> Drawn:

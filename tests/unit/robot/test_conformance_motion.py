@@ -56,8 +56,8 @@ def credulous(robot):
     return with_limb(robot, "arm", command=command, read=read)
 
 
-def obedient(robot):
-    """A driver that is nowhere once it was sent NaN."""
+def lost_by_nan(robot, reads):
+    """Return a driver that reads otherwise once it was sent NaN."""
     arm, lost = robot.limbs["right"].arm, []
 
     def command(q):
@@ -66,23 +66,19 @@ def obedient(robot):
 
     def read():
         reading = arm.read()
-        return reading._replace(q=np.full(8, np.nan)) if lost else reading
+        return reads(reading, lost[0]) if lost else reading
 
     return with_limb(robot, "arm", command=command, read=read)
+
+
+def obedient(robot):
+    """A driver that is nowhere once it was sent NaN."""
+    return lost_by_nan(robot, lambda reading, nan: reading._replace(q=np.full(8, nan)))
 
 
 def confused(robot):
     """A driver that can't count any more once it was sent NaN."""
-    arm, lost = robot.limbs["right"].arm, []
-
-    def command(q):
-        lost.extend(value for value in q if np.isnan(value))
-        arm.command(q)
-
-    def read():
-        return int(lost[0]) if lost else arm.read()
-
-    return with_limb(robot, "arm", command=command, read=read)
+    return lost_by_nan(robot, lambda _, nan: int(nan))
 
 
 def unfelt(robot):
