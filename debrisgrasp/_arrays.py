@@ -18,6 +18,7 @@ __all__ = [
     "Rng",
     "bounded",
     "frozen",
+    "is_sealed",
     "require_finite",
     "require_metres",
     "require_range",
@@ -144,3 +145,8 @@ def sealed(array: NDArray[Any]) -> NDArray[Any]:
     """Hand over a new array, of which nobody has a view, read-only."""
     array.flags.writeable = False
     return array if array.base is not None else array.view(_Sealed)
+
+
+def is_sealed(array: object) -> bool:
+    """Whether an array comes out of `sealed`, and so from a record or our own work."""
+    return isinstance(array, _Sealed)

@@ -44,6 +44,7 @@ _MENDS = {
     "SelectionPolicy": "PriorityPoint(), for instance, of debrisgrasp.segmentation.",
     "Settings": "Settings.load(path) reads one.",
     "UnknownSpace": "UnknownSpace.HIDDEN, for instance, of debrisgrasp.motion.",
+    "Workers": "OwnWorkers(lambda: ThreadPoolExecutor(4)), for instance.",
     "World": "let_down(named_scene(name)).world, for instance.",
 }
 _LONGEST = 40

@@ -23,6 +23,7 @@ _AS_TEXT = (
     "That is text in YAML, where a number has no quotes and, before an exponent, a "
     "point, and in it a sign: 1.0e+9."
 )
+_COMMA = "Decimals come after a point: 0.5, not 0,5."
 
 _MISSPELT = 0.75
 """Names as alike as this are one misspelt; rail_length and rail_height are less so."""
@@ -86,19 +87,25 @@ class Fields:
         return value
 
     def number(
-        self, name: str, low: float, high: float, *, default: float | None = None
+        self,
+        name: str,
+        low: float,
+        high: float,
+        *,
+        default: float | None = None,
+        mend: str = "",
     ) -> float:
-        """Read a finite number within [low, high]."""
+        """Read a finite number within [low, high]; ``mend`` says what it is one of."""
         if default is not None and name not in self:
             return default
         wanted = f" ({low:g} to {high:g})" if np.isfinite(high) else ""
-        value = _number(self.raw(name), self.where(name), wanted)
+        value = _number(self.raw(name), self.where(name), wanted, mend)
         if not low <= value <= high:
             raise ConfigError(
                 self.where(name),
                 got=value,
                 expected=f"a number in {low:g} to {high:g}",
-                mend=_METRES if high <= MAX_LENGTH < value else "",
+                mend=mend or (_METRES if high <= MAX_LENGTH < value else ""),
             )
         return value
 
@@ -167,8 +174,10 @@ class Fields:
         """Refuse fields that nobody has asked for: they are typing errors."""
         for name in self._content:
             if name not in self._known:
+                # YAML takes {a: 0,5} for the fields a and 5.
+                mend = _COMMA if isinstance(name, int) else ""
                 raise UnknownNameError(
-                    f"field in {self.where()}", name, sorted(self._known)
+                    f"field in {self.where()}", name, sorted(self._known), mend=mend
                 )
 
     def _meant(self, name: str) -> str:
@@ -194,15 +203,24 @@ def is_number(value: object) -> bool:
     )
 
 
-def _number(value: Any, where: str, wanted: str = "") -> float:
+def _number(value: Any, where: str, wanted: str = "", mend: str = "") -> float:
     if not is_number(value):
         raise ConfigError(
             where,
             got=_shown(value),
             expected=f"a finite number{wanted}",
-            mend=_AS_TEXT if _is_number_as_text(value) else "",
+            mend=_mend_of_text(value) or mend,
         )
     return float(value)
+
+
+def _mend_of_text(value: object) -> str:
+    """Say how a text is written as the number that it may be meant for."""
+    if _is_number_as_text(value):
+        return _AS_TEXT
+    if isinstance(value, str) and _is_number_as_text(value.replace(",", ".", 1)):
+        return _COMMA
+    return ""
 
 
 def _is_number_as_text(value: object) -> bool:

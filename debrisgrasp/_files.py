@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
@@ -33,6 +34,9 @@ __all__ = [
     "read_text",
     "read_yaml",
     "require_folder",
+    "require_own",
+    "require_picture",
+    "require_suffix",
     "require_writable",
     "schema_found",
     "why_not_there",
@@ -76,6 +80,7 @@ _POINTER = b"version https://git-lfs.github.com/spec/"
 PULL = "Run `git lfs pull` where it was cloned."
 """How the large file itself is had."""
 
+_WRITABLE = "Nothing was changed; give another place or make this one writable."
 _KEPT = (
     "What was there is left as it was; give another place or make this one writable."
 )
@@ -216,12 +221,16 @@ def write_atomic(path: PathLike, data: bytes | str) -> None:
         If it can't be written; what was there before is untouched.
     """
     target = _resolved(path)
-    content = data.encode() if isinstance(data, str) else data
+    # The names of files, which pages show, may hold bytes that are no text.
+    content = data.encode(errors="replace") if isinstance(data, str) else data
     _require_replaceable(target)
     # In the same folder, because a rename is atomic only within one file system.
     temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.tmp")
     try:
         with temporary.open("xb") as stream:
+            if target.exists():
+                with suppress(OSError):  # some disks know no permissions
+                    shutil.copymode(target, temporary)
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
@@ -258,7 +267,63 @@ def require_folder(folder: PathLike, path: PathLike | None = None) -> None:
         TemporaryFile(dir=there).close()
     except OSError as error:
         reason = error.strerror or str(error)
-        raise OutputError(path or folder, reason) from error
+        raise OutputError(path or folder, reason, mend=_WRITABLE) from error
+
+
+def require_suffix(path: PathLike, suffixes: Sequence[str], what: str) -> None:
+    """Raise `ConfigError` unless the name of ``what`` ends in one of the suffixes."""
+    if Path(path).suffix.lower() not in suffixes:
+        raise ConfigError(
+            f"name of {what}",
+            got=str(path),
+            expected="a name that ends in " + " or ".join(suffixes),
+        )
+
+
+def require_picture(path: PathLike, suffixes: Sequence[str], what: str) -> None:
+    """Raise if a picture or page does not belong to a place.
+
+    Raises
+    ------
+    ConfigError
+        If its name does not end in one of the suffixes.
+    OutputError
+        If a depth image is there, which nothing here draws.
+    """
+    require_suffix(path, suffixes, what)
+    if _is_depth_image(Path(path)):
+        raise OutputError(path, "what is there is a depth image, and would be lost")
+
+
+def require_own(path: PathLike, schema: str, what: str = "a result") -> None:
+    """Raise if a result as JSON does not belong to a place.
+
+    Parameters
+    ----------
+    schema
+        Of such results, whatever their version; an empty file is nobody's.
+    what
+        To call it in the error.
+
+    Raises
+    ------
+    ConfigError
+        If its name does not end in .json.
+    OutputError
+        If a file is there that is no earlier result, but somebody's own.
+    """
+    require_suffix(path, (".json",), what)
+    path = Path(path)
+    if why_not_there(path, "file") or not path.stat().st_size:
+        return
+    family, _, _ = schema.rpartition("/")
+    try:
+        content = read_json(path)
+    except ConfigError:
+        content = None
+    found = content.get("schema") if isinstance(content, dict) else None
+    if str(found).rpartition("/")[0] != family:
+        raise OutputError(path, f"what is there is not of {family}, and would be lost")
 
 
 def read_text(path: PathLike) -> str:
@@ -267,7 +332,7 @@ def read_text(path: PathLike) -> str:
     try:
         # Some have no end; a pipe has one, as what a shell gives for `<(...)`.
         is_device = path.is_char_device() or path.is_block_device()
-        text = "" if is_device else path.read_text(encoding="utf-8")
+        text = "" if is_device else path.read_text(encoding="utf-8-sig")
     except OSError as error:
         reason = error.strerror or str(error)
         raise ConfigError(str(path), got=reason, expected="a readable file") from error
@@ -284,6 +349,17 @@ def read_text(path: PathLike) -> str:
     if is_device:
         raise ConfigError(str(path), got="a device", expected="a text file")
     return text
+
+
+def _is_depth_image(path: Path) -> bool:
+    """Whether there is a PNG of one channel of 16 bits."""
+    if why_not_there(path, "file"):
+        return False
+    head = b""
+    with suppress(OSError), path.open("rb") as file:
+        head = file.read(26)
+    # Its last bytes are the bits of a channel, and the kind of colours.
+    return head.startswith(b"\x89PNG") and head.endswith(b"\x10\x00")
 
 
 def _resolved(path: PathLike) -> Path:
@@ -309,4 +385,4 @@ def _require_replaceable(target: Path) -> None:
         if not is_file:
             raise OutputError(target, "it is not a regular file")
         if not os.access(target, os.W_OK):
-            raise OutputError(target, "it is write-protected")
+            raise OutputError(target, "it is write-protected", mend=_WRITABLE)

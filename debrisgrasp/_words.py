@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-__all__ = ["arm_called", "counted", "in_kilograms", "shortened", "shown_path"]
+__all__ = [
+    "arm_called",
+    "as_text",
+    "counted",
+    "in_kilograms",
+    "shortened",
+    "shown_path",
+]
 
 _LONGEST_NAME = 255
 """Letters of the longest name that a file has on the usual systems."""
@@ -17,6 +24,11 @@ def arm_called(name: str) -> str:
     ('right arm', 'arm', 'left_arm')
     """
     return name if name.lower().endswith("arm") else f"{name} arm"
+
+
+def as_text(name: str) -> str:
+    """Write the name of a file, whose bytes may be no text, for pictures and pages."""
+    return name.encode(errors="replace").decode()
 
 
 def counted(n: int, noun: str) -> str:

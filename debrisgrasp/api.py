@@ -44,6 +44,7 @@ from debrisgrasp.segmentation import (
     SegmentationConfig,
     SelectionPolicy,
     SupportAware,
+    ordered,
     segment_cloud,
 )
 
@@ -81,9 +82,16 @@ def select(
     policy
         `SupportAware` by default; `PriorityPoint` is the paper's (Eq. 1), and
         `OperatorPick` puts what a person chose first.
+
+    Raises
+    ------
+    CaptureError
+        If the capture has no pose in the base frame.
+    InputError
+        If the policy returns anything else than an order (docs/selection.md).
     """
     policy = policy or SupportAware()
-    return policy.order(segmentation, capture.cloud())
+    return ordered(policy, segmentation, capture.cloud())
 
 
 @checked
@@ -141,7 +149,7 @@ def plan_motion(
     Parameters
     ----------
     result
-        What `plan` returned, for a robot.
+        What `plan` returned, for a robot; `recall_plan` makes it of a saved one.
     present
         Joint values now [rad or m]; the present posture of the robot's file by default.
     unknown

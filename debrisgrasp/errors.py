@@ -64,9 +64,7 @@ class InputError(DebrisGraspError, ValueError):
         self, what: str, *, got: object, expected: str, mend: str = ""
     ) -> None:
         self.what, self.got, self.expected, self.mend = what, got, expected, mend
-        shown = _NUMPY_SCALAR.sub(r"\1", str(got))
-        if len(shown) > _LONGEST:
-            shown = f"{shown[:_LONGEST]}... ({len(shown)} characters)"
+        shown = _cut(_NUMPY_SCALAR.sub(r"\1", str(got)))
         message = f"{what}: got {shown}, expected {expected}."
         super().__init__(f"{message} {mend}" if mend else message)
 
@@ -118,11 +116,10 @@ class OutputError(DebrisGraspError, OSError):
         self,
         path: object,
         reason: str,
-        mend: str = "Nothing was changed; give another place or make this one "
-        "writable.",
+        mend: str = "Nothing was changed; give another place.",
     ) -> None:
         self.path, self.reason, self.mend = path, reason, mend
-        super().__init__(f"can't write {path}: {reason}. {mend}")
+        super().__init__(f"can't write {_cut(str(path))}: {reason}. {mend}")
 
 
 class UnknownNameError(InputError):
@@ -156,7 +153,8 @@ class UnknownNameError(InputError):
         near = [] if is_number else get_close_matches(str(name), self.known, n=_NEAREST)
         expected = "one of " + (", ".join(self.known) or "none: there are none")
         if len(self.known) > _MANY:
-            shown = near or self.known[:_NEAREST]
+            holding = [n for n in self.known if str(name) and str(name) in n]
+            shown = near or holding[:_NEAREST] or self.known[:_NEAREST]
             expected = f"one of {len(self.known)} names, such as {', '.join(shown)}"
         mends = [f"Did you mean {near[0]!r}?"] if near else []
         if listed_by:
@@ -192,6 +190,12 @@ class MissingExtraError(DebrisGraspError, ImportError):
         super().__init__(
             f"{feature} needs the extra {extra!r}: pip install 'debrisgrasp[{extra}]'"
         )
+
+
+def _cut(shown: str) -> str:
+    if len(shown) <= _LONGEST:
+        return shown
+    return f"{shown[:_LONGEST]}... ({len(shown)} characters)"
 
 
 def _rebuilt(

@@ -364,7 +364,8 @@ def _folder(fields: Fields, name: str) -> Path:
 
 
 def _there(fields: Fields, name: str, kind: Literal["file", "folder"]) -> Path:
-    path = Path(fields.file).parent / fields.text(name)
+    given = os.path.expanduser(fields.text(name))  # noqa: PTH111  # Path's raises
+    path = Path(fields.file).parent / given
     if why := why_not_there(path, kind):
         raise ConfigError(
             fields.where(name),

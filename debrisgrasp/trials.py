@@ -188,7 +188,8 @@ def run_trial(spec: TrialSpec, pipeline: Pipeline | None = None) -> TrialRecord:
     spec
         What to try.
     pipeline
-        Plans; None: one is loaded for this trial, see `pipeline_of`.
+        Plans, with its own robot and order, whatever the spec says of them; None: one
+        is loaded for this trial, see `pipeline_of`.
 
     Raises
     ------

@@ -11,23 +11,20 @@ import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from debrisgrasp._checked import checked
 from debrisgrasp._files import read_json, write_atomic
-from debrisgrasp.errors import ConfigError, InputError, OutputError
+from debrisgrasp.errors import ConfigError, InputError
 
 from .contents import edited
+from .folder import alone_in, make_folder
 from .header import CONTENTS, RUNS, SCHEMA, read_header
 from .record import RunRecord
 from .workers import Crew, LocalWorkers, Workers
-
-try:
-    import fcntl
-except ImportError:  # on Windows
-    fcntl = None  # type: ignore[assignment]
 
 __all__ = [
     "Campaign",
@@ -88,6 +85,8 @@ class Campaign:
     begun with other contents is refused, too."""
 
     def __post_init__(self) -> None:
+        folder = _checked_folder(self.folder, self.specs, self.run_one)
+        object.__setattr__(self, "folder", folder)
         names = [spec.name for spec in self.specs]
         bad = [name for name in names if not _NAME.fullmatch(name)]
         if bad or len(set(names)) < len(names):
@@ -106,6 +105,7 @@ class Campaign:
                 mend="Define the function at the top of a module.",
             ) from error
 
+    @checked
     def run(
         self,
         workers: Workers | None = None,
@@ -116,6 +116,11 @@ class Campaign:
 
         When a worker dies, the runs that were on it and beside it are done again, one
         at a time, so that only the guilty one is recorded as unclassified.
+
+        Parameters
+        ----------
+        workers
+            `LocalWorkers` by default; other executors come through `OwnWorkers`.
 
         Returns
         -------
@@ -133,7 +138,7 @@ class Campaign:
             After Ctrl-C; workers are ended, and finished runs kept.
         """
         crews = workers if workers is not None else LocalWorkers()
-        with _alone_in(self.folder):
+        with alone_in(self.folder):
             return self._run(crews, on_progress)
 
     def _run(
@@ -202,7 +207,7 @@ class Campaign:
 
     def _claim_folder(self) -> None:
         path = self.folder / "campaign.json"
-        _make(self.folder / "runs")
+        make_folder(self.folder / "runs")
         content = {**self._full_header(), RUNS: [spec.name for spec in self.specs]}
         if not path.exists() or read_json(path) != content:
             write_atomic(path, json.dumps(content, indent=1) + "\n")
@@ -252,54 +257,13 @@ class Campaign:
                     waiting.appendleft(spec)
 
 
-@contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
-    """Keep others out of a folder; one that was made for it and is empty goes again.
-
-    Twice the same runs would only take twice the time. The lock ends with the process,
-    however that ends; where a platform or file system has none, nobody is kept out.
-    """
-    is_new = not folder.exists()
-    _make(folder)
-    try:
-        with _locked(folder):
-            yield
-    finally:
-        if is_new:
-            with suppress(OSError):
-                folder.rmdir()
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    if fcntl is None:
-        yield
-        return
-    place = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise InputError(
-                f"campaign in {folder}",
-                got="another process that is at work on it",
-                expected="one at a time",
-                mend="Wait for its end, or give another folder.",
-            ) from error
-        except OSError:
-            pass  # a file system without locks
-        yield
-    finally:
-        os.close(place)
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError) as error:
-        raise OutputError(folder, "it must be a folder, but a file is there") from error
-    except OSError as error:
-        raise OutputError(folder, error.strerror or str(error)) from error
+@checked
+def _checked_folder(
+    folder: str | os.PathLike[str],
+    specs: Sequence[Spec],  # noqa: ARG001 - looked at by `checked`, as is the next
+    run_one: RunFunction,  # noqa: ARG001
+) -> Path:
+    return Path(folder)
 
 
 def load_records(folder: str | os.PathLike[str]) -> tuple[RunRecord, ...]:

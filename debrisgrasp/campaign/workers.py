@@ -25,8 +25,9 @@ from multiprocessing import (
     resource_tracker,
 )
 from multiprocessing.connection import Connection
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol
 
+from debrisgrasp._arrays import require_range
 from debrisgrasp._signals import ENDINGS, signals_wait
 from debrisgrasp._workers import cores
 from debrisgrasp.errors import ConfigError, InputError, MissingExtraError
@@ -157,17 +158,44 @@ class ClusterWorkers:
 
 @dataclass(frozen=True, slots=True)
 class OwnWorkers:
-    """Any other kind of executor."""
+    """Any other kind of executor.
+
+    Examples
+    --------
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> workers = OwnWorkers(lambda: ThreadPoolExecutor(4))
+    """
 
     make: Callable[[], Executor]
-    """Makes a new one: the last may have broken."""
+    """Makes a new one, which is shut down in the end: the last may have broken."""
     width: int = 8
     """How many runs it is given at a time."""
 
+    def __post_init__(self) -> None:
+        if not callable(self.make):
+            self._refuse(self.make)
+        require_range("width", self.width, 1, 100_000)
+
+    def _refuse(self, got: object) -> NoReturn:
+        raise InputError(
+            "make of OwnWorkers",
+            got=type(got).__name__,
+            expected="a function that makes an executor",
+            mend="OwnWorkers(lambda: ProcessPoolExecutor(4)), for instance.",
+        )
+
     @contextmanager
     def open(self) -> Iterator[Crew]:
-        """Make an executor, and shut it down in the end."""
+        """Make an executor, and shut it down in the end.
+
+        Raises
+        ------
+        InputError
+            If what is made is none.
+        """
         executor = self.make()
+        if not isinstance(executor, Executor):
+            self._refuse(executor)
         try:
             yield Crew(executor, self.width)
         finally:

@@ -20,6 +20,8 @@ from debrisgrasp._calibrating import (
     observations_of,
     rig_of,
 )
+from debrisgrasp._files import require_own
+from debrisgrasp._words import as_text
 from debrisgrasp.calibration import (
     Calibration,
     CalibrationConfig,
@@ -40,12 +42,18 @@ from debrisgrasp.io.calibration_json import (
 from debrisgrasp.io.observations_file import (
     ObservationFile,
     load_observations,
+    require_unfilled,
     save_observations,
 )
 
 from . import marker_commands
 from .calibrate_text import change_in_words, plan_table, plan_to_list, summary
-from .reports import PICTURE_FORMS, print_written, require_own, require_places
+from .reports import (
+    PICTURE_FORMS,
+    print_written,
+    require_places,
+    telling_written,
+)
 from .site_arguments import add_site, site_of
 from .tables import columns
 from .values import some_path, whole
@@ -107,7 +115,8 @@ def run_solve(arguments: argparse.Namespace) -> int:
     """Calibrate; status 1 if the result is refused."""
     source = arguments.observations
     require_places([arguments.report], PICTURE_FORMS, arguments.out, source=source)
-    require_own(arguments.out, CALIBRATION_SCHEMA)
+    if arguments.out:
+        require_own(arguments.out, CALIBRATION_SCHEMA, "a calibration")
     given = load_observations(source)
     rig = _rig(arguments, given, source.parent)
     previous = load_calibration(arguments.previous) if arguments.previous else None
@@ -127,11 +136,12 @@ def run_solve(arguments: argparse.Namespace) -> int:
         T_base_shoulder=None if rig is None else rig.T_base_shoulder,
     )
     change, kept = None, None
-    if arguments.out:
-        change, kept = save_calibration(arguments.out, content)
-    words = "" if change is None or kept is None else change_in_words(change, kept)
-    if arguments.report:
-        _draw(arguments.report, source.name, result, plan, words)
+    with telling_written(arguments.out, arguments.report):
+        if arguments.out:
+            change, kept = save_calibration(arguments.out, content)
+        words = "" if change is None or kept is None else change_in_words(change, kept)
+        if arguments.report:
+            _draw(arguments.report, as_text(source.name), result, plan, words)
     if arguments.json:
         print(json.dumps({**content, "next": plan_to_list(plan)}, indent=1))
     else:
@@ -193,6 +203,8 @@ def run_choose(arguments: argparse.Namespace) -> int:
     if arguments.seed < 0:
         raise ConfigError("--seed", got=arguments.seed, expected="0 or more")
     require_places((), (), arguments.out, source=arguments.known)
+    if arguments.out:
+        require_unfilled(arguments.out)
     robot = site_of(arguments).robot
     given = ObservationFile(rows=())
     rig = rig_of(given, Path(), robot, arguments.fiducial)

@@ -18,7 +18,16 @@ from debrisgrasp.settings import Settings
 
 from .policy_arguments import add_policy, policy_of
 from .site_arguments import add_grippers, add_site, site_of
-from .values import add_region, joint, number, region_of, seed, some_path, whole
+from .values import (
+    add_region,
+    joint,
+    joints_of,
+    number,
+    region_of,
+    seed,
+    some_path,
+    whole,
+)
 
 __all__ = [
     "add_capture",
@@ -170,7 +179,7 @@ def planned(
     pipeline = debrisgrasp.Pipeline.from_settings(settings)
     pipeline.policy = policy_of(arguments, pipeline.policy)
     if arguments.joints is not None:
-        capture = _bare(capture, pipeline, dict(arguments.joints))
+        capture = _bare(capture, pipeline, joints_of(arguments.joints))
     result = pipeline.plan(
         capture,
         region=region,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import debrisgrasp
-from debrisgrasp._files import require_folder
+from debrisgrasp._files import require_folder, require_own
 from debrisgrasp.errors import OutputError
 from debrisgrasp.io import (
     Capture,
@@ -34,9 +34,9 @@ from .reports import (
     REPORT_FORMS,
     add_reports,
     print_written,
-    require_own,
     require_own_labels,
     require_places,
+    telling_written,
     write_plan_reports,
     write_segmentation_picture,
     write_selection_report,
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from debrisgrasp.pipeline import PlanningResult
 
 Subparsers = Any  # argparse gives its subparsers no public type
+_NOTHING = "no object was found beside the ground and what else was taken away"
 _LIKELY = 0.5
 """Scores below which a plan is proposed to be asked for advice."""
 
@@ -84,7 +85,7 @@ def run_demo(arguments: argparse.Namespace) -> int:
         raise OutputError(out, error.strerror or str(error)) from error
     grasps, reports = out / "grasps.json", [out / "report.png", out / "report.html"]
     require_places(reports, REPORT_FORMS, grasps)
-    require_own(grasps, PLAN_SCHEMA)
+    require_own(grasps, PLAN_SCHEMA, "a plan")
     result = debrisgrasp.plan(
         Capture.load(data_path("captures", "pile.npz")),
         seed=arguments.seed,
@@ -92,8 +93,9 @@ def run_demo(arguments: argparse.Namespace) -> int:
     )
     print(plan_summary(result.plan))
     print(f"\ntook {_seconds(result)}")
-    result.save(grasps)
-    write_plan_reports(result, reports)
+    with telling_written(grasps, *reports):
+        result.save(grasps)
+        write_plan_reports(result, reports)
     print_written(grasps, *reports)
     return 0 if result.plan.grasps else 1
 
@@ -120,6 +122,12 @@ def add_plan(subparsers: Subparsers) -> None:
 def run_plan(arguments: argparse.Namespace) -> int:
     """Plan on the user's capture."""
     settings = site_of(arguments)
+    require_places(
+        arguments.report, REPORT_FORMS, arguments.out, source=arguments.capture
+    )
+    if arguments.out:
+        require_own(arguments.out, PLAN_SCHEMA, "a plan")
+    result = planned(arguments, settings, advise=arguments.advice)
     if settings.camera_pose == "level" and settings.robot != "none":
         tell(
             [
@@ -127,11 +135,6 @@ def run_plan(arguments: argparse.Namespace) -> int:
                 "nothing there, and --robot none plans for the hand alone"
             ]
         )
-    require_places(
-        arguments.report, REPORT_FORMS, arguments.out, source=arguments.capture
-    )
-    require_own(arguments.out, PLAN_SCHEMA)
-    result = planned(arguments, settings, advise=arguments.advice)
     ground = result.segmentation.ground
     if arguments.json:
         print(plan_to_json(result.plan))
@@ -144,9 +147,10 @@ def run_plan(arguments: argparse.Namespace) -> int:
         if best is not None and best.score < _LIKELY and not arguments.advice:
             print("\nnone is likely to hold; --advice says what would help")
         print(f"\ntook {_seconds(result)}")
-    if arguments.out:
-        result.save(arguments.out)
-    write_plan_reports(result, arguments.report)
+    with telling_written(arguments.out, *arguments.report):
+        if arguments.out:
+            result.save(arguments.out)
+        write_plan_reports(result, arguments.report)
     if not arguments.json:
         print_written(arguments.out, *arguments.report)
     return 0 if result.plan.grasps else 1
@@ -173,7 +177,8 @@ def run_segment(arguments: argparse.Namespace) -> int:
     require_places(
         [arguments.report], PICTURE_FORMS, arguments.out, source=arguments.capture
     )
-    require_own_labels(arguments.out)
+    if arguments.out:
+        require_own_labels(arguments.out)
     capture = load_capture(arguments)
     segmentation = debrisgrasp.segment(capture)
     tell(pose_notes(segmentation.ground))
@@ -209,11 +214,16 @@ def run_segment(arguments: argparse.Namespace) -> int:
             ]
             for s in segmentation.segments
         ]
-        print(columns(["object", "points", "x", "y", "z", "extents [cm]"], rows))
-    if arguments.out:
-        save_labels(capture, segmentation.labels, arguments.out)
-    if arguments.report:
-        write_segmentation_picture(capture, segmentation, (), arguments.report)
+        print(
+            columns(["object", "points", "x", "y", "z", "extents [cm]"], rows)
+            if rows
+            else _NOTHING
+        )
+    with telling_written(arguments.out, arguments.report):
+        if arguments.out:
+            save_labels(capture, segmentation.labels, arguments.out)
+        if arguments.report:
+            write_segmentation_picture(capture, segmentation, (), arguments.report)
     if not arguments.json:
         print_written(arguments.out, arguments.report)
     return 0 if segmentation.segments else 1
@@ -249,8 +259,9 @@ def run_select(arguments: argparse.Namespace) -> int:
     if arguments.site is not None:  # its hands may open to other widths
         own = debrisgrasp.Pipeline.from_settings(site).policy
     order = debrisgrasp.select(capture, segmentation, policy_of(arguments, own))
-    for path in arguments.report:
-        write_selection_report(capture, segmentation, order, path)
+    with telling_written(*arguments.report):
+        for path in arguments.report:
+            write_selection_report(capture, segmentation, order, path)
     if arguments.json:
         facts = [
             {"object": c.label, "cost": round(c.cost, 6), "reason": c.reason}
@@ -259,7 +270,7 @@ def run_select(arguments: argparse.Namespace) -> int:
         print(json.dumps(facts, indent=1))
     else:
         rows = [[str(i), str(c.label), c.reason] for i, c in enumerate(order, start=1)]
-        print(columns(["turn", "object", "because"], rows))
+        print(columns(["turn", "object", "because"], rows) if rows else _NOTHING)
         print_written(*arguments.report)
     return 0 if order else 1
 

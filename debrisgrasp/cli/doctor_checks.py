@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, requires, version
@@ -200,12 +200,10 @@ def site(settings: Settings) -> Iterator[Finding]:
         text = f"fx {lens.fx:g}, fy {lens.fy:g}, cx {lens.cx:g}, cy {lens.cy:g}"
         yield Finding("camera file", "ok", text)
     arms_in_use = {arm.name: arm for arm in pipeline.arms}
-    for arm_name, place in settings.drop_off.items():
-        yield _drop_off(arm_name, place, arms_in_use)
+    yield from _drop_offs(settings, arms_in_use)
     for arm_name in set(arms_in_use) - {*settings.drop_off, *TaskSettings().drop_off}:
         text = "none, which `clear` needs: give one as drop_off of the site"
         yield Finding(f"drop-off of {arm_called(arm_name)}", "note", text)
-    yield from _sides(settings, arms_in_use)
     if robot is not None:
         for arm in pipeline.arms:
             yield from _bodies(robot, arm.name)
@@ -262,15 +260,20 @@ def _camera(settings: Settings) -> Iterator[Finding]:
         yield Finding("camera", "ok", text)
 
 
-def _sides(settings: Settings, arms: Mapping[str, ArmReach]) -> Iterator[Finding]:
-    """Tell if an arm is to put things down beside another one."""
-    if not settings.drop_off:
-        return
+def _drop_offs(settings: Settings, arms: Mapping[str, ArmReach]) -> Iterable[Finding]:
+    """Tell of each drop-off of the site, and of one beside another arm, in one row."""
+    given = settings.drop_off
+    found = [_drop_off(name, place, arms) for name, place in given.items()]
+    rows = {finding.what: finding for finding in found}
     try:
-        require_own_sides(arms, {**TaskSettings().drop_off, **settings.drop_off})
+        if given:
+            require_own_sides(arms, {**TaskSettings().drop_off, **given})
     except InputError as error:
+        what = error.what.replace("of the ", "of ")
         text = f"{error.got}; expected {error.expected}. {error.mend}"
-        yield Finding(error.what, "fault", text)
+        if what not in rows or rows[what].status != "fault":
+            rows[what] = Finding(what, "fault", text)
+    return rows.values()
 
 
 def _drop_off(

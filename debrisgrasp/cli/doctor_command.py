@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
+import sys
+import textwrap
+from collections.abc import Sequence
 from dataclasses import asdict
 
 from debrisgrasp.settings import Settings
 
 from . import doctor_checks
+from .doctor_checks import Finding
 from .site_arguments import add_site
 from .tables import columns
 
-__all__ = ["add"]
+__all__ = ["add", "table"]
+
+_NARROWEST = 30
+"""Texts are not written in lines of fewer characters."""
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -50,8 +58,24 @@ def _run(arguments: argparse.Namespace) -> int:
         }
         print(json.dumps({"sound": not faults, "checks": content}, indent=1))
         return 1 if faults else 0
+    # Where nobody looks, each finding is one line, as tools like it.
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     for name, findings in sections.items():
-        rows = [[finding.what, finding.status, finding.text] for finding in findings]
-        print(columns([name, "", ""], rows) + "\n")
+        print(table(name, findings, width) + "\n")
     print("to mend: " + "; ".join(faults) if faults else "all is well")
     return 1 if faults else 0
+
+
+def table(name: str, findings: Sequence[Finding], width: int | None) -> str:
+    """Write findings below each other, their texts in lines that fit a width."""
+    first = max(map(len, [name, *(finding.what for finding in findings)]))
+    status = max((len(finding.status) for finding in findings), default=0)
+    room = None if width is None else max(width - first - status - 4, _NARROWEST)
+    rows = []
+    for finding in findings:
+        lines = [finding.text]
+        if room is not None:
+            lines = textwrap.wrap(finding.text, room, break_on_hyphens=False) or [""]
+        rows.append([finding.what, finding.status, lines[0]])
+        rows += [["", "", line] for line in lines[1:]]
+    return columns([name, "", ""], rows)

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from debrisgrasp import api
+from debrisgrasp._files import require_own
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.io.motion_json import MOTION_SCHEMA, motion_to_dict, save_motion
+from debrisgrasp.io.motion_json import MOTION_SCHEMA
 from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.pipeline import MotionsConfig, recall_plan
 
@@ -23,7 +24,7 @@ from .capture_arguments import (
     refuse_planning,
 )
 from .commands import Subparsers
-from .reports import PICTURE_FORMS, print_written, require_own, require_places
+from .reports import PICTURE_FORMS, print_written, require_places, telling_written
 from .site_arguments import site_of
 from .tables import columns
 from .values import some_path
@@ -73,7 +74,8 @@ def add(subparsers: Subparsers) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     report, out = arguments.report, arguments.out
     require_places([report], PICTURE_FORMS, out, source=arguments.capture)
-    require_own(out, MOTION_SCHEMA)
+    if out:
+        require_own(out, MOTION_SCHEMA, "motions")
     settings = site_of(arguments)
     if settings.robot == "none":
         raise ConfigError("robot", got="none", expected="one with an arm to move")
@@ -96,19 +98,13 @@ def _run(arguments: argparse.Namespace) -> int:
         progress=progress(arguments),
     )
     chosen = found.chosen
-    content = motion_to_dict(
-        {} if chosen is None else chosen.trajectories,
-        robot=result.plan.robot,
-        arm=None if chosen is None else chosen.arm,
-        index=None if chosen is None else chosen.index,
-        passed_over=found.passed_over,
-    )
-    if out:
-        save_motion(content, out)
-    if report and chosen is not None:
-        _draw(result, found, report)
+    with telling_written(out, report):
+        if out:
+            found.save(out)
+        if report and chosen is not None:
+            _draw(result, found, report)
     if arguments.json:
-        print(json.dumps(content, indent=1))
+        print(json.dumps(found.to_json(), indent=1))
     else:
         print(_summary(result, found))
         print_written(out, None if chosen is None else report)

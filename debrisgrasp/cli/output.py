@@ -28,7 +28,7 @@ class SteadyOutput:
         """Write, unless the stream has failed."""
         if self.fault is None:
             try:
-                self._stream.write(text)
+                self._pass_on(text)
             except OSError as error:
                 self._give_up(error)
         return len(text)
@@ -43,6 +43,15 @@ class SteadyOutput:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
+
+    def _pass_on(self, text: str) -> None:
+        """Write; letters that the stream has not, as in names of files, as codes."""
+        try:
+            self._stream.write(text)
+        except UnicodeEncodeError:
+            encoding = self._stream.encoding
+            coded = text.encode(encoding, "backslashreplace").decode(encoding)
+            self._stream.write(coded)
 
     def _give_up(self, error: OSError) -> None:
         self.fault = error

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
@@ -53,7 +54,7 @@ def run(argv: Sequence[str] | None = None) -> int:
     It goes on where nothing can be printed any more, as on a full disk; that is an
     error once it is done, unless whoever read has gone, as with ``| head``.
     """
-    given = list(sys.argv[1:] if argv is None else argv)
+    given = [_with_home(word) for word in (sys.argv[1:] if argv is None else argv)]
     with steady_output() as out:
         status = _answered(given)
         out.flush()
@@ -62,6 +63,14 @@ def run(argv: Sequence[str] | None = None) -> int:
         reason = out.fault.strerror or str(out.fault)
         error = OutputError("standard output", reason, _UNTOLD)
         return _refused(error, given)
+
+
+def _with_home(word: str) -> str:
+    """Put the home folder into ``--option=~/path``, where no shell does."""
+    option, equals, path = word.partition("=")
+    if not (option.startswith("--") and path.startswith("~")):
+        return word
+    return option + equals + os.path.expanduser(path)  # noqa: PTH111  # Path's raises
 
 
 def _answered(given: Sequence[str]) -> int:

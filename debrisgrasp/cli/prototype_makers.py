@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from debrisgrasp.prototypes import (
     HandPose,
     PrototypeDefinition,
     PrototypeLibrary,
+    SurfaceShape,
     around_grip,
     check,
     duplicates,
@@ -40,10 +42,12 @@ from .capture_arguments import load_capture
 from .prototype_arguments import SIZES, add_mesh, add_new, add_record
 from .site_arguments import hands_of, site_of
 from .tables import columns
-from .values import region_of
+from .values import joints_of, region_of
 
 __all__ = ["add_makers"]
 
+_READ = ("mesh", "capture", "camera_file", "pose", "site")
+"""Arguments that may name a file, which no prototype may replace."""
 _OPTIONS = tuple(f"--{name}" for name in (*SIZES, "plate", "ends"))
 
 
@@ -107,6 +111,7 @@ def run_mesh(arguments: argparse.Namespace) -> int:
     gripper = _prepared(arguments)
     surface = surface_from_mesh(arguments.mesh, scale=arguments.scale)
     proposals: Sequence[HandPose] = ()
+    whole: SurfaceShape | None = None
     if arguments.pose is None:
         proposals = propose_hand_poses(surface, gripper, preshape=arguments.preshape)
         if not proposals:
@@ -125,6 +130,7 @@ def run_mesh(arguments: argparse.Namespace) -> int:
     else:
         T_mesh_hand = parse_hand_pose(arguments.pose)
         preshapes = _preshapes(arguments, gripper)
+        whole = surface.moved(T_mesh_hand.inverse())
     made = []
     for preshape in preshapes:
         low = gripper.preshape(preshape).widths[0]
@@ -143,7 +149,7 @@ def run_mesh(arguments: argparse.Namespace) -> int:
         if arguments.closed is not None:
             definition = replace(definition, width=arguments.closed)
         made.append(definition)
-    return _finish(arguments, *_soundest(made, gripper), proposals)
+    return _finish(arguments, *_soundest(made, gripper, whole), proposals)
 
 
 def run_record(arguments: argparse.Namespace) -> int:
@@ -179,6 +185,12 @@ def _prepared(arguments: argparse.Namespace) -> GripperModel:
     require_name(arguments.name, "--name")
     require_folder(arguments.out)
     target = arguments.out / f"{arguments.name}.yaml"
+    read = [vars(arguments).get(name) for name in _READ]
+    read = [os.path.realpath(source) for source in read if source is not None]
+    for file in (target, target.with_suffix(".ply")):
+        if os.path.realpath(file) in read:
+            mend = "Nothing was changed; give another --name or --out."
+            raise OutputError(file, "it is what is read", mend)
     if target.exists() and not arguments.force:
         raise OutputError(target, "it exists; --force replaces it")
     hands = hands_of(arguments)
@@ -196,13 +208,22 @@ def _preshapes(arguments: argparse.Namespace, gripper: GripperModel) -> list[str
 
 
 def _soundest(
-    made: Iterable[PrototypeDefinition], gripper: GripperModel
+    made: Iterable[PrototypeDefinition],
+    gripper: GripperModel,
+    whole: SurfaceShape | None = None,
 ) -> tuple[PrototypeDefinition, tuple[str, ...]]:
-    """Find the first definition without findings, or the one with the fewest."""
+    """Find the first definition without findings, or the one with the fewest.
+
+    Parameters
+    ----------
+    whole
+        As in `check`.
+    """
     best: tuple[PrototypeDefinition, tuple[str, ...]] | None = None
     for definition in made:
         prototype = GraspPrototype.build(definition, fibonacci_sphere(1))
-        findings = tuple(str(finding) for finding in check(prototype, gripper))
+        found = check(prototype, gripper, whole)
+        findings = tuple(str(finding) for finding in found)
         if best is None or len(findings) < len(best[1]):
             best = definition, findings
         if not findings:
@@ -213,16 +234,16 @@ def _soundest(
 
 def _joints(text: str) -> dict[str, float]:
     """Read ``name=value,name=value``."""
-    joints = {}
+    pairs = []
     for word in text.split(","):
         name, _, value = word.partition("=")
         try:
-            joints[name.strip()] = float(value)
+            pairs.append((name.strip(), float(value)))
         except ValueError as error:
             raise ConfigError(
                 "--joints", got=repr(word), expected="NAME=VALUE,NAME=VALUE [rad]"
             ) from error
-    return joints
+    return joints_of(pairs)
 
 
 def _finish(

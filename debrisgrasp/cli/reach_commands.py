@@ -27,7 +27,7 @@ from debrisgrasp.kinematics import (
 from debrisgrasp.planning import Grasp
 
 from .arm_arguments import add_arm, chosen_arms
-from .reports import REPORT_FORMS, add_reports, require_places
+from .reports import REPORT_FORMS, add_reports, require_places, telling_written
 from .tables import columns
 from .values import add_region, region_of, some_path
 
@@ -74,8 +74,9 @@ def _run(arguments: argparse.Namespace) -> int:
     elif region is not None:
         placements = _placements_for_region(arms, region, rng)
     rows = _survey_rows(surveys)
-    if arguments.report:
-        _write_reports(arguments.report, arms, region, asked, rows, rng)
+    with telling_written(*arguments.report):
+        if arguments.report:
+            _write_reports(arguments.report, arms, region, asked, rows, rng)
     if arguments.json:
         print(json.dumps(_facts(asked, surveys, placements), indent=1))
     else:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from argparse import ArgumentParser
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -13,9 +14,10 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from debrisgrasp._files import read_json, require_writable
-from debrisgrasp.errors import ConfigError, OutputError
+from debrisgrasp._files import require_picture, require_suffix, require_writable
+from debrisgrasp.errors import OutputError
 from debrisgrasp.io import Capture
+from debrisgrasp.io.depth_images import files_read
 from debrisgrasp.prototypes import CoverageMap, GraspPrototype, GripperModel, check
 from debrisgrasp.segmentation import Candidate, Segmentation, support_graph
 
@@ -30,9 +32,9 @@ __all__ = [
     "REPORT_FORMS",
     "add_reports",
     "print_written",
-    "require_own",
     "require_own_labels",
     "require_places",
+    "telling_written",
     "write_coverage",
     "write_plan_reports",
     "write_prototype_sheet",
@@ -78,49 +80,27 @@ def require_places(
     others
         Further files to write.
     source
-        What is read, which no result may replace.
+        What is read, a file or a folder, of which no result may replace anything.
     """
     wanted = [path for path in reports if path]
+    what = f"a {_FORMS.get(tuple(forms), 'picture or page')}"
     for path in wanted:
-        if path.suffix.lower() not in forms:
-            raise ConfigError(
-                f"name of a {_FORMS.get(tuple(forms), 'picture or page')}",
-                got=str(path),
-                expected="a name that ends in " + " or ".join(forms),
-            )
-    taken = set() if source is None else {os.path.realpath(source)}
+        require_suffix(path, forms, what)
+    read = () if source is None else files_read(source)
+    taken = {os.path.realpath(path) for path in read}
     for path in (*wanted, *(path for path in others if path)):
         require_writable(path)
         if os.path.realpath(path) in taken:
             raise OutputError(path, "it is what is read, or another result goes there")
         taken.add(os.path.realpath(path))
+    for path in wanted:
+        require_picture(path, forms, what)
 
 
-def require_own(path: Path | None, schema: str) -> None:
-    """Raise if a file is there that is no earlier result, but somebody's own.
-
-    Parameters
-    ----------
-    path
-        Of a result as JSON; None stands for one not asked for.
-    schema
-        Of such results, whatever their version; an empty file is nobody's.
-    """
-    if path is None or not _is_filled(path):
-        return
-    family, _, _ = schema.rpartition("/")
-    try:
-        content = read_json(path)
-    except ConfigError:
-        content = None
-    found = content.get("schema") if isinstance(content, dict) else None
-    if str(found).rpartition("/")[0] != family:
-        raise OutputError(path, f"what is there is not of {family}, and would be lost")
-
-
-def require_own_labels(path: Path | None) -> None:
-    """Raise if arrays (.npz) are there that are more than labels, as captures are."""
-    if path is None or not _is_filled(path):
+def require_own_labels(path: Path) -> None:
+    """Raise unless labels belong to a place: a .npz without the arrays of a capture."""
+    require_suffix(path, (".npz",), "a file of labels")
+    if not path.is_file() or not path.stat().st_size:
         return
     try:
         with np.load(path) as content:
@@ -131,8 +111,18 @@ def require_own_labels(path: Path | None) -> None:
         raise OutputError(path, "what is there is not labels alone, and would be lost")
 
 
-def _is_filled(path: Path) -> bool:
-    return path.is_file() and path.stat().st_size > 0
+@contextmanager
+def telling_written(*paths: Path | None) -> Iterator[None]:
+    """Have an error in writing some files, in this order, tell of those before it."""
+    try:
+        yield
+    except OutputError as error:
+        places, failed = [str(path) for path in paths if path], str(error.path)
+        before = places[: places.index(failed)] if failed in places else []
+        if not before:
+            raise
+        mend = f"{error.mend} Written before it: {', '.join(before)}."
+        raise OutputError(error.path, error.reason, mend) from error
 
 
 def print_written(*paths: Path | None) -> None:

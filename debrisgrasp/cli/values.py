@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from debrisgrasp._arrays import require_metres
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds
 
 __all__ = [
     "add_region",
     "count",
     "joint",
+    "joints_of",
     "number",
     "region_of",
     "seed",
@@ -74,6 +76,24 @@ def joint(text: str) -> tuple[str, float]:
     if not name or not value:
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE [rad or m]")
     return name, number(value)
+
+
+def joints_of(pairs: Sequence[tuple[str, float]]) -> dict[str, float]:
+    """Collect the values of joints by name.
+
+    Raises
+    ------
+    ConfigError
+        If a joint has two.
+    """
+    joints = dict(pairs)
+    if len(joints) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ConfigError(
+            "--joints", got=f"{twice} twice", expected="one value for each joint"
+        )
+    return joints
 
 
 def seed(text: str) -> int:

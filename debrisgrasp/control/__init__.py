@@ -48,7 +48,7 @@ from .stability import (
     StabilityVerdict,
     contact_gain,
 )
-from .supervisor import Supervisor
+from .supervisor import Supervisor, require_sensor_range
 
 __all__ = [
     "ArmResponse",
@@ -114,4 +114,5 @@ __all__ = [
     "preview",
     "reference_wrench",
     "rehearse",
+    "require_sensor_range",
 ]

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, require_finite
 from debrisgrasp.errors import InputError, ShapeError
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, so3
 
 __all__ = [
     "IDENTITY",
@@ -97,7 +97,7 @@ def rotation_error(R: Rotation, R_goal: Rotation) -> Vector:
         a * v + b * w + c * x - g * p - h * q - i * r,
         d * p + e * q + f * r - a * s - b * t - c * u,
         a * p + b * q + c * r + d * s + e * t + f * u + g * v + h * w + i * x,
-    )
+    ) or _log_near_pi(times(R_goal, (p, s, v, q, t, w, r, u, x)))
 
 
 def cross(a: Vector, b: Vector) -> Vector:
@@ -141,19 +141,28 @@ def exp3(w: Vector) -> Rotation:
 
 
 def log3(R: Rotation) -> Vector:
-    """Rotation vector of a rotation by less than pi; exact to 1e-7 up to 3 rad."""
+    """Rotation vector of a rotation; by pi its axis is found up to the sign."""
     a, b, c, d, e, f, g, h, i = R
-    return _log(h - f, c - g, d - b, a + e + i)
+    return _log(h - f, c - g, d - b, a + e + i) or _log_near_pi(R)
 
 
 def _log(x: float, y: float, z: float, trace: float) -> Vector:
-    """Rotation vector from twice the axis times the sine, and the trace."""
+    """Rotation vector from twice the axis times the sine, and the trace.
+
+    Empty near pi, where the sine is too small to tell the axis.
+    """
     sine, cosine = 0.5 * hypot(x, y, z), 0.5 * (trace - 1.0)
-    if sine < 1e-4 and cosine > 0.0:
-        scale = 0.5 + sine * sine / 12.0
+    if sine >= 1e-4:
+        scale = 0.5 * atan2(sine, cosine) / sine
+    elif cosine < 0.0:
+        return ()
     else:
-        scale = 0.5 * atan2(sine, cosine) / max(sine, 1e-12)
+        scale = 0.5 + sine * sine / 12.0
     return scale * x, scale * y, scale * z
+
+
+def _log_near_pi(R: Rotation) -> Vector:
+    return tuple(so3.log(np.array(R).reshape(3, 3)).tolist())
 
 
 def left_jacobian_times(w: Vector, v: Vector) -> Vector:

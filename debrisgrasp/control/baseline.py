@@ -20,6 +20,9 @@ from .readings import BiasBound
 
 __all__ = ["BaselineConfig", "BaselineLook", "BaselineVerdict", "judge_baseline"]
 
+_SPENT = 0.1
+"""Share of the sensor's range that the bias may use up."""
+
 
 @checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,10 +42,6 @@ class BaselineConfig:
     slack_force: float = 1.0
     """Added to three standard deviations when looks are compared [N]."""
     slack_torque: float = 0.1
-    """[N m]."""
-    sensor_force: float = 660.0
-    """Range of a force axis [N]; the bias may use up a tenth of it."""
-    sensor_torque: float = 60.0
     """[N m]."""
 
     def __post_init__(self) -> None:
@@ -134,7 +133,7 @@ def judge_baseline(
         (
             "shift since commissioning",
             bias - commissioned_bias,
-            np.repeat([0.1 * config.sensor_force, 0.1 * config.sensor_torque], 3),
+            _SPENT * np.repeat(loads.sensor_range, 3),
         ),
     ):
         over = np.abs(shift) / most

@@ -122,7 +122,8 @@ class LegController:
             The present one; the arm must stand at the start of the leg.
         reference
             Mean load at a standstill (`reference_wrench`) [N, N m], shape (6,), axes
-            of the hand; used with the policy ``motion``. None: the present load.
+            of the hand: a touch is a change from it, and with the policy ``motion``
+            the hand gives way to what differs from it. None: the present load.
         """
         supervisor, guard = self._supervisor, self.guard
         safety = supervisor.start(reading)
@@ -131,6 +132,7 @@ class LegController:
         refusals = [
             words
             for words in (
+                supervisor.sensor_fault(safety),
                 supervisor.baseline_fault(now),
                 *self._load_faults(safety.load, supervisor.load_limits(now)),
                 self._place_fault(servo),
@@ -145,10 +147,9 @@ class LegController:
             warnings = verdict.warnings
         if refusals:
             return Engagement(None, tuple(refusals), warnings)
-        chosen = ZERO_WRENCH
-        if self.config.tare is TarePolicy.MOTION:
-            mean = six(safety.load if reference is None else reference, "reference")
-            chosen = tuple(mean.tolist())
+        mean = six(safety.load if reference is None else reference, "reference")
+        initial = tuple(mean.tolist())
+        is_tared = self.config.tare is TarePolicy.MOTION
         state = LegState(
             safety=safety,
             servo=servo,
@@ -156,7 +157,8 @@ class LegController:
             deflection=ZERO_WRENCH,
             swing=OscillationState(slow=safety.load),
             compliance=self.compliance,
-            reference=chosen,
+            initial=initial,
+            reference=initial if is_tared else ZERO_WRENCH,
         )
         return Engagement(state, (), warnings)
 
@@ -210,7 +212,7 @@ class LegController:
             state.safety,
             reading,
             state.servo.q,
-            state.reference,
+            state.initial,
             is_moving=state.servo.is_moving,
         )
         if safety.stop is not None:
@@ -255,7 +257,7 @@ class LegController:
             if (
                 self.guard is not None
                 and outcome is LegOutcome.RUNNING
-                and self.guard.is_touched(load, state.reference)
+                and self.guard.is_touched(load, state.initial)
             ):
                 outcome = LegOutcome.CONTACT
         return filtered, swing, compliance, outcome
@@ -285,6 +287,7 @@ class LegController:
             deflection,
             swing,
             compliance,
+            state.initial,
             state.reference,
             share,
             pace,

@@ -149,9 +149,11 @@ class GripState(NamedTuple):
     held_openings: tuple[float, ...] = ()
     """When holding began [m]."""
     most_carried: float = 0.0
-    """Largest weight carried so far [N]."""
+    """Largest weight carried so far, by two looks in a row [N]."""
     slipping: float = 0.0
     """How long there have been signs of slip [s]."""
+    carried: float = 0.0
+    """Weight carried at the last look [N]."""
 
 
 class GripCommand(NamedTuple):
@@ -303,7 +305,7 @@ class GripController:
     def _holding(self, state: GripState, reading: FingerReading) -> GripState:
         config = self.config
         travel = self.travel(state.held_openings, reading.openings)
-        carried, most = reading.carried, state.most_carried
+        carried, most, last = reading.carried, state.most_carried, state.carried
         is_held = self.weakest(reading.forces) >= _PRESSES * config.squeeze
         has_fallen, most_travel = False, config.slip_travel
         if carried is not None and isfinite(carried):
@@ -311,7 +313,8 @@ class GripController:
             is_known = most > 5.0
             has_fallen = is_known and carried < (1.0 - config.slip_load) * most
             is_held = is_held or (is_known and not has_fallen)
-            most = max(most, carried)
+            # One spike is no weight that could be lost.
+            most, last = max(most, min(carried, last)), carried
         if is_held:
             shut = (0.0,) * len(config.sides)
             way = self.travel(state.held_openings, shut)
@@ -319,4 +322,6 @@ class GripController:
         is_slipping = travel >= most_travel or has_fallen
         slipping = state.slipping + config.period if is_slipping else 0.0
         phase = GripPhase.SLIPPED if slipping > config.slip_time else state.phase
-        return state._replace(most_carried=most, slipping=slipping, phase=phase)
+        return state._replace(
+            most_carried=most, slipping=slipping, carried=last, phase=phase
+        )

@@ -102,8 +102,10 @@ class LegState(NamedTuple):
     swing: OscillationState
     compliance: Compliance | None
     """In force; the oscillation guard may have made it stiffer."""
+    initial: Wrench
+    """Load at engagement, in the axes of the hand: changes count from it."""
     reference: Wrench
-    """Load at engagement, in the axes of the hand."""
+    """Load to which the hand doesn't give way, by the `TarePolicy`, in its axes."""
     share: float = 0.0
     """How much of the leg is done, in [0, 1]."""
     pace: float = 0.0

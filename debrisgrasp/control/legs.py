@@ -119,7 +119,7 @@ class LegPlan:
     q: FloatArray
     """Postures at equal steps along the leg [rad or m], shape (n, d)."""
     trajectory: Trajectory
-    """The same in time, up to where the plan ends."""
+    """The same in time, up to where the plan ends; it keeps all limits."""
 
     @property
     def is_done(self) -> bool:
@@ -257,15 +257,8 @@ class LegPlanner:
 
     def _timed(self, q: FloatArray, length: float, angle: float) -> Trajectory:
         """Ramp up, go at a steady pace, ramp down, within all limits."""
-        names, hash_ = self.limits.joint_names, self.limits.hash
         if len(q) == 1:
-            return Trajectory(
-                joint_names=names,
-                times=np.zeros(1),
-                q=q,
-                dq=np.zeros_like(q),
-                limits_hash=hash_,
-            )
+            return _slowed(np.zeros(1), q, np.zeros_like(q), self.limits)
         s = np.linspace(0.0, 1.0, len(q))
         path = CubicSpline(s, q, bc_type="natural")
         slope, bend = np.abs(path(s, 1)).max(axis=0), np.abs(path(s, 2)).max(axis=0)
@@ -278,18 +271,16 @@ class LegPlanner:
             float(np.sqrt(0.45 * acceleration / bend).min()),
         )
         ramp = float((0.45 * acceleration / slope).min())
-        for _ in range(12):
-            trajectory = _paced(path, pace, ramp, names, hash_)
-            if not trajectory.violation(self.limits):
-                break
-            pace, ramp = pace / 1.1, ramp / 1.21
-        return trajectory
+        t, s, speed = _paced(pace, ramp)
+        rows, speeds = _inside(t, path(s), path(s, 1) * speed[:, None], self.limits)
+        return _slowed(t, rows, speeds, self.limits)
 
 
-def _paced(
-    path: CubicSpline, pace: float, ramp: float, names: tuple[str, ...], hash_: str
-) -> Trajectory:
-    """Trapezoid of speed along s in [0, 1]; ``ramp`` is the change of pace [1/s^2]."""
+def _paced(pace: float, ramp: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Trapezoid of speed along s in [0, 1]; ``ramp`` is the change of pace [1/s^2].
+
+    Returns times [s], s, and its speed [1/s], each (n,).
+    """
     pace = min(pace, float(np.sqrt(ramp)))
     rise = pace / ramp
     total = 1.0 / pace + rise
@@ -300,11 +291,42 @@ def _paced(
     s = np.where(t < rise, 0.5 * ramp * t * t, pace * (t - 0.5 * rise))
     s = np.where(left < rise, 1.0 - 0.5 * ramp * left * left, s)
     speed = np.minimum(np.minimum(ramp * t, ramp * left), pace)
-    s = np.clip(s, 0.0, 1.0)
+    return t, np.clip(s, 0.0, 1.0), np.maximum(speed, 0.0)
+
+
+def _inside(
+    t: FloatArray, q: FloatArray, dq: FloatArray, limits: LimitSet
+) -> tuple[FloatArray, FloatArray]:
+    """Hold joints back that swing beyond a position limit between waypoints there.
+
+    A cubic stays among its ends and where these would come to at their speeds in a
+    third of the step: with all four inside, it never leaves the limits.
+    """
+    q = np.clip(q, limits.lower, limits.upper)
+    steps = np.pad(np.diff(t), 1, mode="edge")
+    longest = np.maximum(steps[1:], steps[:-1])[:, None]
+    room = 3.0 * np.minimum(q - limits.lower, limits.upper - q) / longest
+    return q, np.clip(dq, -room, room)
+
+
+def _slowed(
+    t: FloatArray, q: FloatArray, dq: FloatArray, limits: LimitSet
+) -> Trajectory:
+    """Stretch the time as a whole until speeds and accelerations keep their limits."""
+    h, m0, m1 = np.diff(t)[:, None], dq[:-1], dq[1:]
+    mean = np.diff(q, axis=0) / h
+    speed = np.concatenate([np.abs(dq), np.abs(3.0 * mean - m0 - m1)])
+    begin, end = 6.0 * mean - 4.0 * m0 - 2.0 * m1, 2.0 * m0 + 4.0 * m1 - 6.0 * mean
+    change = np.abs(np.concatenate([begin, end]) / np.concatenate([h, h]))
+    slower = max(
+        1.0,
+        float((speed / limits.velocity).max()),
+        float(np.sqrt((change / limits.acceleration).max(initial=0.0))),
+    )
     return Trajectory(
-        joint_names=names,
-        times=t,
-        q=path(s),
-        dq=path(s, 1) * np.maximum(speed, 0.0)[:, None],
-        limits_hash=hash_,
+        joint_names=limits.joint_names,
+        times=slower * t,
+        q=q,
+        dq=dq / slower,
+        limits_hash=limits.hash,
     )

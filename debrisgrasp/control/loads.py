@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3, so3
@@ -62,6 +63,7 @@ class Body:
         require_finite(self.com, "centre of mass")
 
 
+@checked_fields
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LoadModel:
     """What a sensor reads without contact, and where the hand is on it."""
@@ -76,6 +78,8 @@ class LoadModel:
     """Reading without any force [N, N m], sensor frame, shape (6,)."""
     wrench_sign: float = 1.0
     """-1 for a driver that reports what the tool exerts on the environment."""
+    sensor_range: tuple[float, float] = (660.0, 60.0)
+    """Each axis ends there [N, N m], by the sensor's data sheet."""
     gravity: FloatArray = field(default_factory=lambda: np.array(_DOWN))
     """In base [m/s^2], shape (3,)."""
     _mount: tuple[Rotation, Vector] = field(init=False, repr=False)
@@ -92,6 +96,8 @@ class LoadModel:
         require_finite(self.gravity, "gravity")
         if self.wrench_sign not in (1.0, -1.0):
             raise ConfigError("wrench_sign", got=self.wrench_sign, expected="1 or -1")
+        for value in self.sensor_range:
+            require_range("LoadModel.sensor_range [N, N m]", value, 1e-6, 1e6)
         object.__setattr__(self, "_mount", parts(self.T_ee_ft))
         # All that doesn't change is moved to the hand once.
         bias = tuple(self.T_ee_ft.map_wrench(self.bias).tolist())

@@ -59,21 +59,20 @@ class OscillationGuard:
         swings = tuple([felt - mean for felt, mean in zip(load, slow, strict=True)])
         if hypot(*swings[:3]) <= self.force and hypot(*swings[3:]) <= self.torque:
             return state._replace(slow=slow), False
-        signs, turned = state.signs, -1
+        signs, has_struck = state.signs, False
         for i in range(6):
             swing, band = swings[i], self.force if i < 3 else self.torque
             side = 1 if swing > band else -1 if swing < -band else 0
             if side != 0 and side != signs[i]:
                 if signs[i] != 0:
-                    turned = i
-                signs = (*signs[:i], side, *signs[i + 1 :])
-                if turned == i:
                     state = self._with_reversal(state, i, now)
-        if turned >= 0:
-            times = state.reversals[turned]
-            if len(times) >= self.reversals and now - times[0] <= _WINDOW:
-                struck = OscillationState(slow, (0,) * 6, ((),) * 6, state.strikes + 1)
-                return struck, True
+                    times = state.reversals[i]
+                    is_full = len(times) >= self.reversals
+                    has_struck |= is_full and now - times[0] <= _WINDOW
+                signs = (*signs[:i], side, *signs[i + 1 :])
+        if has_struck:
+            struck = OscillationState(slow, (0,) * 6, ((),) * 6, state.strikes + 1)
+            return struck, True
         return OscillationState(slow, signs, state.reversals, state.strikes), False
 
     def _with_reversal(

@@ -65,10 +65,6 @@ class SafetyConfig:
     """Without a new wrench, or a tick, for longer, it stops [s]."""
     frozen_after: float = 0.050
     """A wrench that is equal to the last digit for so long while moving is dead [s]."""
-    sensor_force: float = 660.0
-    """Range of each force axis [N]."""
-    sensor_torque: float = 60.0
-    """Range of each torque axis [N m]."""
     jump_force: float = 60.0
     """Largest change of the force from one sample to the next [N]."""
     jump_torque: float = 15.0

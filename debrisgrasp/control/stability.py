@@ -18,7 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._arrays import (
+    FloatArray,
+    require_finite,
+    require_metres,
+    require_range,
+)
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.geometry import so3
 
 from .filters import WrenchFilter
@@ -34,6 +40,7 @@ __all__ = [
 _MAX_SENSITIVITY = 2.0
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmResponse:
     """How an arm follows its commands; the defaults are for one never measured."""
@@ -151,7 +158,8 @@ class StabilityBound:
             f"{stiffness:.3g} N/m is {product:.3g}"
         )
         refusals, warnings = [], []
-        if product > safe:
+        # Written so that NaN is refused.
+        if not product <= safe:
             refusals.append(
                 f"{numbers}, above the bound {safe:.3g} (oscillation at "
                 f"{self.gain_max:.3g}); stay at or below {safe / stiffness:.3g} m/N, "
@@ -160,7 +168,7 @@ class StabilityBound:
         elif product > 0.5 * safe:
             warnings.append(f"{numbers}, over half the bound {safe:.3g}")
         held = (gain if mass_gain is None else mass_gain) * contact.mass
-        if held > 0.5 * self.mass_gain_max:
+        if not held <= 0.5 * self.mass_gain_max:
             refusals.append(
                 f"compliance times held mass {contact.mass:g} kg is {held:.3g}, above "
                 f"half of {self.mass_gain_max:.3g} m kg/N, where it oscillates"
@@ -168,6 +176,7 @@ class StabilityBound:
         return StabilityVerdict(product, safe, tuple(refusals), tuple(warnings))
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
     """What the hand, or what it holds, is expected to touch."""
@@ -190,6 +199,8 @@ class Contact:
             if value is not None:
                 require_range(f"Contact.{name} [N/m]", value, 1.0, 1e9)
         require_range("Contact.mass [kg]", self.mass, 0.0, 1e4)
+        for name in ("lever", "mass_lever"):
+            require_metres(f"Contact.{name} [m]", getattr(self, name))
 
     @property
     def effective_stiffness(self) -> float:
@@ -222,7 +233,14 @@ def contact_gain(tensor: ArrayLike, lever: ArrayLike = (0.0, 0.0, 0.0)) -> float
         Compliance at the hand in the axes of base, shape (6, 6).
     lever
         From the hand to the contact, axes of base [m], shape (3,).
+
+    Raises
+    ------
+    InputError
+        If any of the numbers is not finite.
     """
     C, r = np.asarray(tensor, dtype=np.float64), np.asarray(lever, dtype=np.float64)
+    require_finite(C, "compliance at the hand")
+    require_finite(r, "lever of a contact [m]")
     J = np.concatenate([np.eye(3), -so3.hat(r)], axis=1)
     return float(np.linalg.eigvalsh(J @ C @ J.T).max())

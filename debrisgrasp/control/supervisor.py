@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from math import hypot, inf, isfinite
 
 from debrisgrasp._words import shortened
-from debrisgrasp.errors import InputError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.kinematics import LimitSet
 
 from ._rigid import Wrench, floats_of
@@ -21,12 +21,37 @@ from .loads import LoadModel
 from .posture import PostureKinematics
 from .readings import Reading, SafetyConfig, SafetyState, Verdict
 
-__all__ = ["Supervisor"]
+__all__ = ["Supervisor", "require_sensor_range"]
 
 _CLOCK = 1e-6
 """Times closer than this are equal [s]."""
 _FARTHEST = 1.5
 """Whatever is touched is nearer to the hand than this [m]."""
+_USABLE = 0.98
+"""Share of a sensor's range up to which it is believed."""
+
+
+def require_sensor_range(loads: LoadModel, limits: LimitSet) -> None:
+    """Raise `ConfigError` unless a sensor can feel the limits of an arm.
+
+    Ask once, when a robot is put together. Within a motion the end of the range stops
+    the arm in any case.
+    """
+    for name, end, limit, unit in zip(
+        ("force", "torque"),
+        loads.sensor_range,
+        (limits.force, limits.torque),
+        ("N", "N m"),
+        strict=True,
+    ):
+        if not _USABLE * end > limit:
+            raise ConfigError(
+                f"{name} limit of an arm [{unit}]",
+                got=f"{limit:g}",
+                expected=f"below {_USABLE * end:g}: the sensor ends at {end:g} {unit}",
+                mend=f"Lower limits.{name} in the robot's file, or give the range of "
+                "the sensor's data sheet to LoadModel(sensor_range=...).",
+            )
 
 
 class Supervisor:
@@ -56,8 +81,8 @@ class Supervisor:
         self.config = config
         self.baseline_time = baseline_time
         self._kinematics, self._period = kinematics, period
-        c = self.config
-        self._range = (0.98 * c.sensor_force,) * 3 + (0.98 * c.sensor_torque,) * 3
+        force, torque = loads.sensor_range
+        self._range = (_USABLE * force,) * 3 + (_USABLE * torque,) * 3
         self._speeds = tuple((2.0 * limits.velocity).tolist())
 
     def load_limits(self, now: float) -> tuple[float, float]:
@@ -235,14 +260,24 @@ class Supervisor:
     def _judged_sensor(
         self, raw: Wrench, before: Wrench, equal_for: float
     ) -> tuple[Fault | None, str]:
-        for value, most in zip(raw, self._range, strict=True):
-            if not -most < value < most:
-                words = f"{value:.4g} of {most / 0.98:g} N or N m"
-                return Fault.WRENCH_SATURATED, words
+        if words := self._saturation(raw):
+            return Fault.WRENCH_SATURATED, words
         if raw == before and equal_for > self.config.frozen_after:
             words = f"for {1000 * equal_for:.0f} ms"
             return Fault.WRENCH_FROZEN, words
         return None, ""
+
+    def _saturation(self, raw: Wrench) -> str:
+        """Which axis is at the end of its range, or nothing."""
+        for value, most in zip(raw, self._range, strict=True):
+            if not -most < value < most:
+                return f"{value:.4g} of {most / _USABLE:g} N or N m"
+        return ""
+
+    def sensor_fault(self, state: SafetyState) -> str:
+        """Say why no forceful motion may start by such a wrench, or nothing."""
+        words = self._saturation(state.raw)
+        return f"{Fault.WRENCH_SATURATED.value}: {words}" if words else ""
 
     def _judged_load(
         self,

@@ -315,6 +315,8 @@ class Context:
     def stands_elsewhere(self, T_now_before: SE3) -> None:
         """Take note that the base moved: all that is known was seen from elsewhere."""
         self.T_base_way = T_now_before @ self.T_base_way
+        if self.dragged is not None:
+            self.dragged = self.dragged @ T_now_before.inverse()
         for bodies in (self.dropped, self.lain, self.fallen, self.felt):
             bodies[:] = [T_now_before.apply(body) for body in bodies]
         self.marks.moved(T_now_before)

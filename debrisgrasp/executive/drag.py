@@ -14,6 +14,7 @@ from debrisgrasp.robot import Base
 
 from .context import Context
 from .drive import Drive
+from .driving import AGAIN, driven, halted, noted, require_moved
 from .relief import share_of
 from .result import Done, FaultFound, StepResult
 from .states import State
@@ -44,15 +45,17 @@ def drag(context: Context) -> StepResult:
     if base is None:
         return FaultFound("too_heavy", "there is no base to drag with", held.arm)
     drive, settings = Drive(context, held.arm), context.settings
-    side = -1.0 if held.arm == "right" else 1.0
-    phases = [
-        (-_SPEED, 0.0, settings.drag_distance / _SPEED),
-        (0.0, side * _RATE, _TURN / _RATE),
-    ]
+    before = context.dragged or SE3.identity()
+    # One that was kept from dragging on has gone a part of it.
+    way = max(settings.drag_distance - float(np.linalg.norm(before.p[:2])), 0.0)
+    turn = max(_TURN - abs(_yaw(before)), 0.0)
+    side = float(np.sign(settings.drop_off[held.arm][1])) or 1.0
+    phases = [(-_SPEED, 0.0, way / _SPEED), (0.0, side * _RATE, turn / _RATE)]
     seconds = sum(phase[2] for phase in phases)
     begun = base.read()
     pull = _Pull(context, base, phases, drive.limits)
     translation, rotation = settings.compliance
+    context.dragged = before
     try:
         end = drive.leg(
             [0.0, 0.0, _CREEP],
@@ -62,13 +65,10 @@ def drag(context: Context) -> StepResult:
             until=pull,
         )
     finally:
-        base.stop()  # also when an arm or a sensor answers no more
-        context.forget()
-        before = context.dragged or SE3.identity()
-        stopped = _noted(context, base, begun)
-        context.dragged = before @ begun.inverse() @ stopped
+        # Also when an arm or a sensor answers no more.
+        stopped = halted(context, base, begun, way, turn)
     context.wait(_BRAKING)
-    context.dragged = before @ begun.inverse() @ _noted(context, base, stopped)
+    noted(context, base, stopped, 0.0, 0.0)
     if isinstance(end, FaultFound):
         return end
     facts = {
@@ -76,9 +76,9 @@ def drag(context: Context) -> StepResult:
         "peak_force": round(pull.peak, 1),
     }
     if pull.is_too_much or end.outcome is not LegOutcome.CONTACT:
-        way = np.linalg.norm(context.dragged.p[:2])
+        far = np.linalg.norm(context.dragged.p[:2])
         words = f"{pull.peak:.0f} N and {pull.peak_torque:.0f} N m while it was "
-        words += f"dragged by {way:.2f} m"
+        words += f"dragged by {far:.2f} m"
         return FaultFound("too_heavy", words, held.arm, {"force": pull.peak})
     return Done(facts, State.RELEASE)
 
@@ -97,6 +97,7 @@ class _Pull:
         self.is_too_much = False
         self._context, self._base, self._limits = context, base, limits
         self._phases, self._until = list(phases), context.now()
+        self._going, self._again = (0.0, 0.0), self._until
 
     def __call__(self, load: Wrench) -> bool:
         """Whether to end, by the load on the hand; then the base has been stopped.
@@ -105,48 +106,42 @@ class _Pull:
         """
         self.peak = max(self.peak, hypot(*load[:3]))
         self.peak_torque = max(self.peak_torque, hypot(*load[3:]))
-        # What is dragged sideways bends the hand long before it pulls hard.
-        self.is_too_much = share_of(np.array(load), self._limits) > _SHARE
-        is_over = self._context.now() >= self._until
+        # What is dragged sideways bends the hand long before it pulls hard. It is too
+        # much also if it gets less as the base stands.
+        share = float(share_of(np.array(load), self._limits))
+        self.is_too_much = self.is_too_much or share > _SHARE
+        now = self._context.now()
+        is_over = now >= self._until
         if self.is_too_much or (is_over and not self._phases):
             self._base.stop()
             return True
-        if not is_over:
-            return False
-        forward, turn, seconds = self._phases.pop(0)
-        self._base.drive(forward, turn)
-        self._until = self._context.now() + seconds
+        if is_over:
+            forward, turn, seconds = self._phases.pop(0)
+            self._going = forward, turn
+            self._until, self._again = now + seconds, now
+        if now >= self._again:
+            self._base.drive(*self._going)
+            self._again = now + AGAIN
         return False
 
 
-def _noted(context: Context, base: Base, before: SE3) -> SE3:
-    """Take note of how the base has moved from a pose: where it stands now, in odom."""
-    now = base.read()
-    context.stands_elsewhere(now.inverse() @ before)
-    return now
+def drive_back(context: Context) -> None:
+    """Bring the base back to where it was before it dragged something.
 
-
-def drive_back(context: Context) -> FaultFound | None:
-    """Bring the base back to where it was before it dragged something."""
+    Raises
+    ------
+    FaultRaised
+        If by its odometry it is farther away than it was told to drag, or the odometry
+        jumps: it would drive who knows where.
+    """
     base, moved = context.base, context.dragged
     if base is None or moved is None:
-        return None
-    begun = base.read()
-    yaw = float(np.arctan2(moved.R[1, 0], moved.R[0, 0]))
-    distance = float(np.linalg.norm(moved.p[:2]))
-    try:
-        for forward, turn, seconds in (
-            (0.0, -np.sign(yaw) * _RATE, abs(yaw) / _RATE),
-            (_SPEED, 0.0, distance / _SPEED),
-        ):
-            base.drive(forward, float(turn))
-            context.wait(seconds)
-            base.stop()
-            context.wait(_BRAKING)
-    finally:
-        base.stop()
-        context.forget()
-        now = _noted(context, base, begun)
-        context.dragged = moved @ begun.inverse() @ now
+        return
+    require_moved(moved, context.settings.drag_distance, _TURN)
+    moved = moved @ driven(context, base, _RATE, turn=-_yaw(moved))
+    driven(context, base, _SPEED, ahead=-float(moved.p[0]))
     context.dragged = None
-    return None
+
+
+def _yaw(pose: SE3) -> float:
+    return float(np.arctan2(pose.R[1, 0], pose.R[0, 0]))

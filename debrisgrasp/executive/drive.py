@@ -33,7 +33,7 @@ from debrisgrasp.kinematics import LimitSet, Trajectory
 from .along import taken_along
 from .felt import feel_out
 from .noticed import OUTSIDE, misplaced, refused
-from .pacing import careful, moving_points, paced
+from .pacing import broken_by, careful, moving_points, paced
 from .result import FaultFound, LegEnd
 from .senses import SAFETY, Senses
 
@@ -45,6 +45,8 @@ _BRAKES_WITHIN = 0.03
 """Slower is a leg on which the joints need longer to stop [s]."""
 _AT_START = 0.03
 """A trajectory begins where the arm stands, within this [rad or m]."""
+_AT_REST = 1e-6
+"""A joint that is slower stands [rad/s or m/s]."""
 _BRAKING = 0.1
 """Most arms stand after so long [s]; one that does not is looked at again ..."""
 _STILL = 0.02
@@ -123,10 +125,8 @@ class Drive(Senses):
     def _followed(self, trajectory: Trajectory, pace: float) -> FaultFound | None:
         """Follow a motion until it ends, or meets something."""
         limits = self.limb.limits.planner
-        try:
-            limits.require_same(trajectory.limits_hash, "a trajectory")
-        except ConfigError as error:
-            return FaultFound("limit_mismatch", str(error), self.limb.name)
+        if odd := _unfit(trajectory, limits):
+            return FaultFound("limit_mismatch", odd, self.limb.name)
         engaged = self.engage()
         if engaged is not None:
             return engaged
@@ -147,7 +147,10 @@ class Drive(Senses):
         points, room = moving_points(context, self.limb), self.room(supervisor.config)
         paces = careful(context, self.limb, points, trajectory, pace, room)
         start = self._stands_at(now)
-        path = paced(trajectory, paces, start, self.period, limits.acceleration)
+        path = paced(trajectory, paces, start, self.period, limits)
+        if odd := broken_by(path, self.limb.limits.controller, self.period):
+            words = f"a motion as it would be run: {odd}"
+            return FaultFound("limit_mismatch", words, self.limb.name)
         rows, along = path.tolist(), taken_along(self, trajectory.q)
         for i, q in enumerate(rows):
             self._send(q)
@@ -345,6 +348,20 @@ class Drive(Senses):
             return q
         inside = np.clip(q, self.limits.lower, self.limits.upper)
         return inside if np.abs(inside - q).max() <= OUTSIDE else q
+
+
+def _unfit(trajectory: Trajectory, limits: LimitSet) -> str:
+    """Say why no arm may follow a motion; empty if it may."""
+    try:
+        trajectory.require_executable(limits)
+    except ConfigError as error:
+        return str(error)
+    for dq, when in ((trajectory.dq[0], "begins"), (trajectory.dq[-1], "ends")):
+        joint = int(np.abs(dq).argmax())
+        if abs(dq[joint]) > _AT_REST:
+            name = trajectory.joint_names[joint]
+            return f"a motion {when} with {name} at {dq[joint]:.3g} rad/s or m/s, not 0"
+    return ""
 
 
 def _slow_enough(

@@ -19,6 +19,8 @@ _REACH, _STEP = 0.4, 2e-3
 """How far along the line of the force the hand is sought, and how closely [m]."""
 _NEAR = 0.01
 """By so much noise shifts the line [m]; farther off it tells of no touch."""
+_GRAZES = 0.1
+"""A line that comes nearer by a smaller share of its way runs along the hand."""
 _RADIUS, _GRAIN = 0.03, 0.01
 """What was touched is taken for so large [m], of points so far apart [m]."""
 
@@ -69,8 +71,9 @@ def touched_at(
     if not is_near.any():
         return None
     first = int(is_near.argmax())
-    entry = gaps[first : first + 2 * round(_NEAR / _STEP)]
-    at = int((entry < 0.0).argmax()) or int(entry.argmin())
+    # Where it does not enter, for noise, it ends to come nearer there.
+    nears = np.append(np.diff(gaps[first:]) < -_GRAZES * _STEP, False)
+    at = int(((gaps[first:] < 0.0) | ~nears).argmax())
     return line[first + at], way
 
 

@@ -7,6 +7,9 @@ from math import dist
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
+from debrisgrasp.kinematics import LimitSet
+
 from .context import Context, LimbState
 from .drive import Drive
 from .result import FaultFound
@@ -19,6 +22,8 @@ _MET = (30.0, 10.0)
 weighs some other way by half of that, as the hand turns."""
 _FARTHEST = 0.2
 """A joint that stands farther outside is not moved [rad or m]."""
+_EASY = 0.5
+"""Share of the speed and acceleration of its joints that an arm uses."""
 _SWAYS = 0.1
 """An arm is given so long to stand, before and after [s]."""
 
@@ -62,15 +67,9 @@ def _led_inside(
         return refused
     context.wait(_SWAYS)
     q = context.posture(limb)  # it swayed on while it was engaged
-    inside = np.clip(q, limits.lower, limits.upper)
-    # So long that the joints begin and end with half of their acceleration.
-    away = float(np.abs(inside - q).max())
-    time = np.sqrt(12.0 * away / float(limits.acceleration.min()))
-    n = int(np.ceil(time / period)) + 1
     begun = {name: drive.weighed() for name, drive in drives.items()}
-    for k in range(n + 1):
-        share = (k / n) ** 2 * (3.0 - 2.0 * k / n)
-        arm.command((q + (inside - q) * share).tolist())
+    for row in _way_inside(q, limits, period):
+        arm.command(row.tolist())
         context.wait(period)
         for name, drive in drives.items():
             load, before = drive.weighed(), begun[name]
@@ -85,3 +84,20 @@ def _led_inside(
                 return FaultFound("ratchet", words, name)
     context.wait(_SWAYS)
     return None
+
+
+def _way_inside(q: FloatArray, limits: LimitSet, period: float) -> FloatArray:
+    """Postures of each tick (n, d) that lead joints (d,) straight inside their limits.
+
+    Parameters
+    ----------
+    period
+        Of a tick [s].
+    """
+    inside = np.clip(q, limits.lower, limits.upper)
+    away = np.abs(inside - q)
+    # A cubic is fastest in its middle, and accelerates most at its ends.
+    speed, most = _EASY * limits.velocity, _EASY * limits.acceleration
+    time = max((1.5 * away / speed).max(), np.sqrt(6.0 * away / most).max())
+    u = np.linspace(0.0, 1.0, int(np.ceil(time / period)) + 2)[:, None]
+    return np.asarray(q + (3.0 - 2.0 * u) * u * u * (inside - q))

@@ -9,7 +9,7 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray
 from debrisgrasp._words import arm_called, shortened
-from debrisgrasp.control import PostureKinematics
+from debrisgrasp.control import PostureKinematics, require_sensor_range
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import ArmReach, RobotModel
@@ -98,7 +98,8 @@ def limbs_of(
     ------
     UnknownNameError, InputError
         If an arm is not the robot's, has no drop-off beside the robot and within its
-        reach, or that of another arm, or no posture of the name at which it is to rest.
+        reach, or that of another arm, no posture of the name at which it is to rest, or
+        limits too low to feel a touch by, or beyond the range of its sensor.
     """
     names = settings.arms or tuple(robot.limbs)
     for name in names:
@@ -119,6 +120,7 @@ def limbs_of(
         require_drop_off(reach, settings.drop_off[name])
         limits = model.limits(name, reach.chain)
         require_room(limits.controller, settings.load_share)
+        require_sensor_range(limb.loads, limits.controller)
         limbs[name] = LimbState(
             name=name,
             limb=limb,

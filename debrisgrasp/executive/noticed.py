@@ -6,7 +6,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import arm_called
-from debrisgrasp.control import Fault, Reading, SafetyConfig, Stop
+from debrisgrasp.control import Fault, Reading, Stop
 from debrisgrasp.kinematics import LimitSet
 
 from .result import FaultFound
@@ -25,7 +25,6 @@ _NAMES = {
     Fault.COMMAND_INVALID: "encoder_jump",
     Fault.OSCILLATION: "oscillation",
 }
-_SENSOR = SafetyConfig()
 OUTSIDE = 1e-3
 """So far outside its limits a joint may read [rad or m]."""
 _TURN = 2.0 * np.pi
@@ -67,11 +66,6 @@ def _overload(stop: Stop, state: State) -> str:
     return "too_heavy"
 
 
-def _is_saturated(wrench: FloatArray) -> bool:
-    most = np.repeat([_SENSOR.sensor_force, _SENSOR.sensor_torque], 3)
-    return bool((np.abs(wrench) >= 0.98 * most).any())
-
-
 def misplaced(q: FloatArray, limits: LimitSet, arm: str) -> FaultFound | None:
     """Name why no motion may begin where the joints (d,) are said to be."""
     if q.shape != (limits.n_joints,) or not np.isfinite(q).all():
@@ -90,7 +84,7 @@ def refused(words: str, reading: Reading, arm: str) -> FaultFound:
         name, words = "wrench_nan", f"the wrist of the {arm_called(arm)} reads {wrench}"
     elif not np.isfinite(q).all():
         name, words = "encoder_jump", f"the joints of the {arm_called(arm)} read {q}"
-    elif _is_saturated(wrench):
+    elif Fault.WRENCH_SATURATED.value in words:
         name = "sensor_saturated"
     elif "age of the first wrench" in words:
         name = "clock_disorder"

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray
-from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .context import Context, LimbState
 
 __all__ = [
+    "broken_by",
     "careful",
     "feasible",
     "hand_corners",
@@ -33,8 +34,12 @@ _GAIN = 0.4
 _SPARE = 0.9
 """Share of a planned speed that is used: between its knots a motion, and more so one
 that is run backwards, may exceed its acceleration by a few percent."""
-_BLEND = 1.0
-"""In which it joins the trajectory from where it stands [s]."""
+_BLEND, _ASIDE = 1.0, 0.1
+"""In which it joins the trajectory from where it stands [s], or longer: that takes no
+larger share of what the joints can than the other, which the motion leaves."""
+_INEXACT = 1e-3
+"""By so much a run may exceed positions [rad or m], and shares of other limits: as much
+as joints may read outside of them."""
 _NEAR, _NEAR_GROUND = 0.05, 0.02
 """What is nearer than this may be touched [m]; an empty hand, whose shape is known,
 touches the ground only if it is as near as the other length."""
@@ -116,27 +121,59 @@ def paced(
     paces: FloatArray,
     q_start: ArrayLike,
     period: float,
-    acceleration: FloatArray,
+    limits: LimitSet,
 ) -> FloatArray:
-    """Postures of each tick of a run, shape (n, d).
+    """Postures of each tick of a run, shape (n, d), from where the arm stands.
+
+    It ends where the trajectory does, within the limits.
 
     Parameters
     ----------
-    paces, acceleration
+    paces
         See `feasible`.
     q_start
         Where the arm stands (d,): a little beside the begin of the trajectory, perhaps,
         which lies within the limits.
     period
         Of a tick [s].
+    limits
+        Those that the trajectory was planned for.
     """
-    paces = feasible(trajectory, paces, acceleration)
-    path = trajectory.at(times_at(trajectory, _SPARE * paces, period))[0]
-    share = np.minimum(period * np.arange(1, len(path) + 1) / _BLEND, 1.0)
+    paces = feasible(trajectory, paces, limits.acceleration)
+    times = times_at(trajectory, _SPARE * paces, period)
+    beside = np.asarray(q_start) - trajectory.q[0]
+    # A cubic is fastest in its middle, and accelerates most at its ends.
+    least = max(
+        float((1.5 * np.abs(beside) / (_ASIDE * limits.velocity)).max()),
+        float(np.sqrt(6.0 * np.abs(beside) / (_ASIDE * limits.acceleration)).max()),
+    )
+    n_least = int(np.ceil(least / period))
+    n = max(len(times), n_least)
+    # At the end of a motion that is shorter it waits there until it has joined it.
+    times = np.append(times, np.full(n - len(times), trajectory.duration))
+    n_blend = max(n_least, min(n, int(np.ceil(_BLEND / period))))
+    share = np.minimum(np.arange(1, n + 1) / max(n_blend, 1), 1.0)
     fade = 1.0 - share * share * (3.0 - 2.0 * share)
-    path = path + fade[:, None] * (q_start - trajectory.q[0])
+    path = trajectory.at(times)[0] + fade[:, None] * beside
     # Where it stands first: speeds count from the tick of the last command.
     return np.concatenate([[q_start], path])
+
+
+def broken_by(path: FloatArray, limits: LimitSet, period: float) -> str:
+    """First limit that a run breaks that begins and ends at rest, in words; or "".
+
+    Parameters
+    ----------
+    path
+        Postures of each tick, shape (n, d).
+    period
+        Of a tick [s].
+    """
+    # At rest it is where it begins before, and where it ends after.
+    q = np.concatenate([path[:1], path[:1], path, path[-1:]])
+    dq = np.diff(q, axis=0) / period
+    ddq = np.diff(dq, axis=0) / period
+    return limits.violation(q[1:-1], dq[1:], ddq, tolerance=_INEXACT)
 
 
 def hand_corners(limb: LimbState, preshape: str, opening: float) -> FloatArray:

@@ -59,7 +59,10 @@ def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
         fault = _reconnected(context)
         if fault is not None:
             return fault
-        stop_all(context)  # it was in motion: the next one begins at rest
+        # It was in motion: the next one begins at rest.
+        if silent := stop_all(context):
+            words = f"does not obey a stop: {'; '.join(silent)}"
+            return FaultFound("joint_stuck", words)
     reset_stops(context)
     if event.fault == "start_outside_limits":
         fault = moved_inside(context, event.message)

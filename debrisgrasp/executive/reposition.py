@@ -10,6 +10,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp.robot import Base
 
 from .context import Context
+from .driving import driven
 
 __all__ = ["FARTHEST", "repositioned", "stepped_back"]
 
@@ -20,10 +21,8 @@ _LEAST, _MOST = 0.08, 0.35
 """Ways worth driving, and as far as is driven without another look [m]."""
 FARTHEST = 0.7
 """From where the task began, ahead or back [m]."""
-_FRONT, _HALF_WIDTH = 0.43, 0.33
-"""Of the base: its front end, and half its width with room beside it [m]."""
-_ROOM = 0.08
-"""In front of it, that stays free [m]."""
+_ROOM, _BESIDE = 0.08, 0.045
+"""In front of the base, and beside it, that stays free [m]."""
 _LOW = 0.05
 """What is higher than this stands in the way of the base [m]."""
 _STEP, _SHOWN, _STILL = 0.3, 0.02, 0.8
@@ -32,8 +31,6 @@ workspace may stay unseen; and where more than this share of what was missing st
 it helps no more."""
 _SPEED = 0.08
 """[m/s]."""
-_BRAKING = 1.0
-"""Within which the base stands after a stop [s]."""
 
 
 def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
@@ -58,8 +55,11 @@ def repositioned(context: Context, places: Sequence[FloatArray]) -> float:
     now = float(-context.T_base_way.p[0])
     context.in_vain.append((context.n_removed, now))
     stood = [at for n, at in context.in_vain if n == context.n_removed]
+    room = _room(context)
     ways = [
-        _way(context, float(place[0]) - stand) for stand in _STANDS for place in places
+        _way(context, float(place[0]) - stand, room)
+        for stand in _STANDS
+        for place in places
     ]
     is_new = (way for way in ways if min(abs(now + way - at) for at in stood) >= _LEAST)
     way = next(is_new, 0.0)
@@ -96,28 +96,36 @@ def stepped_back(context: Context, missing: float) -> float:
 
 def _driven(context: Context, base: Base, way: float) -> float:
     """Drive straight ahead [m]; how far it went."""
-    begun = base.read()
-    base.drive(float(np.copysign(_SPEED, way)), 0.0)
-    context.wait(abs(way) / _SPEED)
-    base.stop()
-    context.wait(_BRAKING)
-    T_now_before = base.read().inverse() @ begun
+    moved = driven(context, base, _SPEED, ahead=way)
     context.n_moves += 1
-    context.stands_elsewhere(T_now_before)
     context.marks.begin_anew()
-    return float(-T_now_before.p[0])
+    return float(moved.p[0])
 
 
-def _way(context: Context, wanted: float) -> float:
-    """Tell how much of a way ahead may be driven [m]: as far as nothing is met."""
-    seen = context.cycle.seen
-    assert seen is not None
+def _way(context: Context, wanted: float, room: float) -> float:
+    """Tell how much of a way ahead may be driven [m], if so much of it is free."""
     gone = float(-context.T_base_way.p[0])
     way = float(np.clip(wanted, max(-_MOST, -FARTHEST - gone), _MOST))
-    way = min(way, FARTHEST - gone)
+    return min(way, FARTHEST - gone, room)
+
+
+def _room(context: Context) -> float:
+    """Tell how far ahead the base meets nothing that was seen, or put down [m]."""
+    seen = context.cycle.seen
+    assert seen is not None
     clouds = [seen.cloud.points, *context.put_down, *context.fallen]
     points = np.concatenate(clouds)
-    is_ahead = (np.abs(points[:, 1]) < _HALF_WIDTH) & (points[:, 0] > _FRONT)
+    front, half_width = _front(context)
+    is_ahead = (np.abs(points[:, 1]) < half_width + _BESIDE) & (points[:, 0] > front)
     ahead = points[is_ahead & (points[:, 2] > _LOW), 0]
-    room = float(np.quantile(ahead, 0.01)) - _FRONT - _ROOM if len(ahead) else _MOST
-    return min(way, max(room, 0.0))
+    if not len(ahead):
+        return _MOST
+    return max(float(np.quantile(ahead, 0.01)) - front - _ROOM, 0.0)
+
+
+def _front(context: Context) -> tuple[float, float]:
+    """Tell where the front of the base is, and how far it reaches to a side [m]."""
+    boxes = [solid.bounds for solid in context.model.fixed_solids()]
+    front = max((float(box.upper[0]) for box in boxes), default=0.0)
+    beside = [max(-float(box.lower[1]), float(box.upper[1])) for box in boxes]
+    return front, max(beside, default=0.0)

@@ -68,9 +68,10 @@ def put_away(
         # What answers no more is noticed when it is needed.
         with suppress(DriverError):
             seen = looked_after(context, arm, place)
-    fault = to_rest(context, arm) or drive_back(context)
+    fault = to_rest(context, arm)
     if fault is not None:
         return fault
+    drive_back(context)
     context.limbs[arm].limb.arm.disengage()
     if place is not None and seen is not None:
         moved = context.T_base_way @ T_before_way.inverse()
@@ -158,6 +159,8 @@ def _unfolded(drive: Drive) -> FaultFound | None:
 def _turned(limb: LimbState, q: FloatArray, goal: FloatArray) -> Trajectory:
     """Motion that turns the joints of an arm slowly and straight to others (d,)."""
     limits = limb.limits.planner
+    # What pushes an arm, or a leg, may bring a joint a little beyond the planner's.
+    q, goal = (np.clip(row, limits.lower, limits.upper) for row in (q, goal))
     away = np.abs(goal - q)
     # A cubic is fastest in its middle, and accelerates most at its ends.
     times = (1.5 * away / limits.velocity, np.sqrt(6.0 * away / limits.acceleration))

@@ -10,12 +10,14 @@ from .result import FaultFound, FaultRaised
 
 __all__ = ["SteadyClock"]
 
-_EARLY = 1e-3
-"""A wait may end so much before its time [s]."""
+_EARLY, _LATE = 1e-3, 1.0
+"""A wait may end so much before its time, or after it [s]."""
+_SLICE = 0.1
+"""Longer waits are made of such, so that a clock that goes wrong is noticed [s]."""
 
 
 class SteadyClock:
-    """The clock of a robot, which may fall, stand, or answer nonsense."""
+    """The clock of a robot, which may fall, jump, stand, or answer nonsense."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock, self._latest = clock, 0.0
@@ -36,10 +38,20 @@ class SteadyClock:
         Raises
         ------
         FaultRaised
-            If the clock says afterwards that it is not: a loop would go on for ever.
+            If the clock says that it is earlier than it was, or after a wait that it is
+            not as late as was asked for, or much later: a loop would go on for ever, or
+            a motion for as long as the clock was ahead.
         """
-        self._clock.wait_until(time)
-        now = self._clock.now()
-        if not now >= time - _EARLY:
-            words = f"the robot's clock says {now} s after a wait until {time:g} s"
+        end = float(self._clock.now())
+        if not end >= self._latest - _EARLY or not isfinite(time):
+            words = f"the robot's clock says {end} s, after it said {self._latest:g} s"
             raise FaultRaised(FaultFound("clock_disorder", words))
+        self._latest = max(self._latest, end)
+        while end < time:
+            end = min(end + _SLICE, time)
+            self._clock.wait_until(end)
+            now = float(self._clock.now())
+            if not end - _EARLY <= now <= end + _LATE:
+                words = f"the robot's clock says {now} s after a wait until {end:g} s"
+                raise FaultRaised(FaultFound("clock_disorder", words))
+            self._latest = max(self._latest, now)

@@ -8,11 +8,14 @@ from debrisgrasp._words import arm_called
 from debrisgrasp.robot import Arm
 
 from .context import Context
+from .result import FaultFound, FaultRaised
 
 __all__ = ["reset_stops", "stop_all"]
 
 _STANDS_WITHIN, _STILL = 2.0, 0.05
 """Within which an arm stands, and between two looks at whether it does [s]."""
+_CREEP = 5e-4
+"""By more no joint of an arm that stands differs between two looks [rad or m]."""
 _ANYTHING = (Exception, KeyboardInterrupt, SystemExit)
 """What keeps one device from being stopped must not keep the others."""
 
@@ -54,16 +57,35 @@ def _stopped(arm: Arm) -> str:
 
 
 def reset_stops(context: Context) -> None:
-    """End latched stops, once the arms stand: the answer says to go on."""
-    for limb in context.robot.limbs.values():
+    """End latched stops, once the arms stand: the answer says to go on.
+
+    Raises
+    ------
+    FaultRaised
+        If an arm is not seen to stand: its joints move on, or read no numbers.
+    """
+    for name, limb in context.robot.limbs.items():
         arm = limb.arm
         if not arm.is_stopped:
             continue
-        q = np.asarray(arm.read().q)
-        for _ in range(int(_STANDS_WITHIN / _STILL)):
-            before = q
-            context.wait(_STILL)
-            q = np.asarray(arm.read().q)
-            if np.abs(q - before).max() < 1e-4:
-                break
+        _see_it_stand(context, arm, name)
         arm.reset()
+
+
+def _see_it_stand(context: Context, arm: Arm, name: str) -> None:
+    """Wait until two looks at an arm's joints are the same."""
+    q = np.asarray(arm.read().q, dtype=np.float64)
+    for _ in range(int(_STANDS_WITHIN / _STILL)):
+        before = q
+        context.wait(_STILL)
+        q = np.asarray(arm.read().q, dtype=np.float64)
+        is_known = np.isfinite(q).all() and np.isfinite(before).all()
+        if is_known and np.abs(q - before).max() <= _CREEP:
+            return
+    if is_known:
+        moved = float(np.abs(q - before).max())
+        words = f"stopped {_STANDS_WITHIN:g} s ago, and still moves by {moved:.2g} rad "
+        words += f"or m in {_STILL:g} s"
+        raise FaultRaised(FaultFound("joint_stuck", words, name))
+    words = f"joints read {q.tolist()} after a stop"
+    raise FaultRaised(FaultFound("encoder_jump", words, name))

@@ -29,6 +29,16 @@ class Intrinsics:
     width: int
     height: int
 
+    def __post_init__(self) -> None:
+        if not (0.0 < self.fx < np.inf and 0.0 < self.fy < np.inf):
+            raise CaptureError(
+                "focal lengths", got=(self.fx, self.fy), expected="pixels above 0"
+            )
+        if min(self.width, self.height) < 1:
+            raise CaptureError(
+                "image", got=f"{self.width} x {self.height}", expected="1 x 1 or more"
+            )
+
     @classmethod
     def from_matrix(cls, K: ArrayLike, shape: tuple[int, int]) -> Intrinsics:
         """Take a 3x3 matrix for an image of ``shape`` (rows, columns).

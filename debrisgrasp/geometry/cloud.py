@@ -12,6 +12,8 @@ from debrisgrasp._arrays import (
     FloatArray,
     IntArray,
     frozen,
+    is_sealed,
+    require_finite,
     require_trailing,
     sealed,
 )
@@ -23,6 +25,8 @@ __all__ = ["Bounds", "PointCloud"]
 
 _RIM = 1 / 80
 """Width of the rim of what is measured, in which something is cut off; in images."""
+_UNIT = 0.01
+"""Normals whose length is off by more were not scaled to 1; files of few digits are."""
 _FRAME = 1 / 10
 """Width of the frame at the border in which a camera may measure nothing; in images."""
 
@@ -116,15 +120,25 @@ class PointCloud:
     def __post_init__(self) -> None:
         points = frozen(self.points, "points", (3,))
         normals = frozen(self.normals, "normals", (3,))
+        viewpoint = frozen(self.viewpoint, "viewpoint", (3,))
         if points.ndim != 2 or points.shape != normals.shape:
             raise ShapeError(
                 "points and normals",
                 got=f"{points.shape} and {normals.shape}",
                 expected="both (n, 3)",
             )
+        if not is_sealed(self.points):
+            require_finite(points, "points")
+        if not is_sealed(self.normals):
+            _require_unit(normals)
+        require_finite(viewpoint, "viewpoint")
+        if self.pixels is not None and np.shape(self.pixels) != (len(points),):
+            raise ShapeError(
+                "pixels", got=np.shape(self.pixels), expected=f"({len(points)},)"
+            )
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "normals", normals)
-        object.__setattr__(self, "viewpoint", frozen(self.viewpoint, "viewpoint", (3,)))
+        object.__setattr__(self, "viewpoint", viewpoint)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -185,3 +199,17 @@ class PointCloud:
             raise FrameMismatchError(
                 "cloud", expected_frame=frame, got_frame=self.frame
             )
+
+
+def _require_unit(normals: FloatArray) -> None:
+    """Refuse normals (n, 3) that are neither unit vectors nor NaN."""
+    length = np.sqrt(np.einsum("ij,ij->i", normals, normals))
+    is_off = np.abs(length - 1.0) > _UNIT
+    if is_off.any():
+        raise InputError(
+            "normals",
+            got=f"{np.count_nonzero(is_off)} of {len(length)} of another length, "
+            f"the first of {length[is_off][0]:.3g}",
+            expected="unit vectors, or NaN where there is none",
+            mend="Divide each by its length.",
+        )

@@ -13,8 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, require_finite, require_trailing
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp._arrays import (
+    FloatArray,
+    frozen,
+    require_finite,
+    require_trailing,
+    sealed,
+)
+from debrisgrasp.errors import InputError
 
 from . import so3
 
@@ -39,17 +45,7 @@ class SE3:
     """Homogeneous matrices, shape (..., 4, 4); translation [m]."""
 
     def __post_init__(self) -> None:
-        try:
-            matrix = np.asarray(self.matrix, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise ShapeError(
-                "homogeneous matrix",
-                got=type(self.matrix).__name__,
-                expected="numbers of shape (..., 4, 4)",
-            ) from error
-        require_trailing(matrix, "homogeneous matrix", (4, 4))
-        matrix = matrix.view()
-        matrix.flags.writeable = False
+        matrix = frozen(self.matrix, "homogeneous matrix", (4, 4))
         object.__setattr__(self, "matrix", matrix)
 
     @classmethod
@@ -69,7 +65,7 @@ class SE3:
         matrix[..., :3, :3] = rotation
         matrix[..., :3, 3] = translation
         matrix[..., 3, 3] = 1.0
-        return cls(matrix)
+        return cls(sealed(matrix))
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, name: str = "transform") -> SE3:
@@ -151,7 +147,7 @@ class SE3:
         return self.matrix.shape[:-2]
 
     def __matmul__(self, other: SE3) -> SE3:
-        return SE3(self.matrix @ other.matrix)
+        return SE3(sealed(self.matrix @ other.matrix))
 
     def __getitem__(self, index: Any) -> SE3:
         return SE3(self.matrix[index])

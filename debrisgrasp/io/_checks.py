@@ -78,7 +78,8 @@ def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, Float
             "viewpoint",
             got="none",
             expected="the position of the sensor in the frame of the points",
-            mend="Give viewpoint=(x, y, z); in PLY write 'comment viewpoint x y z'.",
+            mend="Give viewpoint=(x, y, z) (--viewpoint X Y Z), or store it: "
+            "'viewpoint' in .npz, 'comment viewpoint x y z' in PLY.",
         )
     sight = np.asarray(viewpoint)
     if sight.dtype.kind not in "fiu" or sight.shape != (3,):

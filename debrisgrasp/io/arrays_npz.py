@@ -32,15 +32,13 @@ _KNOWN = (
 def read_npz(path: Path) -> CaptureFields:
     """Read the known arrays of an archive; others are ignored."""
     arrays, present = _load_known(path)
-    needed = {"depth": "K", "points": "viewpoint"}
-    for main, companion in needed.items():
-        if main in arrays and companion not in arrays:
-            raise CaptureError(
-                "arrays",
-                got=f"no {companion!r} beside {main!r} among {_listed(present)}",
-                expected=f"{main!r} together with {companion!r}",
-            )
-    if not needed.keys() & arrays.keys():
+    if "depth" in arrays and "K" not in arrays:
+        raise CaptureError(
+            "arrays",
+            got=f"no 'K' beside 'depth' among {_listed(present)}",
+            expected="'depth' together with 'K'",
+        )
+    if not {"depth", "points"} & arrays.keys():
         raise CaptureError(
             "arrays",
             got=_listed(present),
@@ -57,7 +55,9 @@ def read_npz(path: Path) -> CaptureFields:
         K = numeric(arrays["K"], "K")
         result["intrinsics"] = Intrinsics.from_matrix(K, depth.shape)
     if "points" in arrays:
-        result["points"], result["viewpoint"] = arrays["points"], arrays["viewpoint"]
+        result["points"] = arrays["points"]
+        if "viewpoint" in arrays:
+            result["viewpoint"] = arrays["viewpoint"]
     for pose in ("T_base_camera", "T_level_camera"):
         if pose in arrays:
             result[pose] = SE3.from_matrix(numeric(arrays[pose], pose), pose)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_metres
-from debrisgrasp._files import UNREADABLE_ARRAY, read_json, read_yaml, why_unreadable
+from debrisgrasp._files import (
+    UNREADABLE_ARRAY,
+    read_json,
+    read_text,
+    read_yaml,
+    why_unreadable,
+)
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 
@@ -103,7 +110,8 @@ def _read_npy(path: Path) -> Any:
 
 
 def _read_txt(path: Path) -> Any:
-    return _read_array(path, lambda: np.loadtxt(path, ndmin=2))
+    text = read_text(path).replace(",", " ")
+    return _read_array(path, lambda: np.loadtxt(StringIO(text), ndmin=2))
 
 
 def _read_array(path: Path, read: Any) -> Any:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, sealed
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._files import PULL, is_pointer, why_nothing_there, write_atomic
-from debrisgrasp._words import shortened
+from debrisgrasp._words import as_text, shortened
 from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.geometry import (
     SE3,
@@ -141,7 +141,8 @@ class Capture:
                 if content.get("points") is None:
                     raise _unused("viewpoint", "a depth image, seen from its camera")
                 content["viewpoint"] = np.asarray(viewpoint)
-            capture = cls(**content, name=path.name if path.is_dir() else path.stem)
+            name = as_text(path.name if path.is_dir() else path.stem)
+            capture = cls(**content, name=name)
             return capture if camera_pose is None else capture.posed(camera_pose)
 
     def posed(self, camera_pose: CameraPose) -> Capture:

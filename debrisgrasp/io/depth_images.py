@@ -13,15 +13,20 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import read_json, read_yaml
+from debrisgrasp._files import read_json, read_yaml, why_not_there
 from debrisgrasp.errors import CaptureError, ConfigError, InputError
 from debrisgrasp.geometry import SE3, Intrinsics
 
 from ._fields import CaptureFields
 from .camera_pose import pose_from_rows
 
-__all__ = ["lacks_camera", "load_camera", "read_depth_png", "read_folder"]
+__all__ = ["files_read", "lacks_camera", "load_camera", "read_depth_png", "read_folder"]
 
+_DEPTH_NAME, _MASK_NAME, _LABELS_NAME = "depth.png", "mask.png", "labels.png"
+_COLOR_NAMES = tuple(
+    stem + suffix for suffix in (".png", ".jpg", ".jpeg") for stem in ("rgb", "color")
+)
+"""Files of a folder; the first image in colours is taken."""
 _CAMERA_SUFFIXES = (".json", ".yaml", ".yml")
 _MILLIMETRE = 0.001
 _K_WORDS = "9 numbers, row by row: [fx, 0, cx, 0, fy, cy, 0, 0, 1]"
@@ -49,6 +54,21 @@ def lacks_camera(path: str | os.PathLike[str]) -> bool:
         depth = _depth_in(path)
         return depth is not None and _camera_beside(depth) is None
     return path.suffix.lower() == ".png" and _camera_beside(path) is None
+
+
+def files_read(path: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """List what a capture is read from: a file, or those looked for beside a depth PNG.
+
+    In a folder those that are not there count too, for the next look would find them.
+    """
+    path = Path(path)
+    if why_not_there(path, "folder"):
+        is_depth = path.suffix.lower() == ".png"
+        names = _camera_names(path) if is_depth else []
+        return path, *(path.parent / name for name in names)
+    depth = _depth_in(path) or path / _DEPTH_NAME
+    images = (_DEPTH_NAME, _MASK_NAME, _LABELS_NAME, *_COLOR_NAMES)
+    return path, depth, *(path / name for name in (*images, *_camera_names(depth)))
 
 
 def load_camera(path: Path) -> Intrinsics:
@@ -81,14 +101,13 @@ def read_folder(folder: Path, camera_file: Path | None) -> CaptureFields:
             expected="depth.png (or one *depth*.png) and camera.json or .yaml",
         )
     result = read_depth_png(depth, camera_file)
-    for suffix in (".png", ".jpg", ".jpeg"):
-        for stem in ("rgb", "color"):
-            if "rgb" not in result and (folder / (stem + suffix)).is_file():
-                result["rgb"] = _read_image(folder / (stem + suffix), "RGB")
-    if (folder / "mask.png").is_file():
-        result["mask"] = _read_image(folder / "mask.png", None)
-    if (folder / "labels.png").is_file():
-        result["labels"] = _read_image(folder / "labels.png", None)
+    for name in _COLOR_NAMES:
+        if "rgb" not in result and (folder / name).is_file():
+            result["rgb"] = _read_image(folder / name, "RGB")
+    if (folder / _MASK_NAME).is_file():
+        result["mask"] = _read_image(folder / _MASK_NAME, None)
+    if (folder / _LABELS_NAME).is_file():
+        result["labels"] = _read_image(folder / _LABELS_NAME, None)
     return result
 
 
@@ -130,8 +149,8 @@ def read_depth_png(path: Path, camera_file: Path | None) -> CaptureFields:
 
 def _depth_in(folder: Path) -> Path | None:
     """``depth.png``, or else the only image that is called so."""
-    if (folder / "depth.png").is_file():
-        return folder / "depth.png"
+    if (folder / _DEPTH_NAME).is_file():
+        return folder / _DEPTH_NAME
     images = list(folder.glob("*depth*.png"))
     return images[0] if len(images) == 1 else None
 

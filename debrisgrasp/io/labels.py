@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import os
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
-from debrisgrasp._files import write_atomic
-from debrisgrasp.errors import ConfigError
+from debrisgrasp._files import require_suffix, write_atomic
 
 from .capture import Capture
 
@@ -50,10 +48,7 @@ def save_labels(
     ConfigError
         If the file's name does not end in .npz.
     """
-    if Path(path).suffix.lower() != ".npz":
-        raise ConfigError(
-            "file of labels", got=str(path), expected="a name that ends in .npz"
-        )
+    require_suffix(path, (".npz",), "a file of labels")
     is_measured = measured(capture)
     full = np.zeros(is_measured.shape, dtype=np.int32)
     full[is_measured] = labels

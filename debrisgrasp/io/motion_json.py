@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._files import naming_fields, read_schema, write_atomic
+from debrisgrasp._files import naming_fields, read_schema, require_own, write_atomic
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.kinematics import Trajectory
 
@@ -81,7 +81,16 @@ def motion_to_dict(
 
 
 def save_motion(content: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
-    """Write what `motion_to_dict` made, whole or not at all."""
+    """Write what `motion_to_dict` made, whole or not at all.
+
+    Raises
+    ------
+    ConfigError
+        If the file's name does not end in .json.
+    OutputError
+        If it can't be written, or a file is there that holds no motions.
+    """
+    require_own(path, MOTION_SCHEMA, "motions")
     write_atomic(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 

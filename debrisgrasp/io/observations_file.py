@@ -12,14 +12,22 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from debrisgrasp._files import read_json, read_text, read_yaml, write_atomic
-from debrisgrasp.errors import ConfigError
+from debrisgrasp._files import (
+    read_json,
+    read_text,
+    read_yaml,
+    require_suffix,
+    why_not_there,
+    write_atomic,
+)
+from debrisgrasp.errors import ConfigError, OutputError
 
 __all__ = [
     "SCHEMA",
     "ObservationFile",
     "ObservationRow",
     "load_observations",
+    "require_unfilled",
     "save_observations",
 ]
 
@@ -110,6 +118,34 @@ def save_observations(given: ObservationFile, path: str | os.PathLike[str]) -> N
     write_atomic(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
+def require_unfilled(path: Path) -> None:
+    """Raise if new observations would replace what was measured, or another file.
+
+    Raises
+    ------
+    ConfigError
+        If the file's name is not that of JSON or YAML.
+    OutputError
+        If a file is there that is no list of observations, or has points.
+    """
+    require_suffix(path, (".json", ".yaml", ".yml"), "new observations")
+    if why_not_there(path, "file") or not path.stat().st_size:
+        return
+    try:
+        rows = load_observations(path).rows
+    except ConfigError as error:
+        reason = "what is there is no observations to be filled in, and would be lost"
+        raise OutputError(path, reason) from error
+    n_filled = sum(row.point is not None for row in rows)
+    if n_filled:
+        raise OutputError(
+            path,
+            f"{n_filled} of the observations there have points, which would be lost",
+            "Nothing was changed; give another place, and add its observations to "
+            "these by hand.",
+        )
+
+
 def _from_mapping(content: Any, path: Path) -> ObservationFile:
     if not isinstance(content, dict) or not isinstance(
         content.get("observations"), list
@@ -187,6 +223,13 @@ def _from_csv(path: Path) -> ObservationFile:
     reader = csv.DictReader(StringIO("\n".join(lines)), skipinitialspace=True)
     columns = [name.strip() for name in reader.fieldnames or ()]
     reader.fieldnames = columns
+    if len(columns) == 1 and ";" in columns[0]:
+        raise ConfigError(
+            f"columns of {path}",
+            got="semicolons between them",
+            expected="commas",
+            mend="Export it with commas between the cells, and points in the numbers.",
+        )
     if len(set(columns)) != len(columns) or not set(_CAMERA) <= set(columns):
         raise ConfigError(
             f"columns of {path}",

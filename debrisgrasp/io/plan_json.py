@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import require_metres, require_range
-from debrisgrasp._files import naming_fields, read_schema, write_atomic
+from debrisgrasp._files import naming_fields, read_schema, require_own, write_atomic
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.planning import Advice, LoadForecast, Retreat, SuccessForecast
 from debrisgrasp.planning.plan import Grasp, GraspPlan, PassedOver
@@ -58,7 +58,16 @@ def plan_to_json(plan: GraspPlan) -> str:
 
 
 def save_plan(plan: GraspPlan, path: str | os.PathLike[str]) -> None:
-    """Write a plan, whole or not at all."""
+    """Write a plan, whole or not at all.
+
+    Raises
+    ------
+    ConfigError
+        If the file's name does not end in .json.
+    OutputError
+        If it can't be written, or a file is there that is no plan.
+    """
+    require_own(path, SCHEMA, "a plan")
     write_atomic(path, plan_to_json(plan))
 
 

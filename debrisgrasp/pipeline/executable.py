@@ -12,13 +12,17 @@ stands serves them all.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp._checked import checked
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.io.motion_json import motion_to_dict, save_motion
 from debrisgrasp.kinematics import ArmReach, RobotModel, with_hand
 from debrisgrasp.motion import MotionSpace
 from debrisgrasp.planning import Grasp, GraspPlan
@@ -38,6 +42,8 @@ class GraspMotions:
     passed_over: tuple[tuple[int, str], ...]
     """Other grasps: place in the plan, and what stops them. If only a long search found
     the way some may come after the one chosen."""
+    robot: str = ""
+    """Name of the robot that they are for."""
 
     @property
     def tried(self) -> tuple[tuple[int, str], ...]:
@@ -57,6 +63,30 @@ class GraspMotions:
         why += f"grasp {index + 1}: "
         more = f"; {left} more were not tried, the deadline had passed" if left else ""
         return why + reason + more
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `save` writes, as JSON values."""
+        chosen = self.chosen
+        return motion_to_dict(
+            {} if chosen is None else chosen.trajectories,
+            robot=self.robot,
+            arm=None if chosen is None else chosen.arm,
+            index=None if chosen is None else chosen.index,
+            passed_over=self.passed_over,
+        )
+
+    @checked
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the motions as JSON (docs/formats.md); earlier ones are replaced.
+
+        Raises
+        ------
+        ConfigError
+            If the file's name does not end in .json.
+        OutputError
+            If it can't be written, or a file is there that holds no motions.
+        """
+        save_motion(self.to_json(), path)
 
 
 def first_executable(
@@ -138,12 +168,19 @@ def first_executable(
         found = chains[key].motion(grasp, index, rng, watch)
         refused = judged(found)
         if isinstance(found, GraspMotion) and not refused:
-            return GraspMotions(chosen=found, passed_over=tuple(passed_over.items()))
+            return _motions(found, passed_over, robot)
         if isinstance(found, GraspMotion):
             chains[key].drop({index})
         passed_over[index] = refused
     chosen = _sought(chains.values(), judged, passed_over, rng, watch)
-    return GraspMotions(chosen=chosen, passed_over=tuple(passed_over.items()))
+    return _motions(chosen, passed_over, robot)
+
+
+def _motions(
+    chosen: GraspMotion | None, passed_over: Mapping[int, str], robot: RobotModel
+) -> GraspMotions:
+    over = tuple(passed_over.items())
+    return GraspMotions(chosen=chosen, passed_over=over, robot=robot.name)
 
 
 def _sought(

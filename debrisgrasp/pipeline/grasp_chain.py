@@ -280,10 +280,6 @@ class GraspChain:
         if len(blocked):
             share = blocked[0] / max(1, len(leg.q) - 1)
             return f"{name}: the arm touches something after {share:.0%} of the way"
-        # Between postures at a limit the smooth motion may swing a little beyond it.
-        broken = leg.trajectory.violation(self._legs.limits)
-        if broken:
-            return f"{name}: {broken}"
         reason = self._pushed.margin_fault(leg)
         return f"{name}: {reason}" if reason else leg
 

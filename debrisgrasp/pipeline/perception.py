@@ -10,6 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp._workers import beside
+from debrisgrasp.errors import ShapeError
 from debrisgrasp.geometry import (
     DepthSight,
     LineOfSight,
@@ -25,7 +26,9 @@ from debrisgrasp.segmentation import (
     Segmentation,
     SegmentationConfig,
     SelectionPolicy,
+    ordered,
     segment_cloud,
+    with_mark,
 )
 
 from .notes import mask_notes, part_notes, pose_notes
@@ -67,22 +70,37 @@ class Perception:
         scene: SceneConfig,
         watch: Stopwatch,
         workers: int,
+        given: Segmentation | None = None,
     ) -> Perception:
-        """Look at a capture.
+        """Look at a capture; ``given`` stands for a segmentation by the settings.
 
         Raises
         ------
         CaptureError
             If the capture has no pose.
+        ShapeError
+            If the given segmentation is of another number of points.
         """
         with watch.stage("cloud"):
             cloud = capture.cloud()
             sight = _sight(capture, cloud)
         with watch.stage("segmentation"):
             marked = None if capture.mask is None else capture.mask[measured(capture)]
-            found = segment_cloud(
-                cloud, segmentation, colors=point_colors(capture), of_interest=marked
-            )
+            if given is None:
+                found = segment_cloud(
+                    cloud,
+                    segmentation,
+                    colors=point_colors(capture),
+                    of_interest=marked,
+                )
+            elif len(given.labels) == len(cloud):
+                found = with_mark(given, marked)
+            else:
+                raise ShapeError(
+                    "segmentation",
+                    got=f"{len(given.labels)} points",
+                    expected=f"the {len(cloud)} that were measured",
+                )
         return cls(
             capture=capture,
             cloud=cloud,
@@ -109,7 +127,7 @@ class Perception:
         if self._order is None or self._order[0] is not policy:
             # Whatever comes first, planning on it asks for the obstacles.
             with beside(lambda: self.obstacles, workers=self.workers):
-                self._order = policy, policy.order(self.segmentation, self.cloud)
+                self._order = policy, ordered(policy, self.segmentation, self.cloud)
         return self._order[1]
 
     def scene(self, target: Target) -> GraspScene:

@@ -24,10 +24,7 @@ from debrisgrasp.planning import (
     SearchResult,
 )
 from debrisgrasp.prototypes import GripperModel, load_grippers
-from debrisgrasp.segmentation import (
-    SelectionPolicy,
-    SupportAware,
-)
+from debrisgrasp.segmentation import Segmentation, SelectionPolicy, SupportAware
 from debrisgrasp.settings import Settings
 
 from .advice import advice_on
@@ -149,21 +146,40 @@ class Pipeline:
 
     @checked
     def perceive(
-        self, capture: Capture, *, progress: Progress | None = None
+        self,
+        capture: Capture,
+        *,
+        segmentation: Segmentation | None = None,
+        progress: Progress | None = None,
     ) -> Perception:
         """Look at a capture, so that several plans share what is seen.
+
+        Parameters
+        ----------
+        segmentation
+            What its objects are, for instance by `segmentation_of_labels`; by default
+            they are found as the settings say.
 
         Raises
         ------
         CaptureError
             If the capture has no pose.
+        ShapeError
+            If the segmentation is of another number of points.
         """
-        return self._perceive(capture, Stopwatch(None, progress))
+        return self._perceive(capture, Stopwatch(None, progress), segmentation)
 
-    def _perceive(self, capture: Capture, watch: Stopwatch) -> Perception:
+    def _perceive(
+        self, capture: Capture, watch: Stopwatch, given: Segmentation | None = None
+    ) -> Perception:
         config = self.config
         return Perception.of(
-            capture, config.segmentation, config.planner.scene, watch, config.workers
+            capture,
+            config.segmentation,
+            config.planner.scene,
+            watch,
+            config.workers,
+            given,
         )
 
     @checked

@@ -122,6 +122,9 @@ def why_empty(
         return (
             f"no object was found in the capture (ground: {segmentation.ground.reason})"
         )
+    if not passed_over:
+        n = counted(len(segmentation.segments), "object")
+        return f"the selection policy put none of {n} into its order"
     labels: dict[str, list[str]] = {}
     for passed in passed_over:
         labels.setdefault(passed.reason, []).append(str(passed.label))

@@ -47,5 +47,13 @@ class PlanningResult:
 
     @checked
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the grasps as JSON (docs/formats.md)."""
+        """Write the grasps as JSON (docs/formats.md); an earlier plan is replaced.
+
+        Raises
+        ------
+        ConfigError
+            If the file's name does not end in .json.
+        OutputError
+            If it can't be written, or a file is there that is no plan.
+        """
         save_plan(self.plan, path)

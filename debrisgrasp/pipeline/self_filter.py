@@ -9,6 +9,7 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp._checked import checked
+from debrisgrasp._joints import require_joints
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Intrinsics, Solid
 from debrisgrasp.io import Capture
@@ -48,7 +49,11 @@ def without_robot(
         If the capture has no pose in the base frame.
     UnknownNameError
         If the robot has no joint of a name.
+    ConfigError
+        If a value is beyond the limits of its joint, or the joint is fixed: where an
+        arm is thought to be elsewhere, it would stay in the picture.
     """
+    require_joints(robot, joints or {})
     T_base_camera, body = capture.T_base_camera, body_at(robot, joints)
     if T_base_camera is None:
         raise CaptureError(

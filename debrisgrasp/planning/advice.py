@@ -339,8 +339,9 @@ class Advisor:
             yield Advice(
                 kind="view",
                 text=f"{freed} of {of} free up if the far side turns out as the "
-                "prototype has it: look from another side, or set minimum_evidence "
-                "and unknown_cost to 0",
+                "prototype has it: look from another side, or, in Python, plan with "
+                "PlannerConfig(minimum_evidence=0, "
+                "clearance=ClearanceConfig(unknown_cost=0))",
                 freed=freed,
                 of=of,
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from debrisgrasp.prototypes import PackedPrototypes
 from .annealing import Walkers
 from .scene import GraspScene
 
-__all__ = ["GlobalMove", "LocalMove", "MixtureMove", "own_frames"]
+__all__ = ["Anchors", "GlobalMove", "LocalMove", "MixtureMove"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +48,34 @@ class LocalMove:
         return stepped
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Anchors:
+    """Points of prototypes that jumps put on points of an object."""
+
+    points: FloatArray
+    """In the palm frame [m], shape (p, n, 3)."""
+    n_points: IntArray
+    """How many of them each prototype has, shape (p,)."""
+    frames: FloatArray
+    """At each point, shape (p, n, 3, 3): the normal is x, and y is as near to the long
+    axis of the prototype (y of the hand) as can be."""
+    even: IntArray
+    """Rows of points among which all directions of the normal are alike often, shape
+    (p, e)."""
+
+    @classmethod
+    def of(cls, prototypes: PackedPrototypes) -> Anchors:
+        """Prepare those of a dictionary."""
+        along = np.broadcast_to(np.array([0.0, 1.0, 0.0]), prototypes.points.shape)
+        normals = zip(prototypes.normals, prototypes.mask, strict=True)
+        return cls(
+            points=prototypes.points,
+            n_points=prototypes.mask.sum(axis=1),
+            frames=_frame(prototypes.normals, along),
+            even=np.array([_evenly_turned(own[mask]) for own, mask in normals]),
+        )
+
+
 class GlobalMove:
     """Put a random point of the prototype on a random point of the object.
 
@@ -55,25 +84,31 @@ class GlobalMove:
     is uniform. Where the object gives a good match such poses are likely, so the
     density of the proposals grows with the quality; as in the matcher behind the paper
     it is taken to be proportional to it.
+
+    Two of five are drawn so that all directions of the normal are alike often
+    (normal-space sampling: Rusinkiewicz and Levoy, "Efficient variants of the ICP
+    algorithm", 3DIM 2001): the ends of a bar and the rim of a pipe are few points of
+    many, and hold it in place along its length.
     """
 
     def __init__(
         self,
         scene: GraspScene,
-        prototypes: PackedPrototypes,
-        frames: FloatArray | None = None,
+        anchors: Anchors,
         *,
         aligned_share: float = 0.5,
+        even_share: float = 0.4,
         spin_sigma: float = 0.15,
         steepest_ascent: float = 0.3,
         tries: int = 3,
     ) -> None:
-        cloud = scene.cloud
-        self._anchors = cloud.points[scene.target]
-        self._object_frames = _frame(cloud.normals[scene.target], scene.tangents)
-        self._points, self._n_points = prototypes.points, prototypes.mask.sum(axis=1)
-        self._own_frames = own_frames(prototypes) if frames is None else frames
+        normals = scene.cloud.normals[scene.target]
+        self._points = scene.cloud.points[scene.target]
+        self._frames = _frame(normals, scene.tangents)
+        self._even = _evenly_turned(normals)
+        self._anchors = anchors
         self._aligned_share, self._spin_sigma = aligned_share, spin_sigma
+        self._even_share = even_share
         self._steepest_ascent, self._tries = steepest_ascent, tries
 
     def sample(self, prototype: IntArray, rng: Rng) -> FloatArray:
@@ -91,17 +126,21 @@ class GlobalMove:
         return Ts
 
     def _draw(self, prototype: IntArray, rng: Rng) -> FloatArray:
-        k = len(prototype)
-        anchor = rng.integers(len(self._anchors), size=k)
-        index = rng.integers(self._n_points[prototype])
-        own_frame = self._own_frames[prototype, index]
-        R = self._target_frames(anchor, rng) @ np.swapaxes(own_frame, -1, -2)
+        k, anchors = len(prototype), self._anchors
+        there = rng.integers(len(self._points), size=k)
+        index = rng.integers(anchors.n_points[prototype])
+        rows = np.flatnonzero(rng.random(k) < self._even_share)
+        there[rows] = rng.choice(self._even, len(rows))
+        column = rng.integers(anchors.even.shape[1], size=len(rows))
+        index[rows] = anchors.even[prototype[rows], column]
+        own_frame = anchors.frames[prototype, index]
+        R = self._target_frames(there, rng) @ np.swapaxes(own_frame, -1, -2)
         Ts = np.zeros((k, 4, 4))
         Ts[:, 3, 3] = 1.0
         Ts[:, :3, :3] = R
         Ts[:, :3, 3] = (
-            self._anchors[anchor]
-            - (R @ self._points[prototype, index, :, None])[..., 0]
+            self._points[there]
+            - (R @ anchors.points[prototype, index, :, None])[..., 0]
         )
         return Ts
 
@@ -115,7 +154,7 @@ class GlobalMove:
             rng.uniform(0.0, 2 * np.pi, index.shape),
         )
         cos, sin = np.cos(spin)[:, None], np.sin(spin)[:, None]
-        frames = self._object_frames[index]
+        frames = self._frames[index]
         y, z = frames[..., 1], frames[..., 2]
         frames[..., 1], frames[..., 2] = cos * y + sin * z, cos * z - sin * y
         return frames
@@ -145,13 +184,23 @@ class MixtureMove:
         return candidates, is_global.astype(np.float64)
 
 
-def own_frames(prototypes: PackedPrototypes) -> FloatArray:
-    """Frames at the points of prototypes, for `GlobalMove`, shape (p, n, 3, 3).
+_DRAWS = 1024
+"""Rows of a table to draw points from."""
+_DIRECTIONS = np.array(
+    [d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)], dtype=np.float64
+)
+_DIRECTIONS /= np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
+"""To faces, edges and corners of a cube, shape (26, 3): normals next to the same one
+have the same direction."""
 
-    The normal is x, and y is as near to the long axis of the prototype as can be.
-    """
-    along = np.broadcast_to(np.array([0.0, 1.0, 0.0]), prototypes.points.shape)
-    return _frame(prototypes.normals, along)
+
+def _evenly_turned(normals: FloatArray) -> IntArray:
+    """Rows of normals (n, 3), each of the directions that there are alike often."""
+    direction = np.argmax(normals @ _DIRECTIONS.T, axis=1)
+    weight = 1.0 / np.bincount(direction)[direction]
+    passed = np.cumsum(weight) / weight.sum()
+    rows = np.searchsorted(passed, (np.arange(_DRAWS) + 0.5) / _DRAWS)
+    return np.minimum(rows, len(normals) - 1)
 
 
 def _frame(axis: FloatArray, hint: FloatArray) -> FloatArray:

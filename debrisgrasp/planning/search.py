@@ -12,7 +12,7 @@ from .approach import Ways
 from .config import PlannerConfig
 from .load import LoadModel
 from .merit import Looks
-from .proposals import GlobalMove, own_frames
+from .proposals import Anchors, GlobalMove
 from .reach import Arm
 from .scene import GraspScene
 from .scene_search import SceneSearch, Watch
@@ -26,8 +26,7 @@ class GraspSearch:
     """Searches with one dictionary of prototypes and the hands that carry them."""
 
     def __init__(self, library: PrototypeLibrary, config: PlannerConfig) -> None:
-        self._packed = library.packed()
-        self._frames = own_frames(self._packed)
+        self._anchors = Anchors.of(library.packed())
         self.tools = Tools.of(library, config)
         self._config = config
         self._looks: Memo[GraspScene, Looks] = Memo()
@@ -68,7 +67,7 @@ class GraspSearch:
         return SceneSearch(
             scene,
             self._looks_into(scene),
-            GlobalMove(scene, self._packed, self._frames),
+            GlobalMove(scene, self._anchors),
             Burden.on(arms, load, self.tools),
             arms,
             self.tools,

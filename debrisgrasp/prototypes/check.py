@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,7 +56,11 @@ class Finding:
         return self.problem
 
 
-def check(prototype: GraspPrototype, gripper: GripperModel) -> tuple[Finding, ...]:
+def check(
+    prototype: GraspPrototype,
+    gripper: GripperModel,
+    whole: SurfaceShape | None = None,
+) -> tuple[Finding, ...]:
     """List what is wrong with a prototype; an empty list is a sound one.
 
     The palm frame of the hand must be where its palm and pads say. The open hand must
@@ -64,16 +68,28 @@ def check(prototype: GraspPrototype, gripper: GripperModel) -> tuple[Finding, ..
     must be open wider than it closes, and no wider than it can; and on closing the
     fingers of both sides must come to rest on the shape at about its ``width``, where
     it faces them. Of a surface that one camera saw, one side is enough.
+
+    Parameters
+    ----------
+    whole
+        Surface that the shape was cut out of, palm frame: the open hand must not reach
+        into that either, wherever it lies; None: there is no more than the shape.
     """
     problems = [gripper.palm_doubt] if gripper.palm_doubt else []
-    depth, where = _penetration(prototype, gripper)
+    met = prototype
+    if whole is not None:
+        definition = replace(
+            prototype.definition, shape=whole, T_hand_shape=SE3.identity()
+        )
+        met = replace(prototype, definition=definition)
+    depth, where = _penetration(met, gripper)
     if depth > PENETRATION_TOLERANCE:
         problems.append(
             f"the open hand reaches {1e3 * depth:.0f} mm into the shape at "
             f"{np.round(where, 3).tolist()}; move the shape or open wider"
         )
     else:
-        problems += _approach_problems(prototype, gripper)
+        problems += _approach_problems(met, gripper)
     preshape = gripper.preshape(prototype.preshape)
     widths = preshape.widths
     if prototype.opening > float(preshape.openings[0]) + 5e-7:

@@ -22,6 +22,8 @@ MESH_FORMS = (".stl", ".obj", ".ply")
 
 _LONGEST, _SHORTEST = 2.0, 0.01
 """Sizes of an object [m] beyond which its mesh is in other units."""
+_ROUNDING = 1e-4
+"""Share by which a size in single precision may be beyond them."""
 _SAMPLES = 2e5
 """Samples per square metre, thinned afterwards."""
 _FEWEST, _MOST = 20_000, 400_000
@@ -58,19 +60,20 @@ def surface_from_mesh(
         raise ConfigError("scale of the mesh", got=scale, expected="a number above 0")
     mesh = _loaded(Path(path))
     size = scale * float(np.ptp(mesh.vertices, axis=0).max())
-    if not _SHORTEST <= size <= _LONGEST:
+    if not _SHORTEST * (1 - _ROUNDING) <= size <= _LONGEST * (1 + _ROUNDING):
         raise ConfigError(
             f"size of {path}",
             got=f"{size:.4g} m" + (f" at scale {scale:g}" if scale != 1.0 else ""),
             expected=f"{_SHORTEST:g} to {_LONGEST:g} m",
-            mend="If the file is in millimetres, give the scale 0.001 (--scale 0.001)."
+            mend="If the file is in millimetres, give the scale 0.001 (--scale 0.001); "
+            "of what is longer, cut out the part around the grip."
             if size > _LONGEST
             else "If the file is in other units, give their length as scale.",
         )
     mesh.apply_scale(scale)
     points, normals = _sampled(mesh)
-    is_outside = _is_seen(points, normals)
     try:
+        is_outside = _is_seen(points, normals)
         return SurfaceShape.thinned(points[is_outside], normals[is_outside], "all")
     except InputError as error:
         raise ConfigError.about(f"{path}: {error.what}", error) from error

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import TypedDict
 
 import numpy as np
@@ -73,27 +74,14 @@ def read_hand(path: str | os.PathLike[str]) -> HandContent:
     content = HandContent(
         name=fields.text("name"),
         description=fields.text("description", "-"),
-        mass=_number(fields, "mass", _LEAST_MASS, 100.0, _KILOGRAMS),
-        max_force=_number(fields, "max_force", _LEAST_FORCE, 1e5, _NEWTONS),
+        mass=fields.number("mass", _LEAST_MASS, 100.0, mend=_KILOGRAMS),
+        max_force=fields.number("max_force", _LEAST_FORCE, 1e5, mend=_NEWTONS),
         palm=tuple(solid.moved(T_hand_base) for solid in _palm(fields)),
         fingers=fingers,
         preshapes=_preshapes(fields.child("preshapes"), fingers),
     )
     fields.finish()
     return content
-
-
-def _number(fields: Fields, name: str, low: float, high: float, mend: str) -> float:
-    """Read a number within [low, high]; where it isn't, say what it is a number of."""
-    try:
-        return fields.number(name, low, high)
-    except ConfigError as error:
-        raise ConfigError(
-            error.what,
-            got=error.got,
-            expected=error.expected,
-            mend=error.mend or mend,
-        ) from error
 
 
 def _palm(fields: Fields) -> tuple[Solid, ...]:
@@ -149,12 +137,15 @@ def _joint(fields: Fields) -> HandJoint | None:
             joint.where("axis"), got=axis.tolist(), expected="an axis of some length"
         )
     kind = joint.choice("type", ("revolute", "prismatic"), "revolute")
-    result = HandJoint(
-        joint.text("name"),
-        axis / norm,
-        joint.number("sign", -1.0, 1.0, default=1.0),
-        kind == "prismatic",
-    )
+    sign = joint.number("sign", -1.0, 1.0, default=1.0)
+    if not sign:
+        raise ConfigError(
+            joint.where("sign"),
+            got=0,
+            expected="1, or -1 where the finger mirrors the value",
+            mend="A joint that does not move is none: leave it out.",
+        )
+    result = HandJoint(joint.text("name"), axis / norm, sign, kind == "prismatic")
     joint.finish()
     return result
 
@@ -213,7 +204,21 @@ def _fingers(
                 mend="Joint values are told apart by it: <finger>_<joint>.",
             )
         fingers[finger.name] = finger
+    _require_own_names(fields, fingers.values())
     return tuple(fingers.values())
+
+
+def _require_own_names(fields: Fields, fingers: Iterable[Finger]) -> None:
+    """Refuse joints that the robot could not tell apart."""
+    names = Counter(name for finger in fingers for name in finger.joint_names)
+    if twice := [name for name, count in names.items() if count > 1]:
+        raise ConfigError(
+            fields.where("fingers"),
+            got=f"{', '.join(twice)} more than once, as <finger>_<joint>",
+            expected="names of fingers and joints that tell all joints apart",
+            mend="Joints of one finger that move together are two in the table of "
+            "closing, too.",
+        )
 
 
 def _finger(
@@ -260,6 +265,12 @@ def _preshape(name: str, fields: Fields, fingers: tuple[Finger, ...]) -> Preshap
         fixed = fields.child("fixed")
         for joint in fixed.names():
             value = fixed.number(joint, -np.inf, np.inf)
+            if joint in joints:
+                raise ConfigError(
+                    fields.where(f"fixed.{joint}"),
+                    got=f"{value:g} for a joint that closing lists, too",
+                    expected="each joint among closing or fixed",
+                )
             joints[joint] = np.full_like(commands, value)
     _require_joints(fields, fingers, joints)
     _require_units(fields, fingers, joints)

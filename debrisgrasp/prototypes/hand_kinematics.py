@@ -86,6 +86,15 @@ class Finger:
             for solid in link.solids
         )
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Name of every joint, ``<finger>_<variable>``, from the root on."""
+        return tuple(
+            f"{self.name}_{link.joint.variable}"
+            for link in self.links
+            if link.joint is not None
+        )
+
     def joint_values(self, values: Mapping[str, float]) -> dict[str, float]:
         """Value of every joint by its own name, ``<finger>_<variable>``."""
         return {

@@ -31,8 +31,9 @@ _EQUAL = 1e-5
 """Distances in steps of this [m]: of points equally far away the first is kept."""
 _MIN_POINTS = 30
 """With fewer points than this nothing can be told from anything else."""
-_MAX_SIZE = 1.0
-"""Longest piece of surface around a grip [m]; above it, it is millimetres."""
+_MAX_SIZE = 4.0
+"""Longest surface [m]; above it, it is millimetres. Meshes of 2 m are within it however
+they are turned."""
 _CELL = 2.0
 """Cells in which a view is looked at, in spacings of the points: none is empty."""
 _KNOWN_DEPTH = 0.03

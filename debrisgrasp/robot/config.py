@@ -78,6 +78,8 @@ class FakeConfig:
     """Largest speed and rate of the base [m/s, rad/s]."""
     base_acceleration: tuple[float, float] = (0.5, 1.0)
     """[m/s^2, rad/s^2]."""
+    base_watchdog: float = 0.5
+    """Without a command for so long the base stands by itself [s]."""
 
     rest: RestConfig = RestConfig(pitch=0.04, step=0.01, max_steps=200)
     """How bodies come to rest that lost their support."""
@@ -86,7 +88,8 @@ class FakeConfig:
 
     def __post_init__(self) -> None:
         require_range("FakeConfig.period", self.period, 1e-4, 0.1)
-        for name in ("watchdog", "engage_time", "initialise_time", "sensor_lag"):
+        times = ("watchdog", "engage_time", "initialise_time", "sensor_lag")
+        for name in (*times, "base_watchdog"):
             require_range(f"FakeConfig.{name}", getattr(self, name), 0.0, 60.0)
         for name in ("max_depth", "finger_speed", "head_speed"):
             require_range(f"FakeConfig.{name}", getattr(self, name), 1e-6, 1e9)

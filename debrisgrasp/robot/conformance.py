@@ -35,6 +35,7 @@ from .promises import (
 )
 from .promises_moving import (
     arm_follows,
+    base_stands_by_itself,
     disengaged_arm_stands,
     hand_moves,
     head_moves,
@@ -54,7 +55,7 @@ class Check:
     promise: str
     """In words."""
     moves: bool
-    """Whether it moves the robot: joints by up to 2 degrees, fingers, head."""
+    """Whether it moves the robot: joints by up to 2 degrees, fingers, head, base."""
     function: Callable[[Robot], Iterator[str]]
     needs: frozenset[str] = frozenset()
     """Members of devices that it uses, such as ``arm.read``."""
@@ -251,8 +252,16 @@ MOVING_CHECKS = (
         moves=True,
         subject="head",
     ),
+    _check(
+        base_stands_by_itself,
+        "a base goes when it is told, and stands when it is told no more",
+        _CLOCK + "base.read base.drive base.stop arm.disengage",
+        moves=True,
+        subject="base",
+    ),
 )
-"""Checks that move: joints by up to 2 degrees, fingers by 2 cm, the head by 2 degrees.
+"""Checks that move: joints by up to 2 degrees, fingers by 2 cm, the head by 2 degrees,
+the base by 2 cm, or by 4 if it does not stand by itself.
 The arms must stand free, and a person at the stop."""
 
 _UNSAFE = "nothing is moved as long as a check at rest finds something"

@@ -261,6 +261,7 @@ class FakeRobot:
             tool=_tool(hand.model, self._weighed(hand.model), T_ee_ft),
             bias=np.array(config.bias),
             wrench_sign=config.wrench_sign,
+            sensor_range=config.sensor_range,
         )
         sensor = self._sensor_type(arm, loads, timeline, config, rng)
         self.arms[name], self.hands[name], self.sensors[name] = arm, hand, sensor

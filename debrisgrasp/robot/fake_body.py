@@ -83,6 +83,7 @@ class FakeBase:
         self._timeline, self._config = timeline, config
         self._violations = violations
         self._goal = (0.0, 0.0)
+        self._told = 0.0
         self._speed = (0.0, 0.0)
         self._place = (0.0, 0.0, 0.0)
         self.T_odom_base = SE3.identity()
@@ -97,7 +98,7 @@ class FakeBase:
         return self.T_odom_base
 
     def drive(self, forward: float, turn: float) -> None:
-        """Go on at this speed [m/s] and rate [rad/s], within the limits."""
+        """Go on at this speed [m/s] and rate [rad/s] for a while, within the limits."""
         if not (isfinite(forward) and isfinite(turn)):
             message = f"sent at {forward} m/s, {turn} rad/s"
             self._violations.append(Violation(self._timeline.now, "base", message))
@@ -111,7 +112,7 @@ class FakeBase:
         if kept != (forward, turn):
             message = f"sent at {forward:g} m/s, {turn:g} rad/s, more than {most}"
             self._violations.append(Violation(self._timeline.now, "base", message))
-        self._goal = (kept[0], kept[1])
+        self._goal, self._told = (kept[0], kept[1]), self._timeline.now
 
     def stop(self) -> None:
         """Come to a stand."""
@@ -121,6 +122,8 @@ class FakeBase:
         """Drive for one period."""
         if self.is_still:
             return
+        if self._timeline.now - self._told > self._config.base_watchdog:
+            self.stop()
         dt = self._timeline.period
         gains = [a * dt for a in self._config.base_acceleration]
         v, w = (

@@ -207,7 +207,10 @@ class Base(Protocol):
         """Pose of the base in its odometry's frame, ``T_odom_base``."""
 
     def drive(self, forward: float, turn: float) -> None:
-        """Go on at this speed [m/s] and rate [rad/s] until told otherwise."""
+        """Go on at this speed [m/s] and rate [rad/s] until told otherwise.
+
+        Without a command for 0.5 s it stands by itself: whoever drives says so again.
+        """
 
     def stop(self) -> None:
         """Stand still."""

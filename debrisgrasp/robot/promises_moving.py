@@ -16,6 +16,7 @@ from .interface import Arm, Gripper, Robot
 
 __all__ = [
     "arm_follows",
+    "base_stands_by_itself",
     "disengaged_arm_stands",
     "hand_moves",
     "head_moves",
@@ -28,6 +29,10 @@ _SWING = np.deg2rad(2.0)
 """By which joints are moved [rad]; prismatic joints by a tenth of it [m]."""
 _STOOD = np.deg2rad(0.1)
 """A joint that moved less than this stood [rad]."""
+_BASE_STOOD = 1e-3
+"""A base that moved less than this stood [m]."""
+_CREEP, _ON_ITS_OWN = 0.03, 1.0
+"""A base is told once to go so fast [m/s], and stands so long after that [s]."""
 _PERIOD = 0.004
 _READINGS = 100
 """Of the wrist at each end of a turn."""
@@ -237,6 +242,31 @@ def head_moves(robot: Robot) -> Iterator[str]:
         gap = np.abs(np.asarray(head.read().q, dtype=np.float64) - target).max()
         if gap > 0.25 * _SWING:
             yield f"says that it has arrived, {np.rad2deg(gap):.2f} degrees off"
+
+
+def base_stands_by_itself(robot: Robot) -> Iterator[str]:
+    """Check that a base that is told once to go does so, and stands by itself."""
+    base = robot.base
+    if base is None or not robot.model.drives:
+        return
+    places = [base.read()]
+    try:
+        base.drive(_CREEP, 0.0)
+        for seconds in (0.4, _ON_ITS_OWN - 0.4, 0.2):
+            _wait(robot, seconds)
+            places.append(base.read())
+    finally:
+        base.stop()
+    begun, going, standing, after = places
+    gone = float((begun.inverse() @ going).p[0])
+    if not gone > 0.1 * 0.4 * _CREEP:
+        yield f"went {1e3 * gone:.1f} mm in 0.4 s when sent ahead at {_CREEP:g} m/s"
+    on = float(np.linalg.norm((standing.inverse() @ after).p))
+    if not on <= _BASE_STOOD:
+        yield (
+            f"goes on {_ON_ITS_OWN:g} s after its last command, by {1e3 * on:.1f} mm "
+            "in 0.2 s; it must stand by itself"
+        )
 
 
 def _stands(robot: Robot, name: str, arm: Arm, state: str) -> Iterator[str]:

@@ -1,8 +1,9 @@
 """Layer 2: a cloud divided into objects, and which of them to take first."""
 
+from .given import segmentation_of_labels
 from .ground import GroundConfig
 from .lccp import LccpConfig
-from .marked import WHOLE_SHARE
+from .marked import WHOLE_SHARE, with_mark
 from .pipeline import SegmentationConfig, segment_cloud
 from .segmentation import (
     GroundReport,
@@ -18,6 +19,7 @@ from .selection import (
     OperatorPick,
     PriorityPoint,
     SelectionPolicy,
+    ordered,
     region_of_interest,
 )
 from .singulation import SingulationConfig
@@ -52,7 +54,10 @@ __all__ = [
     "SupportGraph",
     "Surrounding",
     "SurroundingsConfig",
+    "ordered",
     "region_of_interest",
     "segment_cloud",
+    "segmentation_of_labels",
     "support_graph",
+    "with_mark",
 ]

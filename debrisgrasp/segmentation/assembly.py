@@ -33,7 +33,7 @@ def assembled(
     ground: GroundReport,
     *,
     min_points: int,
-    method: Literal["singulation", "lccp"],
+    method: Literal["singulation", "lccp", "given"],
 ) -> Segmentation:
     """Give objects their labels by size, drop specks, and measure what is left.
 

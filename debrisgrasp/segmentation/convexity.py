@@ -58,7 +58,8 @@ def is_singular(
     s = np.cross(n_1, n_2)
     along = np.abs(np.einsum("...i,...i->...", s, d))
     across = np.linalg.norm(np.cross(s, d), axis=-1)
-    phi = np.degrees(np.arctan2(across, along))
+    # Equal normals have no crease to lie along.
+    phi = np.where(s.any(axis=-1), np.degrees(np.arctan2(across, along)), 90.0)
     theta = np.degrees(normal_angle(n_1, n_2))
     limit = 60.0 / (1.0 + np.exp(-0.25 * (theta - 25.0)))
     singular: BoolArray = phi < limit

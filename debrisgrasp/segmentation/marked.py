@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["WHOLE_SHARE", "covered_shares"]
+from .segmentation import Segmentation
+
+__all__ = ["WHOLE_SHARE", "covered_shares", "with_mark"]
 
 _SEVERAL = 0.2
 """With such a share of itself a mark covers an object, and not just touches it."""
@@ -35,3 +39,15 @@ def covered_shares(
     is_whole = (marked > WHOLE_SHARE * size) & (marked > _CRUMB * marked.max(initial=0))
     covered: FloatArray = np.sort(share[(share > _SEVERAL) | is_whole])[::-1]
     return covered
+
+
+def with_mark(
+    segmentation: Segmentation, of_interest: BoolArray | None
+) -> Segmentation:
+    """Add what a mark (n,) covers, unless that is known or there is none."""
+    if of_interest is None or segmentation.marked_shares is not None:
+        return segmentation
+    # What no mark has joined can be counted as it is.
+    size = np.bincount(segmentation.labels, minlength=1)
+    marked = np.bincount(segmentation.labels[of_interest], minlength=len(size))
+    return replace(segmentation, marked_shares=covered_shares(marked[1:], size[1:]))

@@ -15,7 +15,7 @@ from debrisgrasp.geometry import Bounds, PointCloud
 from .assembly import assembled
 from .ground import GroundConfig, find_ground
 from .lccp import LccpConfig, lccp
-from .marked import covered_shares
+from .marked import with_mark
 from .segmentation import PatchGraph, Segmentation
 from .singulation import SingulationConfig, singulate
 from .surroundings import SurroundingsConfig, find_surroundings
@@ -180,12 +180,7 @@ def _segmented(
         min_points=config.min_points,
         method=method,
     )
-    if of_interest is None or result.marked_shares is not None:
-        return result
-    # What no mark has joined can be counted as it is.
-    size = np.bincount(result.labels, minlength=1)
-    marked = np.bincount(result.labels[of_interest], minlength=len(size))
-    return replace(result, marked_shares=covered_shares(marked[1:], size[1:]))
+    return with_mark(result, of_interest)
 
 
 def _divided(

@@ -156,8 +156,8 @@ class Segmentation:
     patches: IntArray
     """Patch of each point, int32, shape (n,); 0 for points of the ground."""
     ground: GroundReport
-    method: Literal["singulation", "lccp"]
-    """Which method divided what stood on the ground."""
+    method: Literal["singulation", "lccp", "given"]
+    """Which method divided what stood on the ground; ``given``: somebody else's."""
     kinship: FloatArray | None = None
     """Probability that pairs of segments are one object, whether they touch or not, in
     [0, 1], symmetric, shape (s, s); zero for pairs that nothing joins. None if the

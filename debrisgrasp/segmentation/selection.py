@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_metres
+from debrisgrasp._arrays import (
+    FloatArray,
+    frozen,
+    require_finite,
+    require_metres,
+    require_trailing,
+)
+from debrisgrasp._checked import checked_fields
+from debrisgrasp._words import shortened
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import Bounds, PointCloud
 
@@ -21,6 +31,7 @@ __all__ = [
     "PriorityPoint",
     "SelectionPolicy",
     "nearest_distances",
+    "ordered",
     "region_of_interest",
     "require_point",
 ]
@@ -32,6 +43,7 @@ _PICK_REACH = 0.1
 """A picked point of an object lies within this of its measured points [m]."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """An object in the order of selection."""
@@ -51,6 +63,45 @@ class SelectionPolicy(Protocol):
     ) -> tuple[Candidate, ...]:
         """Candidates, first choice first; empty if there are no objects."""
         ...
+
+
+def ordered(
+    policy: SelectionPolicy, segmentation: Segmentation, cloud: PointCloud
+) -> tuple[Candidate, ...]:
+    """Ask a policy for its order, and look whether it is one.
+
+    Raises
+    ------
+    InputError
+        If it is anything else than candidates, each with a label of its own and a
+        finite cost.
+    UnknownNameError
+        If a label is not in the segmentation.
+    """
+    what = f"order of {type(policy).__name__}"
+    given = policy.order(segmentation, cloud)
+    items = list(given) if isinstance(given, Iterable) else [given]
+    for item in items:
+        if not isinstance(item, Candidate):
+            raise InputError(
+                what,
+                got=shortened(repr(given)),
+                expected="a tuple of Candidate(label, cost, reason)",
+            )
+        if not isfinite(item.cost):
+            raise InputError(
+                f"cost of object {item.label} in the {what}",
+                got=item.cost,
+                expected="a finite number",
+            )
+        segmentation.segment(item.label)
+    labels = [item.label for item in items]
+    if len(set(labels)) < len(labels):
+        raise InputError(what, got=f"labels {labels}", expected="each label once")
+    # numpy's numbers are none to JSON.
+    return tuple(
+        Candidate(int(item.label), float(item.cost), item.reason) for item in items
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +179,7 @@ class OperatorPick:
             If there is no object at the pixel or near the point.
         """
         label = self._label(segmentation, cloud)
-        ranked = self.others.order(segmentation, cloud)
+        ranked = ordered(self.others, segmentation, cloud)
         picked = tuple(
             replace(item, reason=f"picked by the operator; {item.reason}")
             for item in ranked
@@ -238,9 +289,14 @@ def region_of_interest(
     Raises
     ------
     InputError
-        If the margin is negative or not finite.
+        If there are no points, or one is not finite, or the margin is negative.
     """
     if not 0 <= margin < np.inf:
         raise InputError("margin", got=margin, expected="0 or more metres")
+    points = np.asarray(points, dtype=np.float64)
+    require_trailing(points, "points", (3,))
+    if not len(points):
+        raise InputError("points of the object", got="none", expected="at least one")
+    require_finite(points, "points of the object")
     lower, upper = np.quantile(points, [outliers, 1.0 - outliers], axis=0)
     return Bounds(lower - margin - 1e-6, upper + margin + 1e-6)

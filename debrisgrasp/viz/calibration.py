@@ -68,8 +68,8 @@ def calibration_png(path: str | os.PathLike[str], picture: CalibrationPicture) -
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     page = Page(_WIDTH, _HEIGHT)
     bottom = _headline(page, picture)

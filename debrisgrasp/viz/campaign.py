@@ -62,8 +62,8 @@ def campaign_png(
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     rows = max(len(of_all), len(stages) + len(mended) + 2)
     height = _HEAD + _ROW * rows + _FOOT

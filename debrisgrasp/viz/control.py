@@ -67,8 +67,8 @@ def leg_png(
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     page = Page(1500, 900)
     page.text(30, 22, title, 19, weight="bold")
@@ -216,8 +216,8 @@ def preview_png(path: str | os.PathLike[str], shown: Preview) -> None:
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     page = Page(1500, 1080)
     page.text(30, 22, "What the hand will do when it is pushed", 19, weight="bold")

@@ -32,8 +32,8 @@ def coverage_png(path: str | os.PathLike[str], coverage: CoverageMap) -> None:
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     n = len(coverage.rows)
     width = _LEFT + _CELL * len(coverage.sizes) + 2 * _FRAME

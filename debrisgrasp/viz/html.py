@@ -9,12 +9,12 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
-from debrisgrasp._files import write_atomic
+from debrisgrasp._files import require_suffix, write_atomic
 
 from .payload import payload
 from .report import Report
 
-__all__ = ["filled_page", "report_html", "with_head"]
+__all__ = ["filled_page", "report_html", "with_head", "write_page"]
 
 
 def report_html(path: str | os.PathLike[str], report: Report) -> None:
@@ -33,10 +33,16 @@ def report_html(path: str | os.PathLike[str], report: Report) -> None:
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     page = filled_page("report.html", "report.js", report.title, payload(report))
+    write_page(path, page)
+
+
+def write_page(path: str | os.PathLike[str], page: str) -> None:
+    """Write a page, whole or not at all; its name ends in .html."""
+    require_suffix(path, (".html",), "a page")
     write_atomic(path, page)
 
 

@@ -100,8 +100,8 @@ def motion_png(
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     page = Page(*_SIZE)
     page.text(30, 20, shortened(title, 80), 20, weight="bold")

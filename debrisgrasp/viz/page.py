@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import write_atomic
+from debrisgrasp._files import require_picture, write_atomic
 from debrisgrasp.segmentation import Candidate
 
 from .colors import CHOSEN_COLOR, INK, MUTED_INK, hex_color, label_colors, mixed
@@ -130,7 +130,8 @@ class Page:
         return axes
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the page as a PNG, whole or not at all."""
+        """Write the page as a PNG, whole or not at all; its name ends in .png."""
+        require_picture(path, (".png",), "a picture")
         stream = io.BytesIO()
         # The default metadata name the version of the plotting library.
         self.figure.savefig(stream, format="png", metadata={"Software": ""})

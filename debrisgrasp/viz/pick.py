@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import write_atomic
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import Intrinsics
 
 from .colors import GROUND_COLOR
-from .html import filled_page
+from .html import filled_page, write_page
 from .payload import packed_bytes, packed_points
 from .scene import point_spacing
 
@@ -88,14 +87,14 @@ def pick_html(
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     content = {
         "header": dict(header),
         "views": [_view(view.capture, view.observation) for view in views],
     }
-    write_atomic(
+    write_page(
         path,
         filled_page("pick.html", "pick.js", "Pick the fiducial", content),
     )

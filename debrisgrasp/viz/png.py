@@ -82,8 +82,8 @@ def report_png(path: str | os.PathLike[str], report: Report) -> None:
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     page = Page(*_SIZE)
     plan = report.plan

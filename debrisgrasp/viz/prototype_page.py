@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import write_atomic
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import GraspPrototype, GripperModel, half_turns
 
 from .colors import CHOSEN_COLOR, HAND_COLORS
-from .html import filled_page
+from .html import filled_page, write_page
 from .payload import packed_bytes, packed_points
 from .scene import merged, point_spacing
 
@@ -48,8 +47,8 @@ def prototypes_html(
     ------
     InputError
         If there is no prototype.
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     shown = tuple(prototypes)
     if not shown:
@@ -62,7 +61,7 @@ def prototypes_html(
         ],
     }
     page = filled_page("prototypes.html", "prototypes.js", "Prototypes", content)
-    write_atomic(path, page)
+    write_page(path, page)
 
 
 def _entry(

@@ -16,12 +16,12 @@ from matplotlib.transforms import Bbox
 from scipy.spatial import ConvexHull
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import write_atomic
 from debrisgrasp._words import arm_called
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.kinematics import ReachSurvey, RobotModel
 
 from .colors import BACKGROUND_COLOR, INK, MUTED_INK, hex_color
+from .html import write_page
 from .page import Page, Slot, draw_picture, shortened
 from .raster import Splats, render
 from .scene import box_edges, ground_grid, robot_mesh
@@ -66,8 +66,8 @@ def reach_png(path: str | os.PathLike[str], picture: ReachPicture) -> None:
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     _drawn(picture).write(path)
 
@@ -77,8 +77,8 @@ def reach_html(path: str | os.PathLike[str], picture: ReachPicture) -> None:
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     stream = io.BytesIO()
     figure = _drawn(picture, is_headed=False).figure
@@ -94,7 +94,7 @@ def reach_html(path: str | os.PathLike[str], picture: ReachPicture) -> None:
         for row in body
     )
     title = escape(picture.title)
-    write_atomic(
+    write_page(
         path,
         f'<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
         "<style>body{font:15px system-ui,'DejaVu Sans',sans-serif;margin:24px;"

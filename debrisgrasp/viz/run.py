@@ -10,9 +10,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from debrisgrasp._files import write_atomic
 from debrisgrasp._words import arm_called, counted
 
+from .html import write_page
 from .run_map import map_key, map_svg
 from .run_scene import scene_image
 
@@ -108,8 +108,8 @@ def run_html(path: str | os.PathLike[str], run: RecordedRun) -> None:
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     spans, total = _spans(run.events)
     tries = _tries(run.events)
@@ -132,7 +132,7 @@ def run_html(path: str | os.PathLike[str], run: RecordedRun) -> None:
         f"<title>{escape(_title(run.inputs))}</title><style>{_STYLE}</style></head>"
         f"<body><main>{''.join(body)}</main></body></html>\n"
     )
-    write_atomic(path, page)
+    write_page(path, page)
 
 
 def _title(inputs: Mapping[str, Any]) -> str:

@@ -49,8 +49,8 @@ def selection_png(path: str | os.PathLike[str], report: SelectionReport) -> None
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     layer = SupportLayer.of(report)
     doubt = wrapped([doubt_line(report.segmentation)], 150, 3)

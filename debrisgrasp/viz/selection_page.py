@@ -10,10 +10,8 @@ from html import escape
 import numpy as np
 from PIL import Image
 
-from debrisgrasp._files import write_atomic
-
 from .colors import CHOSEN_COLOR, hex_color, label_colors, mixed
-from .html import with_head
+from .html import with_head, write_page
 from .support_layer import Arrow, Node, SelectionReport, SupportLayer
 from .words import doubt_line
 
@@ -35,8 +33,8 @@ def selection_html(path: str | os.PathLike[str], report: SelectionReport) -> Non
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     n = len(report.segmentation.segments)
     layer = SupportLayer.of(report)
@@ -46,7 +44,7 @@ def selection_html(path: str | os.PathLike[str], report: SelectionReport) -> Non
         "picture": _picture(layer),
         "rows": "\n".join(_rows(report)),
     }
-    write_atomic(path, with_head("selection.html", report.title, parts))
+    write_page(path, with_head("selection.html", report.title, parts))
 
 
 def _rows(report: SelectionReport) -> list[str]:

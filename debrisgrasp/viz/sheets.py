@@ -68,8 +68,8 @@ def segmentation_png(
 
     Raises
     ------
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     report = segmentation.ground
     image = label_image(cloud, segmentation.labels, capture, report.kinds)
@@ -125,8 +125,8 @@ def prototype_png(
     ------
     InputError
         If there is no prototype.
-    OutputError
-        If the file can't be written.
+    ConfigError, OutputError
+        If the file has another suffix, or can't be written.
     """
     shown = tuple(prototypes)
     if not shown:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray
+from debrisgrasp._joints import require_joints
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import CaptureError, ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Bounds, PointCloud, fibonacci_sphere
@@ -32,8 +33,6 @@ __all__ = ["Recording", "parse_hand_pose", "record", "taught_by_joints"]
 
 _NEIGHBORS, _CLOSE = 8, 0.018
 """A point of a surface has so many others, itself included, so near [m]."""
-_OVER = 0.01
-"""A joint may read this far beyond its limit [rad or m]."""
 _FEWEST = 60
 """Measured points with normals that a piece needs."""
 
@@ -105,6 +104,7 @@ def record(
     inside = _piece(capture, cloud, object_label, region)
     surface = _surface(cloud, inside)
     proposals: tuple[HandPose, ...] = ()
+    whole: SurfaceShape | None = None
     if T_base_hand is None:
         sight = surface.points.mean(axis=0) - cloud.viewpoint
         proposals = propose_hand_poses(
@@ -116,9 +116,13 @@ def record(
         )
         chosen = _chosen(proposals, choice, gripper)
         T_base_hand, preshape = chosen.T_surface_hand, chosen.preshape
+    else:
+        # Where a pose was proposed, the hand is known to be clear of all of it.
+        whole = surface.moved(T_base_hand.inverse())
     names = list(gripper.preshapes) if preshape is None else [preshape]
     taught = [
-        _defined(name, surface, T_base_hand, gripper, each, width) for each in names
+        _defined(name, surface, T_base_hand, gripper, each, width, whole)
+        for each in names
     ]
     definition, findings = min(taught, key=lambda pair: len(pair[1]))
     return Recording(
@@ -149,7 +153,8 @@ def taught_by_joints(
     UnknownNameError
         If robot, arm or a joint is not known.
     ConfigError
-        If the arm carries another hand, or a value is beyond the limits of its joint.
+        If the arm carries another hand, a value is beyond the limits of its joint, or
+        the joint is fixed.
     """
     carriers = robot.arms_with(gripper)
     name = arm or (carriers[0] if carriers else None)
@@ -163,26 +168,8 @@ def taught_by_joints(
             got=repr(gripper),
             expected=f"{spec.gripper!r}, which it carries",
         )
-    for joint, value in joints.items():
-        if joint not in robot.tree.joints:
-            raise UnknownNameError(f"joint of {robot.name}", joint, robot.tree.joints)
-        _require_within(robot, joint, value)
+    require_joints(robot, joints)
     return robot.link_poses(joints)[spec.tip]
-
-
-def _require_within(robot: RobotModel, name: str, value: float) -> None:
-    joint = robot.tree.joints[name]
-    if joint.lower - _OVER <= value <= joint.upper + _OVER:
-        return
-    is_turn = joint.kind != "prismatic"
-    raise ConfigError(
-        f"joint {name}",
-        got=value,
-        expected=f"{joint.lower:.4g} to {joint.upper:.4g} {'rad' if is_turn else 'm'}",
-        mend="Joints are in radians: 90 degrees are 1.571."
-        if is_turn
-        else "Lengths are in metres.",
-    )
 
 
 def parse_hand_pose(text: str) -> SE3:
@@ -275,8 +262,9 @@ def _defined(
     gripper: GripperModel,
     preshape: str,
     width: float | None,
+    whole: SurfaceShape | None,
 ) -> tuple[PrototypeDefinition, tuple[str, ...]]:
-    """Prototype at a pose, and what is wrong with it."""
+    """Prototype at a pose, and what is wrong with it; ``whole`` as in `check`."""
     shape = gripper.preshape(preshape)
     low, high = shape.widths
     if width is not None and not low <= width <= high:
@@ -297,7 +285,8 @@ def _defined(
     if width is None:
         definition = settled(definition, gripper)
     prototype = GraspPrototype.build(definition, fibonacci_sphere(1))
-    return definition, tuple(str(finding) for finding in check(prototype, gripper))
+    found = check(prototype, gripper, whole)
+    return definition, tuple(str(finding) for finding in found)
 
 
 def _note(capture: Capture) -> str:

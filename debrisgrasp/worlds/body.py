@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -63,7 +62,7 @@ class Body:
             )
         pose = SE3.from_matrix(self.T_base_body.matrix, f"pose of {self.name}")
         object.__setattr__(self, "T_base_body", pose)
-        object.__setattr__(self, "sizes", MappingProxyType(dict(self.sizes)))
+        object.__setattr__(self, "sizes", dict(self.sizes))
 
     @property
     def volume(self) -> float:

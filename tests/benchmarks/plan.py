@@ -32,7 +32,7 @@ from debrisgrasp.planning import (
 )
 from debrisgrasp.planning.clearance import ClearanceConfig, HandClearance
 from debrisgrasp.planning.hands import PackedHands
-from debrisgrasp.planning.proposals import GlobalMove
+from debrisgrasp.planning.proposals import Anchors, GlobalMove
 from debrisgrasp.planning.similarity import ShapeSimilarity
 from debrisgrasp.planning.surfaces import VisibleSurfaces
 from debrisgrasp.prototypes import PrototypeLibrary
@@ -124,7 +124,7 @@ def evaluations_per_second(capture: debrisgrasp.Capture) -> tuple[float, float]:
     hands = PackedHands.pack(library, approach=0.12, tolerance=0.004)
     clearance = HandClearance(scene, hands, ClearanceConfig())
     which = np.repeat(np.arange(len(library)), 40)
-    Ts = GlobalMove(scene, packed).sample(which, np.random.default_rng(0))
+    Ts = GlobalMove(scene, Anchors.of(packed)).sample(which, np.random.default_rng(0))
     rates = []
     for with_clearance in (False, True):
         begin = time.perf_counter()

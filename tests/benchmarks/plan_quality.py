@@ -29,7 +29,7 @@ from debrisgrasp.planning import (
     SceneConfig,
     Schedule,
 )
-from debrisgrasp.planning.proposals import GlobalMove
+from debrisgrasp.planning.proposals import Anchors, GlobalMove
 from debrisgrasp.planning.similarity import ShapeSimilarity
 from debrisgrasp.planning.surfaces import VisibleSurfaces
 from debrisgrasp.prototypes import PrototypeLibrary
@@ -219,7 +219,7 @@ def tree_figures(task: Task, n_poses: int = 4000) -> dict[str, float]:
     similarity = ShapeSimilarity(task.scene, surfaces, DEFAULT.similarity)
     rng = np.random.default_rng(0)
     which = rng.integers(len(library), size=n_poses)
-    Ts = GlobalMove(task.scene, packed).sample(which, rng)
+    Ts = GlobalMove(task.scene, Anchors.of(packed)).sample(which, rng)
     cloud, config = task.scene.cloud, DEFAULT.similarity
     tree = cKDTree(cloud.points)
 

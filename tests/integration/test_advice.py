@@ -7,13 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import debrisgrasp.planning
 from debrisgrasp.cli.tables import plan_summary
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, Box
-from debrisgrasp.pipeline import Pipeline
+from debrisgrasp.pipeline import Pipeline, PipelineConfig
+from debrisgrasp.planning import PlannerConfig
 from debrisgrasp.planning.success import SuccessModel
 from tests.scenes import capture_of, lying_pipe
 
+PIPE = capture_of([lying_pipe()])
 FAR = capture_of([lying_pipe(length=0.5, position=(1.75, 0.0, 0.3))])
 
 
@@ -71,6 +74,18 @@ def test_what_is_too_heavy_says_what_could_be_lifted(heavy, floating):
     found = floating.plan(capture_of([lying_pipe()]), mass=lighter).plan
     assert found.grasps
     assert all(grasp.load.margins[1] >= 1.0 for grasp in found.grasps)
+
+
+def test_where_a_far_side_is_doubted_the_settings_that_trust_it_are_named():
+    """What is written as Python is Python."""
+    doubting = PipelineConfig(planner=PlannerConfig(minimum_evidence=1.0))
+    plan = Pipeline(robot="none", config=doubting).plan(PIPE, advise=True).plan
+    (advice,) = (a for a in plan.advice if a.kind == "view")
+    words = advice.text.partition("in Python, plan with ")[2]
+    trusting = eval(words, vars(debrisgrasp.planning))
+    assert (trusting.minimum_evidence, trusting.clearance.unknown_cost) == (0, 0)
+    config = PipelineConfig(planner=trusting)
+    assert Pipeline(robot="none", config=config).plan(PIPE).plan.grasps
 
 
 def test_the_table_says_how_many_grasps_it_leaves_out(floating):

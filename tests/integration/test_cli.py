@@ -385,6 +385,10 @@ def test_a_plan_leaves_out_the_arm_in_the_picture(run, dictionary, tmp_path):
         (("--joints", "elbow=0.1"), "unknown joint of robot roman: got 'elbow'"),
         (("--joints", "torso_joint"), "is not NAME=VALUE"),
         (("--joints", "torso_joint=nan"), "not a finite number"),
+        (("--joints", "torso_joint=90"), "90 degrees are 1.571"),
+        (("--joints", "right_arm_joint2=-72"), "-3.142 to 3.142 rad"),
+        (("--joints", "torso_joint=1", "torso_joint=1.1"), "torso_joint twice"),
+        (("--joints", "base_to_chassis=1"), "none, for it is fixed"),
         (("--robot", "none", "--joints", "torso_joint=0"), "a hand without a robot"),
     ],
 )

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from debrisgrasp.errors import CaptureError
+from debrisgrasp import segment, select
+from debrisgrasp.errors import CaptureError, InputError, ShapeError
 from debrisgrasp.geometry import SE3, Box, Cylinder, Solid, so3, voxel_downsample
 from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline, PipelineConfig
 from debrisgrasp.planning import PlannerConfig
-from debrisgrasp.segmentation import PriorityPoint
+from debrisgrasp.segmentation import PriorityPoint, segmentation_of_labels
 from tests.scenes import capture_of, lying_pipe
 
 from .conftest import BLOCK, PIPE
@@ -150,6 +152,61 @@ def test_a_chosen_object_is_the_only_one_tried(pipes_only, block_capture):
     assert plan.object_label == 1
     assert [passed.label for passed in plan.passed_over] == [1]
     assert plan.passed_over[0].reason in plan.why_empty
+
+
+def test_a_plan_on_given_labels_is_that_on_the_same_objects(floating, block_capture):
+    own = floating.plan(block_capture)
+    labels = own.segmentation.labels
+    given = segmentation_of_labels(own.cloud, labels)
+    seen = floating.perceive(block_capture, segmentation=given)
+    assert seen.segmentation is given
+    result = floating.plan(seen)
+    assert result.plan.object_label == own.plan.object_label
+    assert len(result.plan.grasps) == len(own.plan.grasps)
+    # Nothing of what is not labelled is an object.
+    nothing = segmentation_of_labels(own.cloud, 0 * labels)
+    empty = floating.plan(floating.perceive(block_capture, segmentation=nothing))
+    assert "no object was found" in empty.plan.why_empty
+
+
+def test_a_segmentation_of_another_capture_is_refused(floating, block_capture):
+    other = segment(capture_of([PIPE]))
+    with pytest.raises(ShapeError, match="that were measured"):
+        floating.perceive(block_capture, segmentation=other)
+
+
+def test_a_mask_counts_with_given_labels_too(floating, block_capture):
+    labels = segment(block_capture).labels
+    mask = np.zeros(block_capture.depth.shape, dtype=bool)
+    mask[np.isfinite(block_capture.depth)] = labels == 1
+    marked = replace(block_capture, mask=mask)
+    given = segmentation_of_labels(marked.cloud(), labels)
+    seen = floating.perceive(marked, segmentation=given)
+    assert seen.segmentation.marked_shares.tolist() == [1.0]
+
+
+def test_an_order_without_objects_is_told_as_the_reason(floating, block_capture):
+    class Nothing:
+        def order(self, _segmentation, _cloud):
+            return ()
+
+    pipeline = copy(floating)
+    pipeline.policy = Nothing()
+    result = pipeline.plan(block_capture)
+    n = len(result.segmentation.segments)
+    assert f"policy put none of {n} object" in result.plan.why_empty
+    assert select(block_capture, result.segmentation, Nothing()) == ()
+
+
+def test_labels_that_are_no_order_are_refused_by_plan(floating, block_capture):
+    class Labels:
+        def order(self, _segmentation, _cloud):
+            return [1]
+
+    pipeline = copy(floating)
+    pipeline.policy = Labels()
+    with pytest.raises(InputError, match=r"order of Labels: got \[1\]"):
+        pipeline.plan(block_capture)
 
 
 def test_a_bare_floor_offers_nothing_and_says_so(floating, floor_capture):

@@ -81,6 +81,31 @@ def test_a_mesh_with_a_given_pose_becomes_a_prototype(capsys):
     assert prototype.kind == "generic"
 
 
+@pytest.mark.parametrize("z", [0.0, -0.05, -0.08])
+def test_a_palm_inside_a_mesh_is_found_where_no_finger_reaches(capsys, folder, z):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box((0.03, 0.06, 0.2)).export("bracket.stl")
+    make = ["prototype", "from-mesh", "bracket.stl", "--name", "b", "--out", "m"]
+    assert run([*make, f"--pose=0,0,{z},0,0,0"]) == 1
+    assert "the open hand reaches" in capsys.readouterr().out
+    assert not (folder / "m").exists()
+    assert run([*make, "--pose=0,0,-0.13,0,0,0"]) == 0
+
+
+@pytest.mark.parametrize("force", [(), ("--force",)])
+def test_a_prototype_never_replaces_what_it_is_made_of(capsys, folder, force):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.cylinder(radius=0.03, height=0.3).export("rod.ply")
+    Path("link").symlink_to(folder)
+    before = Path("rod.ply").read_bytes()
+    make = ["prototype", "from-mesh", "rod.ply", "--name", "rod", *force]
+    for out in (".", "link"):
+        assert run([*make, "--out", out]) == 2
+        assert "rod.ply: it is what is read" in capsys.readouterr().err
+    assert Path("rod.ply").read_bytes() == before
+    assert not Path("rod.yaml").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -92,7 +117,14 @@ def test_a_mesh_with_a_given_pose_becomes_a_prototype(capsys):
         ("record pile.npz --name a", "segment CAPTURE"),
         ("record pile.npz --name a --object 6 --pose 1,2", "pose of the hand"),
         ("record pile.npz --name a --object 6 --joints elbow", "NAME=VALUE"),
-        ("record pile.npz --name a --object 6 --joints elbow=1", "joint of roman"),
+        (
+            "record pile.npz --name a --object 6 --joints elbow=1",
+            "joint of robot roman",
+        ),
+        (
+            "record pile.npz --name a --object 6 --joints torso_joint=1,torso_joint=0",
+            "torso_joint twice",
+        ),
         ("record pile.npz --name a --object 6 --preshape fist", "basic"),
         ("new --shape handle --diameter 0.03 --name a", "--length with --shape handle"),
         (

@@ -14,6 +14,7 @@ import pytest
 from debrisgrasp._files import data_path
 from debrisgrasp.cli import doctor_checks
 from debrisgrasp.cli.doctor_checks import EXTRAS, Finding
+from debrisgrasp.cli.doctor_command import table
 from debrisgrasp.geometry import SE3
 from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import load_plan
@@ -209,6 +210,18 @@ def test_a_drop_off_on_the_other_side_is_no_surprise_to_the_doctor(
     ended = run("doctor", "--site", path)
     assert ended.status == 1
     assert "beside the left arm" in ended.out
+    found = _on_drop_off(run("doctor", "--site", path, "--json"))
+    assert found["status"] == "fault"  # and no row beside it says otherwise
+
+
+def test_the_doctor_keeps_to_the_width_of_a_terminal():
+    text = " ".join(map(str, range(100)))
+    findings = [Finding("drop-off", "ok", text), Finding("robot", "note", "")]
+    lines = table("site", findings, 60).splitlines()
+    assert max(map(len, lines)) <= 60
+    assert " ".join(" ".join(lines).split()).endswith(f"ok {text} robot note")
+    assert len(table("site", findings, None).splitlines()) == 4
+    assert table("self-test", [], 60)
 
 
 @pytest.mark.usefixtures("quick")

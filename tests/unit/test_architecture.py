@@ -39,6 +39,7 @@ LAYERS = {
     "io": 5,
     "viz": 5,
     "_site_limits": 4,
+    "_joints": 4,
     "sim_robot": 6,
     "_calibrating": 6,
     "ros": 6,

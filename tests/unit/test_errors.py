@@ -44,6 +44,17 @@ def test_of_many_known_names_only_the_nearest_are_shown():
     assert len(error.known) == 40
 
 
+def test_of_many_known_names_those_that_hold_the_word_are_shown():
+    known = [f"link_{number}" for number in range(40)] + ["right_robotiq_led_frame"]
+    said = str(UnknownNameError("fiducial", "led", known))
+    assert "41 names, such as right_robotiq_led_frame." in said
+    assert "link_0" in str(UnknownNameError("fiducial", "", known))
+
+
+def test_of_a_place_that_cannot_be_the_beginning_is_told():
+    assert len(str(OutputError("/tmp/" + 5000 * "x", "File name too long"))) < 600
+
+
 def test_a_command_that_lists_the_known_names_is_named():
     error = UnknownNameError("fault", "foo", ["slip"], listed_by="x --faults list")
     assert "`x --faults list` lists them" in str(error)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from debrisgrasp._fields import Fields
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 
 
 def complaint(missing: str, **content: float) -> str:
@@ -30,3 +30,12 @@ def test_a_field_that_was_asked_for_is_not_misspelt():
     with pytest.raises(ConfigError) as caught:
         fields.raw("widths")
     assert "Did you mean" not in str(caught.value)
+
+
+def test_decimals_after_a_comma_are_told_of():
+    with pytest.raises(ConfigError, match=r"0\.5, not 0,5"):
+        Fields({"speed": "0,5"}, "a.yaml").number("speed", 0.0, 1.0)
+    fields = Fields({"speed": 0, 5: None}, "a.yaml")  # as YAML has {speed: 0,5}
+    fields.number("speed", 0.0, 1.0)
+    with pytest.raises(InputError, match=r"0\.5, not 0,5"):
+        fields.finish()

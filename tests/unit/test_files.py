@@ -15,9 +15,12 @@ from debrisgrasp._files import (
     read_json,
     read_yaml,
     require_folder,
+    require_own,
+    require_picture,
     require_writable,
     write_atomic,
 )
+from debrisgrasp._words import as_text
 from debrisgrasp.errors import ConfigError, OutputError
 
 
@@ -159,6 +162,59 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
         write_atomic(path, "new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640])
+def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path, mode):
+    path = tmp_path / "plan.json"
+    write_atomic(path, "old")
+    path.chmod(mode)
+    write_atomic(path, "new")
+    assert path.read_text() == "new"
+    assert path.stat().st_mode & 0o777 == mode
+
+
+def test_a_name_that_is_no_text_is_written_as_a_sign():
+    assert as_text("bad\udcff") == "bad?"
+
+
+def test_text_that_is_no_text_is_written_all_the_same(tmp_path):
+    write_atomic(tmp_path / "a.html", "<h1>bad\udcff</h1>")
+    assert (tmp_path / "a.html").read_text() == "<h1>bad?</h1>"
+
+
+def test_a_mark_of_byte_order_is_no_part_of_the_text(tmp_path):
+    for name, read in (("a.yaml", read_yaml), ("a.json", read_json)):
+        (tmp_path / name).write_text('{"width": 0.05}', encoding="utf-8-sig")
+        assert read(tmp_path / name) == {"width": 0.05}
+
+
+def test_only_what_can_be_made_writable_is_asked_to_be(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(OutputError, match="give another place") as caught:
+        write_atomic(tmp_path, "new")
+    assert "writable" not in str(caught.value)
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(OutputError, match="make this one writable"):
+        write_atomic(tmp_path / "file", "new")
+
+
+def test_a_result_replaces_its_own_kind_only(tmp_path):
+    own = tmp_path / "own.json"
+    for text in ("", '{"schema": "debrisgrasp/grasps/0"}'):
+        own.write_text(text)
+        require_own(own, "debrisgrasp/grasps/1")
+    for text in ("[1]", '{"schema": "debrisgrasp/motion/1"}', "\x00"):
+        own.write_text(text)
+        with pytest.raises(OutputError, match="would be lost"):
+            require_own(own, "debrisgrasp/grasps/1")
+    with pytest.raises(ConfigError, match=r"name of a plan: got .*ends in \.json"):
+        require_own(tmp_path / "own.txt", "debrisgrasp/grasps/1", "a plan")
+
+
+def test_a_pipe_is_not_looked_into(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    require_picture(tmp_path / "pipe.png", (".png",), "a picture")
 
 
 def test_a_link_stays_a_link(tmp_path):

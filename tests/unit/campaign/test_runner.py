@@ -249,6 +249,39 @@ def test_names_that_make_no_files_are_refused(tmp_path, names):
         Campaign(specs=[Told(n) for n in names], run_one=do, folder=tmp_path)
 
 
+def test_a_folder_may_be_named_by_a_text(tmp_path, marks):
+    campaign = Campaign(specs=told(1, marks), run_one=do, folder=str(tmp_path / "out"))
+    assert campaign.folder == tmp_path / "out"
+    assert len(campaign.run(THREADS)) == 1
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"folder": 5}, "folder: got 5"),
+        ({"run_one": "do"}, "run_one.*a function"),
+        ({"specs": [1]}, r"specs\[0\].*a Spec"),
+    ],
+)
+def test_what_makes_no_campaign_is_refused(tmp_path, marks, changed, words):
+    given = {"specs": told(1, marks), "run_one": do, "folder": tmp_path}
+    with pytest.raises(InputError, match=words):
+        Campaign(**given | changed)
+
+
+def test_an_executor_is_refused_with_the_way_to_give_one(tmp_path, marks):
+    campaign = Campaign(specs=told(1, marks), run_one=do, folder=tmp_path / "out")
+    with ThreadPoolExecutor(1) as executor:
+        with pytest.raises(InputError, match=r"workers.*OwnWorkers\(lambda"):
+            campaign.run(executor)
+        with pytest.raises(InputError, match=r"a function.*OwnWorkers\(lambda"):
+            OwnWorkers(executor)
+    with pytest.raises(InputError, match="got int"):
+        campaign.run(OwnWorkers(int))
+    with pytest.raises(ConfigError, match="width"):
+        OwnWorkers(lambda: executor, width=0)
+
+
 def test_a_place_that_is_no_folder_is_refused(tmp_path, marks):
     (tmp_path / "out").write_text("a file")
     campaign = Campaign(specs=told(1, marks), run_one=do, folder=tmp_path / "out")

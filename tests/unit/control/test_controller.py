@@ -17,10 +17,11 @@ from debrisgrasp.control import (
     LoadModel,
     TarePolicy,
     TaskFrame,
+    contact_gain,
     rehearse,
 )
 from debrisgrasp.control.filters import ZERO_WRENCH
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 
 from .rigs import CHAIN, KINEMATICS, LIMITS, PERIOD, READY, T_EE_FT, Rig
@@ -189,6 +190,24 @@ def test_a_lever_and_a_held_mass_count():
 
 def _engaged(rig: Rig):
     return rig.controller.engage(rig.reading(0, rig.q_start, (0.0,) * 6))
+
+
+def test_a_compliance_or_a_lever_that_is_no_number_is_refused():
+    bound = Rig().controller.bound
+    assert bound.verdict(np.nan, Contact()).refusals
+    held = bound.verdict(1e-9, Contact(mass=1.0), np.nan)
+    assert "held mass" in held.refusals[0]
+    for bad in (np.nan, np.inf):
+        with pytest.raises(InputError, match="lever"):
+            Contact(lever=(bad, 0.0, 0.0))
+        with pytest.raises(InputError, match="mass_lever"):
+            Contact(mass_lever=(0.0, bad, 0.0))
+        with pytest.raises(InputError, match="lever of a contact"):
+            contact_gain(np.eye(6), (0.0, 0.0, bad))
+        with pytest.raises(InputError, match="compliance at the hand"):
+            contact_gain(np.full((6, 6), bad))
+    with pytest.raises(InputError, match="delay"):
+        ArmResponse(delay=2.5)
 
 
 def test_swinging_halves_the_compliance_and_then_stops():

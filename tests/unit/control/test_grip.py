@@ -129,6 +129,19 @@ def test_a_load_that_falls_by_a_third_means_slip_and_noise_does_not():
     assert 205 < k < 220
 
 
+def test_one_spike_of_the_carried_weight_is_nothing_that_can_be_lost():
+    grip = GripController(CONFIG)
+    state, _ = run(Hand(), until=(GripPhase.HOLDING,))
+    squeezed = FingerReading(tuple(state.held_openings), (40.0, 20.0, 20.0))
+    for carried in [20.0] * 20 + [200.0] + [20.0] * 30:
+        state, _ = grip.step(state, squeezed._replace(carried=carried))
+        assert state.phase is GripPhase.HOLDING
+    assert state.most_carried == 20.0
+    for carried in [12.0] * 20:
+        state, _ = grip.step(state, squeezed._replace(carried=carried))
+    assert state.phase is GripPhase.SLIPPED
+
+
 def test_a_brief_dip_is_no_slip():
     hand, state = holding()
     grip = GripController(CONFIG)

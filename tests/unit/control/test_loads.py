@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,11 +15,12 @@ from debrisgrasp.control import (
     identify_tool,
     judge_baseline,
     reference_wrench,
+    require_sensor_range,
 )
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3, random_rotations
 
-from .rigs import T_EE_FT, rpy
+from .rigs import LIMITS, T_EE_FT, rpy
 
 BIAS = np.array([6.0, -3.0, 12.0, 0.2, -0.1, 0.05])
 TOOL = Body(2.1, np.array([0.004, -0.006, 0.085]))
@@ -141,6 +144,16 @@ def test_a_bias_that_moved_too_fast_or_too_far_is_refused():
     assert any("since commissioning" in refusal for refusal in crept.refusals)
 
 
+def test_a_bias_may_use_up_a_tenth_of_the_sensors_own_range():
+    looks = look(np.eye(3)), look(TILTED)
+    small = replace(LOADS, sensor_range=(100.0, 60.0))
+    before = BIAS - np.repeat([13.0, 0.0], 3)
+    verdict = judge_baseline(looks, small, before, age=600.0)
+    assert "since commissioning of 13" in verdict.refusals[0]
+    assert "at most 10" in verdict.refusals[0]
+    assert judge_baseline(looks, LOADS, before, age=600.0).is_accepted
+
+
 def test_noise_beyond_twice_the_usual_is_refused(rng):
     noisy = look(np.eye(3))
     noisy = look(np.eye(3), raw=noisy.raw + rng.normal(0, 1.0, noisy.raw.shape))
@@ -152,6 +165,40 @@ def test_a_baseline_needs_looks():
     with pytest.raises(InputError, match="looks"):
         judged()
     assert BaselineConfig().clearance == 0.05
+
+
+@pytest.mark.parametrize(
+    ("given", "error"),
+    [
+        ((100.0, 0.0), "sensor_range"),
+        ((-1.0, 60.0), "sensor_range"),
+        ((np.nan, 60.0), "sensor_range"),
+        ((100.0,), "expected 2"),
+        (100.0, "sensor_range"),
+    ],
+)
+def test_a_range_that_no_sensor_has_is_refused(given, error):
+    with pytest.raises(InputError, match=error):
+        LoadModel(T_ee_ft=T_EE_FT, sensor_range=given)
+
+
+@pytest.mark.parametrize(
+    ("sensor_range", "words"),
+    [
+        ((660.0, 60.0), ""),
+        ((100.0, 60.0), "force limit.*got 150, expected below 98.*limits.force"),
+        ((153.0, 60.0), "force limit"),
+        ((154.0, 60.0), ""),
+        ((660.0, 40.0), "torque limit.*got 40, expected below 39.2.*sensor_range"),
+    ],
+)
+def test_a_sensor_must_reach_beyond_the_limits(sensor_range, words):
+    loads = LoadModel(T_ee_ft=T_EE_FT, sensor_range=sensor_range)
+    if not words:
+        require_sensor_range(loads, LIMITS)
+        return
+    with pytest.raises(ConfigError, match=words):
+        require_sensor_range(loads, LIMITS)
 
 
 def test_a_sensor_is_placed_by_a_pose_only():

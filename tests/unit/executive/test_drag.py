@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.releasing import release
 from debrisgrasp.executive.result import Done
 from debrisgrasp.executive.states import State
+from debrisgrasp.geometry import SE3, so3
 from tests.unit.executive.rigs import before_a_brick, holding
 
 
@@ -74,3 +77,57 @@ def test_a_base_that_pulls_too_hard_stops_before_the_arm_has_come_to_rest(
     context.wait(0.1)
     gone = np.linalg.norm(base.read().p - before)
     assert gone < 1e-3 if pull.is_too_much else gone > 2e-3
+
+
+def test_a_base_that_pulls_goes_on_until_it_is_told_otherwise(pipeline):
+    """It stands by itself if nobody tells it to go on."""
+    fake, task = before_a_brick(pipeline)
+    context = task.context
+    limits = Drive(context, "right").limits
+    pull = _Pull(context, fake.robot.base, [(-0.03, 0.0, 10.0)], limits)
+    for _ in range(500):
+        assert not pull((0.0,) * 6)
+        context.wait(0.004)
+    assert fake.base.read().p[0] == pytest.approx(-0.06, abs=3e-3)
+
+
+def test_a_base_that_pulled_too_hard_pulls_no_more_as_that_gets_less(pipeline):
+    fake, task = before_a_brick(pipeline)
+    context = task.context
+    limits = Drive(context, "right").limits
+    pull = _Pull(context, fake.robot.base, [(-0.03, 0.0, 0.3)] * 3, limits)
+    assert not pull((0.0,) * 6)
+    context.wait(0.2)
+    assert pull((0.9 * limits.force, *[0.0] * 5))
+    for _ in range(5):
+        context.wait(0.2)
+        assert pull((0.0,) * 6)
+        assert fake.base.is_still
+    assert pull.is_too_much
+
+
+@pytest.mark.parametrize("before", [0.2, 0.5])
+def test_a_base_that_dragged_a_part_of_the_way_drags_the_rest(pipeline, before):
+    fake, task = before_a_brick(pipeline)
+    context = task.context
+    context.state = State.LIFT
+    context.held = holding(is_watched=False)
+    context.dragged = SE3.from_parts(p=[-before, 0.0, 0.0])
+    assert isinstance(drag(context), Done)
+    assert fake.base.read().p[0] == pytest.approx(before - 0.5, abs=0.05)
+    assert np.linalg.norm(context.dragged.p) == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("arm", ["right", "left"])
+def test_a_base_turns_to_the_side_where_the_arm_puts_things_down(pipeline, arm):
+    """Whatever the arm is called."""
+    fake, task = before_a_brick(pipeline)
+    context = task.context
+    places = context.settings.drop_off
+    swapped = {"right": places["left"], "left": places["right"]}
+    context.settings = replace(context.settings, drop_off=swapped)
+    context.state = State.LIFT
+    context.held = holding(is_watched=False, arm=arm)
+    assert isinstance(drag(context), Done)
+    yaw = so3.log(fake.base.read().R)[2]
+    assert np.sign(yaw) == np.sign(swapped[arm][1])

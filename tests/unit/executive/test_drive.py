@@ -215,3 +215,72 @@ def test_a_motion_may_begin_where_a_leg_led_a_joint_to_its_end(pipeline):
     assert inside[0] == limb.limits.planner.lower[0]
     q[0] -= 0.01
     assert "exceeded" in within_limits(limb, q).message
+
+
+def to(q, goal, limits, seconds, dq=0.0):
+    """Motion between two postures (d,), its last joint with a speed at both ends."""
+    speeds = np.zeros((2, len(q)))
+    speeds[:, -1] = dq
+    return Trajectory(
+        joint_names=limits.joint_names,
+        times=np.array([0.0, seconds]),
+        q=np.array([q, goal]),
+        dq=speeds,
+        limits_hash=limits.hash,
+    )
+
+
+@pytest.mark.parametrize(
+    ("way", "seconds", "dq", "words"),
+    [
+        (0.3, 0.1, 0.0, "velocity of right_arm_joint7"),
+        (0.1, 0.5, 0.0, "acceleration of right_arm_joint7"),
+        (9.0, 60.0, 0.0, "position of right_arm_joint7"),
+        (0.1, 0.25, 0.4, "begins with right_arm_joint7"),
+    ],
+    ids=["speed", "acceleration", "position", "start"],
+)
+def test_a_motion_that_breaks_its_limits_is_refused_before_the_first_command(
+    pipeline, monkeypatch, way, seconds, dq, words
+):
+    _, task = before_a_brick(pipeline)
+    drive, sent = Drive(task.context, "right"), []
+    monkeypatch.setattr(drive.devices.arm, "command", sent.append)
+    q = task.context.posture(drive.limb)
+    goal = q.copy()
+    goal[-1] += way
+    limits = drive.limb.limits.planner
+    found = drive.follow(to(q, goal, limits, seconds, dq))
+    assert found.fault == "limit_mismatch"
+    assert words in found.message
+    assert not sent
+
+
+def test_what_would_be_commanded_is_checked_before_the_first_command(
+    pipeline, monkeypatch
+):
+    """Where the arm stands, and the pace, make of a motion another one."""
+    _, task = before_a_brick(pipeline)
+    drive, sent = Drive(task.context, "right"), []
+    monkeypatch.setattr(drive.devices.arm, "command", sent.append)
+    monkeypatch.setattr(
+        "debrisgrasp.executive.drive.paced",
+        lambda way, *_: np.concatenate([way.q[:1], way.q[:1] + 0.02, way.q[-1:]]),
+    )
+    q = task.context.posture(drive.limb)
+    found = drive.follow(to(q, q + 0.01, drive.limb.limits.planner, 2.0))
+    assert found.fault == "limit_mismatch"
+    assert "exceeded" in found.message
+    assert not sent
+
+
+def test_a_short_motion_that_begins_beside_the_arm_ends_where_it_should(pipeline):
+    fake, task = before_a_brick(pipeline)
+    context, drive = task.context, Drive(task.context, "right")
+    q = context.posture(drive.limb)
+    beside, goal = q.copy(), q.copy()
+    beside[3] += 0.025
+    goal[3], goal[-1] = beside[3], q[-1] + 0.02
+    assert drive.follow(to(beside, goal, drive.limb.limits.planner, 0.5)) is None
+    np.testing.assert_allclose(context.posture(drive.limb), goal, atol=1e-3)
+    assert fake.truth().violations == ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from debrisgrasp.executive.drive import Drive
@@ -27,13 +27,14 @@ def load_at(point, force):
     return np.concatenate([force, np.cross(point, force)])
 
 
+@example((0.0, 0.0, 0.0), (0.0, 0.5, 1.0), 12.0)
 @given(st.tuples(unit, unit, unit), st.tuples(unit, unit, unit), st.floats(12.0, 150.0))
 def test_a_contact_is_found_where_its_force_enters_the_hand(inside, way, size):
     way = np.array(way)
     assume(np.linalg.norm(way) > 0.1)
     way /= np.linalg.norm(way)
     inner = BOX.T_frame_solid.apply(0.45 * np.array(inside) * [0.1, 0.06, 0.2])
-    outer = inner - way * np.linspace(0.0, 0.3, 3001)[:, None]
+    outer = inner - way * np.linspace(0.0, 0.5, 5001)[:, None]
     contact = outer[np.abs(BOX.signed_distance(outer)).argmin()]
     found = touched_at(load_at(contact, size * way), [BOX])
     assert found is not None

@@ -25,6 +25,7 @@ from debrisgrasp.worlds import (
     render,
 )
 from tests.unit.executive.rigs import look, task_before
+from tests.unit.robot.rigs import drive
 
 CAMERA = Intrinsics(fx=120.0, fy=120.0, cx=63.5, cy=47.5, width=128, height=96)
 VIEW = look_at([0.1, 0.0, 1.2], [0.95, 0.0, 0.2])
@@ -109,8 +110,7 @@ def test_the_region_stays_where_it_was_when_the_base_has_moved(handle):
     context, found = handle(region=HANDLE)
     began, base = np.array(found.facts["centroid"]), context.robot.base
     before = base.read()
-    base.drive(0.08, 0.1)
-    context.wait(1.5)
+    drive(context.robot, 0.08, 0.1, 1.5)
     base.stop()
     context.wait(1.0)
     T_now_before = base.read().inverse() @ before

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
-from debrisgrasp.executive.inside import moved_inside
+from debrisgrasp.executive.inside import _way_inside, moved_inside
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
+from debrisgrasp.kinematics import LimitSet
 from tests.unit.executive.rigs import before_a_brick
 
 
@@ -111,3 +115,27 @@ def test_a_jump_of_one_arm_is_noticed_though_the_other_was_moved_back_inside(pip
     found = moved_inside(context, "")
     assert (found.fault, found.arm) == ("encoder_jump", "left")
     assert Drive(context, "left").engage().fault == "encoder_jump"
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    arrays(np.float64, 3, elements=st.floats(-0.2, 0.2)),
+    arrays(np.float64, 3, elements=st.floats(0.01, 2.0)),
+    arrays(np.float64, 3, elements=st.floats(0.05, 10.0)),
+)
+def test_a_way_back_inside_keeps_speeds_and_accelerations(away, velocity, acceleration):
+    limits = LimitSet(
+        joint_names=("a", "b", "c"),
+        lower=-np.ones(3),
+        upper=np.ones(3),
+        velocity=velocity,
+        acceleration=acceleration,
+    )
+    q = np.sign(away) + away
+    rows = _way_inside(q, limits, 0.004)
+    np.testing.assert_allclose(rows[-1], np.clip(q, -1.0, 1.0), atol=1e-12)
+    np.testing.assert_allclose(rows[0], q)
+    rows = np.concatenate([rows[:1], rows, rows[-1:]])
+    speeds = np.diff(rows, axis=0) / 0.004
+    assert (np.abs(speeds) <= velocity).all()
+    assert (np.abs(np.diff(speeds, axis=0)) / 0.004 <= acceleration).all()

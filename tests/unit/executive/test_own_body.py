@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import CaptureError, UnknownNameError
+from debrisgrasp.errors import CaptureError, ConfigError, UnknownNameError
 from debrisgrasp.executive import TaskSettings
 from debrisgrasp.executive.perceive import capture, image, segment
 from debrisgrasp.executive.result import Done, FaultFound
@@ -67,6 +67,29 @@ def test_a_joint_that_the_robot_lacks_is_named(pipeline):
     cloud = Capture(points=np.ones((9, 3)), viewpoint=np.zeros(3), T_base_camera=BASE)
     with pytest.raises(UnknownNameError, match="elbow"):
         without_robot(cloud, pipeline.robot, {"elbow": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("joints", "words"),
+    [
+        ({"right_arm_joint2": -72.0}, "90 degrees are 1.571"),
+        ({"torso_joint": 1.6}, "-1.571 to 1.571 rad"),
+        ({"base_to_chassis": 1.0}, "none, for it is fixed"),
+    ],
+)
+def test_values_that_no_joint_can_have_leave_no_arm_in_the_picture(
+    pipeline, joints, words
+):
+    cloud = Capture(points=np.ones((9, 3)), viewpoint=np.zeros(3), T_base_camera=BASE)
+    with pytest.raises(ConfigError, match=words):
+        without_robot(cloud, pipeline.robot, joints)
+
+
+def test_a_joint_may_read_a_little_beyond_its_limit(pipeline):
+    cloud = Capture(points=np.ones((9, 3)), viewpoint=np.zeros(3), T_base_camera=BASE)
+    limit = pipeline.robot.tree.joints["torso_joint"].upper
+    every = pipeline.robot.joint_values({"torso_joint": limit + 0.005})
+    assert np.isfinite(without_robot(cloud, pipeline.robot, every).points).all()
 
 
 def test_a_robot_that_hides_the_pile_does_not_find_the_way_clear(pipeline):

@@ -15,13 +15,15 @@ from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.moves import planned
 from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.pacing import (
+    broken_by,
     careful,
     feasible,
     met_safely,
+    paced,
     times_at,
 )
 from debrisgrasp.geometry import SE3
-from debrisgrasp.kinematics import Trajectory
+from debrisgrasp.kinematics import LimitSet, Trajectory
 from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.worlds import make_body
 from tests.unit.executive.rigs import before_a_brick
@@ -87,6 +89,65 @@ def test_a_pace_that_changes_asks_no_more_than_the_arm_can(paces):
     ticks = times_at(trajectory, feasible(trajectory, paces, limit), PERIOD)
     path = trajectory.at(np.append(0.0, ticks))[0][:-1, 0]
     assert np.abs(np.diff(path, 2)).max(initial=0.0) / PERIOD**2 < 1.02 * MOST
+
+
+def straight(way, limits):
+    """Straight from 0 to a posture (d,), as fast as four fifths of the limits allow."""
+    way = np.asarray(way)
+    times = (1.5 * np.abs(way) / limits.velocity, np.sqrt(6.0 * np.abs(way) / MOST))
+    return Trajectory(
+        joint_names=limits.joint_names,
+        times=np.array([0.0, max(float(np.max(times)) / 0.8, 1e-3)]),
+        q=np.array([0.0 * way, way]),
+        dq=np.zeros((2, len(way))),
+        limits_hash="",
+    )
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    arrays(np.float64, 2, elements=st.floats(-1.0, 1.0)),
+    arrays(np.float64, 2, elements=st.floats(-0.03, 0.03)),
+    arrays(np.float64, 2, elements=st.floats(0.05, 2.0)),
+    st.lists(st.floats(0.05, 1.0), min_size=1, max_size=5),
+)
+@example(np.array([0.02, 0.0]), np.array([0.0, 0.029]), np.full(2, 0.5), [1.0])
+@example(np.zeros(2), np.array([0.03, 0.0]), np.full(2, 0.5), [1.0])
+def test_a_run_that_begins_beside_a_motion_ends_where_it_does_within_the_limits(
+    way, beside, velocity, paces
+):
+    limits = LimitSet(
+        joint_names=("a", "b"),
+        lower=np.full(2, -1.1),
+        upper=np.full(2, 1.1),
+        velocity=velocity,
+        acceleration=np.full(2, MOST),
+    )
+    path = paced(straight(way, limits), np.array(paces), beside, PERIOD, limits)
+    np.testing.assert_allclose(path[0], beside)
+    np.testing.assert_allclose(path[-1], way, atol=1e-9)
+    assert broken_by(path, limits, PERIOD) == ""
+
+
+@pytest.mark.parametrize("at", [0, 40, 99])
+@pytest.mark.parametrize(
+    ("off", "words"), [(2.0, "position of a"), (0.01, "of a"), (np.nan, "position of")]
+)
+def test_a_run_that_breaks_a_limit_is_told_by_its_joint(at, off, words):
+    limits = LimitSet(
+        joint_names=("a", "b"),
+        lower=-np.ones(2),
+        upper=np.ones(2),
+        velocity=np.ones(2),
+        acceleration=np.ones(2),
+    )
+    path = np.zeros((100, 2))
+    assert broken_by(path, limits, PERIOD) == ""
+    path[at, 0] += off
+    assert words in broken_by(path, limits, PERIOD)
+    # From rest to rest, or it is none.
+    path = np.linspace(0.0, 0.1, 100)[:, None] * [0.0, 1.0]
+    assert "acceleration of b" in broken_by(path, limits, PERIOD)
 
 
 @pytest.mark.parametrize(

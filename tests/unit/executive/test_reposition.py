@@ -10,6 +10,8 @@ import pytest
 from debrisgrasp.executive import Executive
 from debrisgrasp.executive.reposition import repositioned
 from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.geometry import SE3
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.robot import fake_robot
 from debrisgrasp.worlds import World
 from tests.unit.executive.rigs import before_a_brick, brick_at, look
@@ -81,3 +83,17 @@ def test_a_robot_whose_file_says_that_it_stands_fast_never_drives(pipeline, driv
     assert (repositioned(context, [np.array([1.8, 0.0, 0.2])]) > 0.0) is drives
     assert context.n_moves == drives
     assert bool(np.linalg.norm(fake.base.T_odom_base.p) > 0.05) is drives
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.3])
+def test_the_room_ahead_begins_at_the_front_of_the_base(pipeline, monkeypatch, ahead):
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    look(context)
+    n = len(context.cycle.seen.cloud.points)
+    context.fallen.append(np.tile([[0.95, 0.1, 0.2]], (n // 20, 1)))
+    moved = SE3.from_parts(p=[ahead, 0.0, 0.0])
+    solids = [solid.moved(moved) for solid in context.model.fixed_solids()]
+    monkeypatch.setattr(RobotModel, "fixed_solids", lambda _: solids)
+    way = repositioned(context, [np.array([1.8, 0.0, 0.2])])
+    assert way == pytest.approx(min(0.35, 0.95 - 0.43 - 0.08 - ahead), abs=0.01)

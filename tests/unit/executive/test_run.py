@@ -94,6 +94,15 @@ def test_a_driver_that_names_other_joints_than_the_model_is_refused(
         Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
+def test_a_sensor_that_can_not_feel_the_limits_is_refused(fake, pipeline):
+    limb = fake.robot.limbs["right"]
+    loads = replace(limb.loads, sensor_range=(100.0, 60.0))
+    limbs = {**fake.robot.limbs, "right": replace(limb, loads=loads)}
+    robot = replace(fake.robot, limbs=limbs)
+    with pytest.raises(InputError, match="got 150, expected below 98: the sensor ends"):
+        Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
 def test_a_robot_without_a_camera_is_refused(fake, pipeline):
     robot = replace(fake.robot, camera=None)
     with pytest.raises(InputError, match="camera of the robot: got none"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -21,10 +22,12 @@ from debrisgrasp.executive import (
 )
 from debrisgrasp.executive import run as module
 from debrisgrasp.executive.replay import decisions
-from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.result import Done, FaultFound, FaultRaised
+from debrisgrasp.executive.stopping import reset_stops
 from debrisgrasp.executive.table import FOLLOWING
+from tests.unit.executive.rigs import brick_at, task_before
 from tests.unit.executive.stepped import failing, raising
-from tests.unit.robot.broken_robots import nothing
+from tests.unit.robot.broken_robots import Changed, nothing
 from tests.unit.robot.broken_robots import raising as no_answer
 
 
@@ -226,3 +229,65 @@ def test_a_clock_that_never_goes_right_keeps_no_loop_going(fake, pipeline, told)
     result = Executive(robot, pipeline=pipeline, rng=rng).run()
     assert result.end is RunEnd.STOPPED
     assert result.faults[-1].fault == "clock_disorder"
+
+
+@pytest.mark.parametrize("device", ["base", "right"])
+def test_what_does_not_obey_a_stop_ends_the_run_for_good(
+    run, fake, monkeypatch, device
+):
+    """Asked again it would answer, and the task would go on as it moves."""
+    thing = fake.base if device == "base" else fake.arms["right"]
+    monkeypatch.setattr(thing, "stop", no_answer)
+    result, _ = run({State.SELECT: raising(DriverError("base", "no answer"))})
+    assert result.end is RunEnd.STOPPED
+    assert [event.fault for event in result.faults] == [
+        "connection_lost",
+        "joint_stuck",
+    ]
+    assert "does not obey a stop" in result.faults[-1].message
+    assert device in result.faults[-1].message
+
+
+@pytest.mark.parametrize(
+    ("reading", "fault"),
+    [
+        (lambda _: [np.nan] * 8, "encoder_jump"),
+        (lambda _: [np.inf] * 8, "encoder_jump"),
+        (lambda k: [0.1 * k] * 8, "joint_stuck"),
+        (lambda k: [1e-3 * k] + [0.0] * 7, "joint_stuck"),
+    ],
+    ids=["nan", "inf", "fast", "slow"],
+)
+def test_a_stop_is_not_ended_unless_the_arm_is_seen_to_stand(pipeline, reading, fault):
+    fake, task = task_before(pipeline, brick_at(1.0))
+    context, arm = task.context, fake.arms["right"]
+    arm.stop()
+    looks = count()
+    limb = replace(
+        fake.robot.limbs["right"],
+        arm=Changed(arm, read=lambda: arm.read()._replace(q=reading(next(looks)))),
+    )
+    limbs = {**fake.robot.limbs, "right": limb}
+    context.robot = replace(context.robot, limbs=limbs)
+    with pytest.raises(FaultRaised) as raised:
+        reset_stops(context)
+    assert (raised.value.found.fault, raised.value.found.arm) == (fault, "right")
+    assert arm.is_stopped
+
+
+def test_a_stop_is_ended_once_the_arm_stands_but_for_noise(pipeline):
+    fake, task = task_before(pipeline, brick_at(1.0))
+    context, arm = task.context, fake.arms["right"]
+    arm.stop()
+    rng = np.random.default_rng(0)
+    read = arm.read
+
+    def noisy():
+        reading = read()
+        return reading._replace(q=np.array(reading.q) + rng.uniform(0.0, 3e-4, 8))
+
+    limb = replace(fake.robot.limbs["right"], arm=Changed(arm, read=noisy))
+    limbs = {**fake.robot.limbs, "right": limb}
+    context.robot = replace(context.robot, limbs=limbs)
+    reset_stops(context)
+    assert not arm.is_stopped

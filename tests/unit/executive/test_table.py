@@ -132,6 +132,7 @@ def test_a_lost_wrench_is_told_apart_by_what_was_read():
         ("the force on the hand is 100 already", "ratchet"),
         ("start posture: got 4, expected within", "start_outside_limits"),
         ("the hand is 9 mm from the start of the leg", "controller_refuses"),
+        (f"{Fault.WRENCH_SATURATED.value}: 100 of 100 N", "sensor_saturated"),
     ],
 )
 def test_a_refused_motion_is_named_by_its_reason(words, fault):

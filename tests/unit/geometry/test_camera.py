@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -69,3 +71,12 @@ def test_a_depth_image_of_another_size_is_refused():
 def test_a_matrix_that_does_not_fit_the_image_is_refused(matrix):
     with pytest.raises(InputError, match="K"):
         Intrinsics.from_matrix(matrix, (480, 640))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("fx", 0.0), ("fy", np.nan), ("fx", np.inf), ("cx", np.nan), ("height", 0)],
+)
+def test_cameras_that_cannot_be_are_refused(field, value):
+    with pytest.raises(InputError, match=r"focal|finite|image"):
+        replace(CAMERA, **{field: value})

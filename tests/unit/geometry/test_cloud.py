@@ -66,7 +66,7 @@ def test_a_cloud_in_another_frame_is_refused_with_the_mend(cloud):
 
 def test_arrays_are_copied_and_read_only(rng):
     points = rng.normal(size=(4, 3))
-    cloud = PointCloud(points, points, np.zeros(3))
+    cloud = PointCloud(points, np.full_like(points, np.nan), np.zeros(3))
     points[0] = 99.0
     assert cloud.points.max() < 99.0
     with pytest.raises(ValueError, match="read-only"):
@@ -108,7 +108,11 @@ def test_the_rim_is_where_the_measured_part_of_an_image_ends():
     pixels = np.flatnonzero(measured)
     points = np.zeros((len(pixels), 3))
     cloud = PointCloud(
-        points, points, np.zeros(3), pixels=pixels, image_shape=measured.shape
+        points,
+        points + np.nan,
+        np.zeros(3),
+        pixels=pixels,
+        image_shape=measured.shape,
     )
     at_rim = np.zeros(measured.shape, dtype=bool)
     at_rim.ravel()[pixels] = cloud.at_rim(np.arange(len(pixels)))
@@ -119,5 +123,26 @@ def test_the_rim_is_where_the_measured_part_of_an_image_ends():
 
 
 def test_a_cloud_without_an_image_has_no_rim():
-    cloud = PointCloud(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3))
+    cloud = PointCloud(np.zeros((3, 3)), np.full((3, 3), np.nan), np.zeros(3))
     assert not cloud.at_rim(np.arange(3)).any()
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("points", np.array([[0.0, np.nan, 1.0]]), r"points.*1 of 3 values NaN"),
+        ("normals", np.zeros((1, 3)), r"normals.*1 of 1.*length.*of 0\b.*NaN where"),
+        ("normals", np.array([[0.0, 0.0, 1.5]]), r"first of 1\.5.*Divide"),
+        ("viewpoint", np.array([0.0, np.inf, 0.0]), r"viewpoint.*finite"),
+        ("pixels", np.arange(2), r"pixels.*\(2,\).*\(1,\)"),
+    ],
+)
+def test_clouds_that_cannot_be_are_refused(field, value, message):
+    good = {
+        "points": np.zeros((1, 3)),
+        "normals": np.full((1, 3), np.nan),
+        "viewpoint": np.ones(3),
+    }
+    PointCloud(**good)
+    with pytest.raises(InputError, match=f"(?s){message}"):
+        PointCloud(**{**good, field: value})

@@ -113,3 +113,12 @@ def test_matrices_and_quaternions_of_other_shapes_are_refused():
         so3.log(np.eye(4))
     with pytest.raises(ShapeError, match="quaternion"):
         so3.from_quat_wxyz([0, 0, 1])
+
+
+def test_what_becomes_of_the_matrix_given_does_not_move_the_pose():
+    matrix = np.eye(4)
+    pose = SE3(matrix)
+    matrix[0, 3] = 5.0
+    assert_array_equal(pose.p, [0.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="read-only"):
+        pose.matrix[0, 3] = 5.0

@@ -26,6 +26,14 @@ def test_unknown_arrays_are_ignored(saved, arrays):
     assert capture.cloud().frame == "base"
 
 
+def test_a_viewpoint_that_is_not_stored_may_be_given(saved, points):
+    path = saved(points=points, T_base_camera=np.eye(4))
+    capture = Capture.load(path, viewpoint=(0.47, 0.08, 1.19))
+    assert_allclose(capture.viewpoint, [0.47, 0.08, 1.19])
+    with pytest.raises(CaptureError, match="--viewpoint X Y Z"):
+        Capture.load(path)
+
+
 def test_a_given_pose_replaces_the_stored_one(saved, arrays):
     capture = Capture.load(saved(**arrays), camera_pose=SE3.identity())
     assert_allclose(capture.T_base_camera.matrix, np.eye(4))

@@ -103,6 +103,17 @@ def test_a_malformed_table_is_refused(tmp_path, text):
         load_observations(path)
 
 
+def test_a_table_of_a_spreadsheet_is_read_or_told_how_to_export(tmp_path):
+    path = tmp_path / "a.csv"
+    text = "name,camera_x,camera_y,camera_z,j1\na,0.1,0.2,1.0,0.5\n"
+    path.write_text(text, encoding="utf-8-sig")
+    (row,) = load_observations(path).rows
+    assert (row.name, row.point) == ("a", (0.1, 0.2, 1.0))
+    path.write_text(text.replace(",", ";").replace(".", ","))
+    with pytest.raises(ConfigError, match=r"semicolons .* expected commas"):
+        load_observations(path)
+
+
 def test_another_kind_of_file_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="suffix"):
         load_observations(tmp_path / "o.txt")

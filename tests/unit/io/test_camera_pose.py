@@ -24,6 +24,15 @@ def test_six_numbers_are_position_and_roll_pitch_yaw():
     assert_allclose(pose.R, so3.from_rpy(np.array([-2.3, 0.1, -1.5])))
 
 
+@pytest.mark.parametrize("between", [" ", ",", ", "])
+def test_a_matrix_as_text_has_blanks_or_commas(tmp_path, T_base_camera, between):
+    path = tmp_path / "a.txt"
+    np.savetxt(path, T_base_camera.matrix, delimiter=between)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    pose = parse_camera_pose(str(path))
+    assert_allclose(pose.matrix, T_base_camera.matrix)
+
+
 def test_every_kind_of_file_gives_the_same_pose(tmp_path, T_base_camera):
     matrix = T_base_camera.matrix
     np.save(tmp_path / "a.npy", matrix)

@@ -12,7 +12,7 @@ from PIL import Image
 
 from debrisgrasp.errors import CaptureError, ConfigError
 from debrisgrasp.io import Capture
-from debrisgrasp.io.depth_images import load_camera
+from debrisgrasp.io.depth_images import files_read, load_camera
 
 from .conftest import HEIGHT, WIDTH, K
 
@@ -172,3 +172,13 @@ def test_an_empty_depth_image_is_refused(folder):
     Image.new("I;16", (WIDTH, HEIGHT)).save(folder / "depth.png")
     with pytest.raises(CaptureError, match="measured"):
         Capture.load(folder)
+
+
+def test_the_files_that_a_capture_is_read_from_are_listed(folder):
+    (folder / "depth.png").rename(folder / "my_depth.png")
+    (folder / "camera.json").rename(folder / "my_depth.json")
+    of_folder, of_image = files_read(folder), files_read(folder / "my_depth.png")
+    for found in (of_folder, of_image):
+        assert {folder / "my_depth.png", folder / "my_depth.json"} <= set(found)
+    assert folder / "labels.png" in of_folder
+    assert files_read(folder / "a.npz") == (folder / "a.npz",)

@@ -166,6 +166,8 @@ def test_a_finger_without_joint_takes_its_solids_from_anywhere(tmp_path: Path) -
         ("root: [0, 0.7]", "root: [-45, 0]", r"closing\.root: got -45.*is -0\.7854"),
         ("tip: 0.0", "tip: 9", r"fist\.fixed\.tip: got 9\.0, .*9 degrees is 0\.1571"),
         ("tip: 0.0", "tip: 30", r"fist\.fixed\.tip: got 30.*30 degrees is 0\.5236"),
+        ("{tip: 0.0}", "{tip: 0.0, root: 1}", r"fixed\.root: got 1 .*closing lists"),
+        ("{name: tip,", "{name: root,", r"fingers: got left_root, right_root more"),
     ],
 )
 def test_hooks_that_cannot_be_are_refused(
@@ -198,6 +200,11 @@ FINGER = JAW[JAW.index("      solids") : JAW.index("      pad")]
             "[0.04, 0]}",
             "[42.5, 0]}",
             r"closing\.slide: got 42\.5, .*metres.*42\.5 mm is 0\.0425",
+        ),
+        (
+            "axis: [1, 0, 0]",
+            "axis: [1, 0, 0], sign: 0",
+            r"joint\.sign: got 0, .*leave it out",
         ),
         ("[0.04, 0]}", "[-2, -42]}", r"closing\.slide: got -42\.0, .*is -0\.042"),
     ],

@@ -13,6 +13,7 @@ from debrisgrasp.prototypes import (
     GraspPrototype,
     PrototypeLibrary,
     SurfaceShape,
+    around_grip,
     check,
     coverage,
     duplicates,
@@ -275,6 +276,27 @@ def test_a_mesh_becomes_its_outside(tmp_path):
     on_outside = np.isclose(np.abs(shape.points), [0.1, 0.05, 0.03], atol=1e-6)
     assert on_outside.any(axis=1).mean() > 0.95  # next to nothing of the cavity
     assert (np.einsum("ij,ij->i", shape.points, shape.normals) > 0).all()
+
+
+@pytest.mark.parametrize("length", [1.0, 1.5, 2.0])
+def test_only_the_part_of_a_long_mesh_around_the_hand_is_kept(tmp_path, length):
+    path = tmp_path / "plank.stl"
+    trimesh.creation.box((0.04, length, 0.04)).export(path)
+    turned = SE3.from_parts(so3.from_rpy(np.array([0.6, 0.0, 0.8])))
+    whole = surface_from_mesh(path).moved(turned)
+    T_hand = turned @ SE3.from_parts(p=(0.0, 0.0, -0.09))
+    kept = around_grip(whole, T_hand, HAND, "basic")
+    assert np.ptp(kept.points[:, 1]) < 0.3
+    assert np.ptp(kept.points[:, 0]) == pytest.approx(0.04, abs=1e-6)
+
+
+def test_a_mesh_that_is_too_large_or_too_small_is_told_by_its_file(tmp_path):
+    trimesh.creation.box((0.04, 0.04, 2.1)).export(tmp_path / "beam.stl")
+    with pytest.raises(ConfigError, match=r"beam\.stl.*2.1 m.*around the grip"):
+        surface_from_mesh(tmp_path / "beam.stl")
+    trimesh.creation.box((0.01, 0.01, 0.01)).export(tmp_path / "crumb.stl")
+    with pytest.raises(ConfigError, match=r"crumb\.stl.*at least 30"):
+        surface_from_mesh(tmp_path / "crumb.stl")
 
 
 def test_a_mesh_in_millimetres_is_refused_until_it_is_scaled(tmp_path):

@@ -50,6 +50,14 @@ def posture(arm: str, place: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(found.tolist())
 
 
+def drive(robot, forward, turn, seconds):
+    """Have a base go on for so long: it is told again in time."""
+    clock, until = robot.clock, robot.clock.now() + seconds
+    while clock.now() < until - 1e-9:
+        robot.base.drive(forward, turn)
+        clock.wait_until(min(clock.now() + 0.1, until))
+
+
 class Rig:
     """Arm over a place (x, y, z, yaw), hand open and initialised."""
 

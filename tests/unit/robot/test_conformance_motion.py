@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import DriverError, InputError
+from debrisgrasp.geometry import SE3
 from debrisgrasp.robot import MOVING_CHECKS, check_robot, fake_robot
 from tests.unit.robot.broken_robots import (
     Changed,
@@ -124,6 +125,20 @@ def still_head(robot):
     return replace(robot, head=Changed(robot.head, move_to=nothing))
 
 
+def endless_base(robot):
+    """A base that goes on until it is told otherwise."""
+    now = robot.clock.now
+
+    def read():
+        return SE3.from_parts(p=[0.03 * now(), 0.0, 0.0])
+
+    return replace(robot, base=Changed(robot.base, read=read))
+
+
+def still_base(robot):
+    return replace(robot, base=Changed(robot.base, drive=nothing))
+
+
 @pytest.mark.parametrize(
     ("broken", "check", "words"),
     [
@@ -140,6 +155,8 @@ def still_head(robot):
         (stiff_hand, "hand_moves", "missed by|misses it"),
         (never_zeroed, "hand_moves", "not initialised"),
         (still_head, "head_moves", "arrived"),
+        (endless_base, "base_stands_by_itself", "must stand by itself"),
+        (still_base, "base_stands_by_itself", "went 0.0 mm"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )

@@ -19,7 +19,7 @@ from debrisgrasp.robot import (
     fake_robot,
 )
 from debrisgrasp.worlds import World, render
-from tests.unit.robot.rigs import CHAINS, FAR, GRIPPERS, ROMAN, Rig, beam
+from tests.unit.robot.rigs import CHAINS, FAR, GRIPPERS, ROMAN, Rig, beam, drive
 
 NEAR = beam("near", 2.0, (1.3, 0.1, 0.0445), yaw=0.4)
 
@@ -121,8 +121,7 @@ def test_pan_and_tilt_turn_the_view_at_their_speed():
 def test_the_base_drives_by_its_odometry():
     fake = made()
     base, clock = fake.robot.base, fake.robot.clock
-    base.drive(0.2, 0.0)
-    clock.wait_until(5.0)
+    drive(fake.robot, 0.2, 0.0, 5.0)
     base.stop()
     clock.wait_until(7.0)
     # Trapezoid: 0.4 s to speed up, as long to stop.
@@ -130,8 +129,7 @@ def test_the_base_drives_by_its_odometry():
     stood = base.read()
     clock.wait_until(8.0)
     assert np.array_equal(stood.matrix, base.read().matrix)
-    base.drive(0.0, 0.3)
-    clock.wait_until(10.0)
+    drive(fake.robot, 0.0, 0.3, 2.0)
     base.stop()
     clock.wait_until(11.0)
     turn = (stood.inverse() @ base.read()).log()
@@ -141,11 +139,23 @@ def test_the_base_drives_by_its_odometry():
     assert [v.device for v in fake.violations] == ["base", "base"]
 
 
+def test_a_base_that_is_told_no_more_stands_by_itself():
+    fake = made(base_watchdog=0.3)
+    base, clock = fake.robot.base, fake.robot.clock
+    base.drive(0.2, 0.0)
+    clock.wait_until(0.25)
+    base.drive(0.2, 0.0)
+    clock.wait_until(0.5)
+    assert not base.is_still
+    clock.wait_until(60.0)
+    assert base.is_still
+    assert base.read().p[0] == pytest.approx(0.2 * 0.55, abs=5e-3)
+
+
 def test_the_view_goes_along_with_the_base():
     fake = made(noise=None, sees_itself=False)
     before = fake.robot.camera.capture()
-    fake.robot.base.drive(0.2, 0.0)
-    fake.robot.clock.wait_until(2.0)
+    drive(fake.robot, 0.2, 0.0, 2.0)
     fake.robot.base.stop()
     fake.robot.clock.wait_until(4.0)
     shift = fake.robot.base.read().p

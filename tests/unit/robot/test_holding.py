@@ -23,7 +23,7 @@ from debrisgrasp.robot.settling import Settling
 from debrisgrasp.robot.springs import GROUND, HELD, PALM, Spring
 from debrisgrasp.robot.touch import Touch
 from debrisgrasp.worlds import Ground, World, make_body
-from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam
+from tests.unit.robot.rigs import FAR, GRIPPERS, Rig, beam, drive
 
 BAR = (0.8, -0.3, 0.0445)
 G = 9.81
@@ -341,8 +341,7 @@ def test_a_held_bar_that_is_set_on_another_is_felt():
 def test_a_bar_too_heavy_to_lift_is_dragged_by_the_base():
     rig = Rig([beam("bar", 5.0, BAR)])
     assert rig.grip(squeeze=60.0) == "HOLDING"
-    rig.robot.base.drive(-0.1, 0.0)
-    rig.wait(2.0)
+    drive(rig.robot, -0.1, 0.0, 2.0)
     # Friction of 0.6 x 5 kg on the ground pulls the hand forwards.
     pull = rig.chain.fk(rig.arm.read().q).R @ rig.load[:3]
     assert pull[0] == pytest.approx(0.6 * 5.0 * G, abs=3.0)

@@ -66,6 +66,11 @@ def test_singular_below_the_limit_that_grows_with_the_angle(theta, limit):
         assert is_singular(d, np.zeros(3), UP, turned) == expected
 
 
+@pytest.mark.parametrize("d", [(0.02, 0, 0), (0, 0, 0.02), (0.01, -0.01, 0.01)])
+def test_patches_with_equal_normals_meet_along_no_crease(d):
+    assert not is_singular(np.array(d), np.zeros(3), UP, UP)
+
+
 def test_parallel_patches_step_beyond_the_allowance():
     for height, expected in ((0.004, False), (0.006, True)):
         step = is_step(

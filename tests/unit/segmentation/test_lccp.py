@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import so3
+from debrisgrasp.geometry import PointCloud, so3
 from debrisgrasp.segmentation import LccpConfig, SupervoxelConfig
 from debrisgrasp.segmentation.lccp import judged_borders, lccp, merged_small
 from debrisgrasp.segmentation.supervoxels import supervoxels
@@ -52,6 +52,21 @@ def test_a_step_divides_unless_steps_are_allowed(smoothness, joins):
     over_step = np.ptp(raised[patches.edges][..., 2], axis=1) > 0.005
     assert convex[over_step].all() == joins
     assert convex[~over_step].all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_a_floor_is_convex_and_parts_from_a_wall_whatever_the_noise(noise, rng):
+    floor = plate((0.0, 0.4), (0.0, 0.4))
+    wall = floor[:, [2, 0, 1]] + [0.4, 0.0, 0.004]
+    points = np.concatenate([floor, wall])
+    normals = np.repeat([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]], len(floor), axis=0)
+    normals = normals + noise * rng.normal(size=normals.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    cloud = PointCloud(points, normals, np.array([-0.5, 0.2, 1.5]))
+    objects, graph = objects_of(cloud)
+    assert len(np.unique(objects)) == 2
+    is_even = np.ptp(graph.patch_object[graph.edges], axis=1) == 0
+    assert graph.is_convex[is_even].mean() > 0.95
 
 
 def test_contact_length_of_a_stack_is_about_the_visible_border():

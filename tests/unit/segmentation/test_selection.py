@@ -7,6 +7,7 @@ from debrisgrasp.segmentation import (
     OperatorPick,
     PriorityPoint,
     SupportAware,
+    ordered,
     region_of_interest,
     segment_cloud,
 )
@@ -68,6 +69,10 @@ def test_region_holds_the_object_and_the_margin(scene):
     np.testing.assert_allclose(region.size, size + 0.1, atol=0.02)
     with pytest.raises(InputError):
         region_of_interest(points, margin=-0.01)
+    with pytest.raises(InputError, match="none"):
+        region_of_interest(points[:0])
+    with pytest.raises(InputError, match="NaN"):
+        region_of_interest(np.array([[0.0, np.nan, 0.0]]))
 
 
 def test_flying_pixels_do_not_blow_the_region_up(scene):
@@ -90,6 +95,47 @@ class ByLabel:
 
     def order(self, segmentation, _cloud):
         return tuple(Candidate(s.label, 0.0, "why") for s in segmentation.segments)
+
+
+class Returning:
+    """A policy that returns what it is told to."""
+
+    def __init__(self, given):
+        self.given = given
+
+    def order(self, _segmentation, _cloud):
+        return self.given
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ([2, 1], r"order of Returning: got \[2, 1\].*Candidate\(label, cost, reason\)"),
+        (None, "order of Returning: got None"),
+        ("12", "order of Returning: got '12'"),
+        ((Candidate(99, 0.0, "why"),), "segment label: got 99"),
+        ((Candidate(1, 0.0, "a"), Candidate(1, 1.0, "b")), "each label once"),
+        ((Candidate(1, np.inf, "why"),), "cost of object 1.*a finite number"),
+    ],
+)
+def test_what_is_no_order_is_refused_with_the_name_of_the_policy(scene, given, words):
+    with pytest.raises(InputError, match=words):
+        ordered(Returning(given), *scene[::-1])
+    with pytest.raises(InputError, match=words):
+        OperatorPick(1, Returning(given)).order(*scene[::-1])
+
+
+def test_an_order_may_be_a_list_with_numbers_of_numpy(scene):
+    given = [Candidate(np.int64(2), np.float32(0.5), "why")]
+    (candidate,) = ordered(Returning(given), *scene[::-1])
+    assert candidate == Candidate(2, 0.5, "why")
+    assert (type(candidate.label), type(candidate.cost)) == (int, float)
+
+
+@pytest.mark.parametrize("fields", [("1", 0.0, ""), (1, np.nan, ""), (1, 0.0, None)])
+def test_a_candidate_has_a_label_a_cost_and_a_reason(fields):
+    with pytest.raises(InputError, match=r"label|cost|reason"):
+        Candidate(*fields)
 
 
 def picked(scene, pick):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import pickle
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +42,13 @@ def test_the_same_seed_makes_the_same_scene(scenes):
     assert other.world.names != again.world.names or not np.array_equal(
         other.depth, again.depth, equal_nan=True
     )
+
+
+def test_a_scene_can_be_sent_to_another_process(scenes):
+    scene = scenes["stacked"]
+    for other in (deepcopy(scene), pickle.loads(pickle.dumps(scene))):
+        np.testing.assert_array_equal(other.depth, scene.depth)
+        assert other.world.names == scene.world.names
 
 
 def test_the_believed_camera_is_off_by_the_calibration_error(scenes):

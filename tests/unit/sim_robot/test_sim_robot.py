@@ -16,7 +16,7 @@ from debrisgrasp.sim import Physics
 from debrisgrasp.sim_robot import RobotPhysics
 from debrisgrasp.sim_robot.tree import RobotTree
 from debrisgrasp.worlds import make_body
-from tests.unit.robot.rigs import FAR, PERIOD, ROMAN, beam
+from tests.unit.robot.rigs import FAR, PERIOD, ROMAN, beam, drive
 
 from ._rig import SimRig, made
 
@@ -185,8 +185,7 @@ def test_what_begins_where_the_arm_is_measured_is_no_jump():
 def test_the_base_takes_its_arms_along():
     robot = made([FAR])
     base, clock = robot.robot.base, robot.robot.clock
-    base.drive(0.3, 0.2)
-    clock.wait_until(1.0)
+    drive(robot.robot, 0.3, 0.2, 1.0)
     base.stop()
     clock.wait_until(2.5)
     T_odom_base = base.read()

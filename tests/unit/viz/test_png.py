@@ -7,10 +7,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from debrisgrasp.errors import FrameMismatchError, InputError, OutputError
+from debrisgrasp.errors import (
+    ConfigError,
+    FrameMismatchError,
+    InputError,
+    OutputError,
+)
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
-from debrisgrasp.viz import Report, prototype_png, report_png, segmentation_png
+from debrisgrasp.viz import (
+    Report,
+    prototype_png,
+    report_html,
+    report_png,
+    segmentation_png,
+)
 from debrisgrasp.viz.colors import CHOSEN_COLOR, HAND_COLORS
 
 from .conftest import grasp_at, segmentation_of
@@ -151,6 +162,22 @@ def test_a_failed_drawing_leaves_the_old_file_whole(
     with pytest.raises(InputError, match="preshape"):
         report_png(target, replace(report, plan=plan))
     assert target.read_text() == "kept"
+
+
+def test_a_picture_replaces_no_depth_image(report: Report, tmp_path: Path) -> None:
+    path = tmp_path / "depth.png"
+    Image.fromarray(np.ones((4, 5), np.uint16)).save(path)
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match="depth image"):
+        report_png(path, report)
+    assert path.read_bytes() == before
+
+
+def test_a_picture_and_a_page_are_called_so(report: Report, tmp_path: Path) -> None:
+    for write in (report_png, report_html):
+        with pytest.raises(ConfigError, match="a name that ends in"):
+            write(tmp_path / "api.pdf", report)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_labels_of_another_cloud_are_refused(report: Report) -> None:

@@ -66,8 +66,8 @@ def test_a_picture_shows_each_arm_in_its_colour(
 
 def test_equal_pictures_give_equal_files(picture: ReachPicture, tmp_path: Path) -> None:
     for name in ("a", "b"):
-        reach_png(tmp_path / name, picture)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+        reach_png(tmp_path / f"{name}.png", picture)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
 def test_a_page_holds_picture_and_table_and_escapes_names(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import CaptureError, ConfigError, InputError, UnknownNameError
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3, Bounds, so3
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import GripperModel, SurfaceShape
@@ -55,6 +55,27 @@ def test_a_taught_pose_is_kept(recorded, pile):
     assert np.allclose(again.T_base_hand.matrix, recorded.T_base_hand.matrix)
     assert again.definition.width == pytest.approx(recorded.definition.width, abs=1e-3)
     assert np.allclose(again.definition.shape.points, recorded.definition.shape.points)
+
+
+def test_a_palm_inside_what_was_seen_is_found_though_no_finger_meets_it():
+    angle, height = np.meshgrid(np.linspace(2.0, 4.3, 60), np.linspace(0.0, 0.4, 150))
+    post = np.stack([1 + 0.03 * np.cos(angle), 0.03 * np.sin(angle), height], axis=-1)
+    seen = Capture(
+        points=post.reshape(-1, 3),
+        viewpoint=(0.0, 0.0, 0.6),
+        T_base_camera=SE3.identity(),
+    )
+    down = so3.from_rpy(np.array([np.pi, 0.0, np.pi / 2]))
+    whole = Bounds(np.array([0.9, -0.1, -0.1]), np.array([1.1, 0.1, 0.5]))
+
+    def findings(height: float) -> tuple[str, ...]:
+        palm = SE3.from_parts(down, (1.0, 0.0, height))
+        made = record(seen, "a", HAND, region=whole, T_base_hand=palm, preshape="basic")
+        return made.findings
+
+    assert findings(0.42) == ()
+    (found,) = findings(0.3)
+    assert "the open hand reaches 36 mm into the shape" in found
 
 
 def test_a_box_and_a_mask_choose_the_piece_too(recorded, pile):

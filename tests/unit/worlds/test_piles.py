@@ -1,5 +1,9 @@
 from __future__ import annotations
 
+import pickle
+from copy import deepcopy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,6 +38,23 @@ def test_the_same_seed_gives_the_same_pile_and_another_seed_another():
         np.testing.assert_array_equal(a.T_base_body.matrix, b.T_base_body.matrix)
         assert a.mass == b.mass
         assert a.sizes == b.sizes
+
+
+def test_a_world_is_the_same_as_a_copy_and_in_another_process(rng):
+    world = generate_pile(rng=rng)
+    for other in (deepcopy(world), pickle.loads(pickle.dumps(world))):
+        assert other.names == world.names
+        for a, b in zip(world.bodies, other.bodies, strict=True):
+            np.testing.assert_array_equal(a.T_base_body.matrix, b.T_base_body.matrix)
+            assert a.sizes == b.sizes
+
+
+def test_the_sizes_of_a_body_are_its_own(rng):
+    body = generate_pile(rng=rng).bodies[0]
+    sizes = dict(body.sizes)
+    body = replace(body, sizes=sizes)
+    sizes.clear()
+    assert body.sizes
 
 
 def test_all_kinds_occur_and_heavy_ones_on_demand(rng):
