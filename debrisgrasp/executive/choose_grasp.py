@@ -133,17 +133,18 @@ def _ordered(
 ) -> tuple[Grasp, ...]:
     """Put the preferred hand first among grasps that are about as good.
 
+    What is only hooked can't be felt, so it is no better than it is squeezed.
+
     What failed on the object once is likely to fail elsewhere on it: a grip with
     another prototype comes before.
     """
-    if not triage.arms:
-        return tuple(grasps)
-    preferred = triage.arms[0]
+    preferred = triage.arms[0] if triage.arms else None
     n_failed = Counter({id(grasp): grasp.prototype for grasp in failed}.values())
 
     def worth(grasp: Grasp) -> float:
         liked = _PREFERRED if grasp.arm == preferred else 0.0
-        return grasp.rank + liked - _REPEATED * n_failed[grasp.prototype]
+        felt = 1.0 if grasp.success is None else grasp.success.squeezed
+        return min(grasp.rank, felt) + liked - _REPEATED * n_failed[grasp.prototype]
 
     return tuple(sorted(grasps, key=worth, reverse=True))
 

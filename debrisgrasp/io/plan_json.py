@@ -121,6 +121,7 @@ def _success_to_dict(success: SuccessForecast) -> dict[str, Any]:
         "probability": _rounded(success.probability),
         "terms": _rounded(np.array(success.terms)),
         "outside": list(success.outside),
+        "squeezed": _rounded(success.squeezed),
     }
 
 
@@ -129,6 +130,7 @@ def _success_from_dict(content: dict[str, Any]) -> SuccessForecast:
         probability=float(content["probability"]),
         terms=tuple(float(term) for term in content["terms"]),
         outside=tuple(str(name) for name in content["outside"]),
+        squeezed=float(content.get("squeezed", 1.0)),
     )
 
 

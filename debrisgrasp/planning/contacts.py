@@ -124,13 +124,15 @@ class PadLook:
     """That both sides get to press within their cones, in [0, 1], shape (k,). A side of
     which too little was seen is taken to lean as the outline of the object does, and
     as the face above it does, if what was seen of that leaves a finger room there.
-    Where the object ends before it gets to a finger, that one presses on nothing, and
-    so do all where it is narrower than what closed fingers leave between them at its
-    height. Fingertips that end before the middle of what is round press it out of the
-    hand, and fingers that lean over it press it to the palm."""
+    Where the object ends before it gets to a finger, that one presses on nothing.
+    Fingertips that end before the middle of what is round press it out of the hand."""
     causes: FloatArray
     """What of it the lean of the faces leaves, then pads beyond the end of the object,
-    then its being narrow, or where fingers lean over it, in [0, 1], shape (k, 3)."""
+    in [0, 1], shape (k, 2)."""
+    squeezed: FloatArray
+    """Probability that the fingers squeeze what they close on, in [0, 1], shape (k,).
+    They hook what is narrower than closed fingers leave between them at its height, and
+    what is round where they lean over it: it comes up, and they feel nothing of it."""
     is_too_wide: BoolArray
     """Whether a hidden side is so far out that a finger would land on it, (k,)."""
     angles: FloatArray
@@ -142,11 +144,6 @@ class PadLook:
     """Gap between each open finger and the hidden side that is expected there [m],
     shape (k, 2), negative where the object is expected to be in the way; infinite where
     the side itself was seen, or too little."""
-
-    @property
-    def squeezed(self) -> FloatArray:
-        """Probability that the fingers squeeze what they close on, shape (k,)."""
-        return self.causes[:, 2]
 
 
 class _Between(NamedTuple):
@@ -217,11 +214,11 @@ class PadContacts:
             return inside
 
         keeps = within(slant)
-        squeezes = within(lean) * wide
-        causes = np.stack([share.prod(axis=1) * keeps, meets, squeezes], axis=1)
+        causes = np.stack([share.prod(axis=1) * keeps, meets], axis=1)
         return PadLook(
             probability=causes.prod(axis=1) * fits,
             causes=causes,
+            squeezed=within(lean) * wide,
             is_too_wide=fits < config.least,
             angles=angles,
             is_seen=np.asarray(np.isfinite(angles).all(axis=1)),

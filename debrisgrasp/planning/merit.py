@@ -36,7 +36,6 @@ _WIDE = "the object is expected to be wider than the fingers open"
 _SLIPS = (
     "the faces are too slanted for the fingers",
     "a finger would miss the object",
-    "the object is too thin there to be squeezed",
 )
 """By the causes of `PadLook`."""
 _POOR = "the shape fits too poorly"
@@ -188,12 +187,7 @@ class Merit:
         S = self._around(known.Ts, known.prototype, few)
         known = self._left(replace(known, S=S, expected=S.mean(axis=1)), needed)
         pads = self.contacts.look(known.Ts, known.prototype)
-        known = replace(
-            known,
-            contact=pads.probability,
-            squeezed=pads.squeezed,
-            is_seen=pads.is_seen,
-        )
+        known = replace(known, contact=pads.probability, is_seen=pads.is_seen)
         known = self._left(known, needed)
         look = self._inspector(known.Ts, known.prototype)
         flaw = np.where(look.is_stuck(self._config.inspection), _FLAWED, 0.0)
@@ -257,7 +251,6 @@ class Merit:
             *self._burden(Ts, prototype),
             expected=expected,
             contact=pads.probability,
-            squeezed=pads.squeezed,
             margin=look.margin,
             sight=sight,
             unseen=unseen,
@@ -308,7 +301,7 @@ class Merit:
             unseen=known.unseen,
             missing=self._missing,
         )
-        return self._tools.success.log_odds(terms, known.squeezed)
+        return self._tools.success.log_odds(terms)
 
     def _passes(self, look: Inspection, known: _Known) -> tuple[BoolArray, _Known]:
         """Which poses nothing rules out, shape (k,), and what they see, too."""
@@ -359,7 +352,6 @@ class _Known:
     S: FloatArray = field(default_factory=lambda: np.ones((1, 1)))
     expected: FloatArray = field(default_factory=lambda: np.ones(1))
     contact: FloatArray = field(default_factory=lambda: np.ones(1))
-    squeezed: FloatArray = field(default_factory=lambda: np.ones(1))
     margin: FloatArray = field(default_factory=lambda: np.ones(1))
     sight: FloatArray = field(default_factory=lambda: np.ones(1))
     unseen: FloatArray = field(default_factory=lambda: np.zeros(1))

@@ -11,7 +11,7 @@ import os
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit, logit
+from scipy.special import expit
 
 from debrisgrasp._arrays import FloatArray, bounded
 from debrisgrasp._files import data_path, read_schema
@@ -46,6 +46,8 @@ _GUESSED = -0.5
 """With less sight than this a grasp is called a guess."""
 _PART = -0.05
 """With less of it in sight an object is said to be a part."""
+_HOOKED = 0.5
+"""Squeezed with a smaller probability, it is said to be hooked."""
 _BLIND = -0.35
 """With less view than this the hand is said to go where nothing was seen."""
 
@@ -125,6 +127,10 @@ class SuccessForecast:
     outside: tuple[str, ...] = ()
     """Terms (`SUCCESS_TERMS`) outside what the flights covered: the probability is
     extrapolated."""
+    squeezed: float = 1.0
+    """Probability that the fingers squeeze the object, in [0, 1]. What only hangs in
+    the hook of a claw comes up, too, but who feels for it with the fingers can't tell
+    that from an empty hand."""
 
     @property
     def in_words(self) -> str:
@@ -137,6 +143,8 @@ class SuccessForecast:
             said += ", the hand in space that was not seen"
         if told.get("whole", 0.0) < _PART:
             said += ", of what may be part of something larger"
+        if self.squeezed < _HOOKED:
+            said += ", hooked rather than squeezed"
         if self.outside:
             said += f", extrapolated in {' and '.join(self.outside)}"
         return said
@@ -202,29 +210,26 @@ class SuccessModel:
         found: FloatArray = expit(self.log_odds(terms))
         return found
 
-    def log_odds(
-        self, terms: FloatArray, squeezed: FloatArray | float = 1.0
-    ) -> FloatArray:
-        """Log-odds of success of grasps with these terms (k, 9), shape (k,).
+    def log_odds(self, terms: FloatArray) -> FloatArray:
+        """Log-odds of success of grasps with these terms (k, 9), shape (k,)."""
+        found: FloatArray = terms @ self.weights + self.intercept
+        return found
+
+    def forecast(self, terms: FloatArray, squeezed: float = 1.0) -> SuccessForecast:
+        """Probability for one grasp (9,), and whether it is extrapolated.
 
         Parameters
         ----------
         squeezed
-            Probability that the fingers squeeze the object at all, shape (k,): a grasp
-            is no likelier to hold. In flights it also does if they only hook it, on
-            which nobody can count who feels for it with them.
+            See `SuccessForecast`.
         """
-        found: FloatArray = terms @ self.weights + self.intercept
-        return np.minimum(found, logit(squeezed))
-
-    def forecast(self, terms: FloatArray, squeezed: float = 1.0) -> SuccessForecast:
-        """Probability for one grasp (9,), and whether it is extrapolated."""
         is_off = (terms < self.lower) | (terms > self.upper)
         names = tuple(
             name for name, off in zip(SUCCESS_TERMS, is_off, strict=True) if off
         )
         return SuccessForecast(
-            probability=float(expit(self.log_odds(terms, squeezed))),
+            probability=float(expit(self.log_odds(terms))),
+            squeezed=squeezed,
             terms=tuple(terms.tolist()),
             outside=names,
         )

@@ -12,7 +12,6 @@ from tests.unit.planning.pad_scenes import (
     ACROSS,
     CONFIG,
     FIRST,
-    at,
     extruded,
     scene_of,
 )
@@ -43,7 +42,7 @@ def test_a_claw_can_not_squeeze_what_is_thinner_than_it_closes(
         np.array([0.0, 0.0, -2.0]),
     )
     found = PadContacts(scene_of(cloud), zones, CONFIG)
-    assert least <= at(found) <= most
+    assert least <= found.look(np.eye(4)[None], FIRST).squeezed[0] <= most
 
 
 @pytest.mark.parametrize(
@@ -61,17 +60,18 @@ def test_a_thin_wall_is_squeezed_where_it_goes_down_to_the_fingertips(
     tilt = so3.exp([0.0, -0.25, 0.0])
     faces = [(top, [0.0, 0.0, -1.0]), (side, [-1.0, 0.0, 0.0])]
 
-    def probability(seen):
+    def squeezed(seen):
         points = np.concatenate([extruded(rows @ tilt.T) for rows, _ in seen])
         normals = np.concatenate(
             [np.tile(tilt @ n, (len(ACROSS) * len(rows), 1)) for rows, n in seen]
         )
         points += [-0.02, 0.0, 0.028]
         cloud = PointCloud(points, normals, np.array([-1.0, 0.0, -2.0]))
-        return at(PadContacts(scene_of(cloud), zones, CONFIG))
+        found = PadContacts(scene_of(cloud), zones, CONFIG)
+        return found.look(np.eye(4)[None], FIRST).squeezed[0]
 
-    assert least <= probability(faces) <= most
-    assert 0.3 < probability(faces[:1]) < 0.7  # nothing tells how far it goes down
+    assert least <= squeezed(faces) <= most
+    assert 0.3 < squeezed(faces[:1]) < 0.7  # nothing tells how far it goes down
 
 
 @pytest.mark.parametrize("askew", [0.0, 0.25])

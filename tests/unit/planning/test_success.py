@@ -99,9 +99,10 @@ def test_broken_coefficients_are_refused(spoil, tmp_path):
         SuccessModel.load(path)
 
 
-def test_nothing_holds_likelier_than_the_fingers_squeeze_it():
+@pytest.mark.parametrize(("squeezed", "is_told"), [(0.1, True), (1.0, False)])
+def test_what_is_only_hooked_holds_as_likely_and_is_told(squeezed, is_told):
     terms = terms_of()
-    free = float(MODEL.probability(terms))
-    for squeezed in (0.0, 0.3, 1.0):
-        told = MODEL.forecast(terms, squeezed).probability
-        assert told == pytest.approx(min(free, squeezed))
+    found = MODEL.forecast(terms, squeezed)
+    assert found.probability == pytest.approx(float(MODEL.probability(terms)))
+    assert found.squeezed == squeezed
+    assert ("hooked" in found.in_words) == is_told
