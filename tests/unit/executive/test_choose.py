@@ -60,7 +60,8 @@ def before_a_chosen_brick(pipeline):
 def grasp(rank):
     """One as far as it is asked here."""
     return SimpleNamespace(
-        rank=rank, score=rank, arm="right", prototype="bar", width=0.05, opening=0.1,
+        rank=rank, score=rank, success=None, arm="right", prototype="bar",
+        width=0.05, opening=0.1,
         gripper="robotiq_3f", preshape="basic", T_base_hand=SE3.identity(),
     )  # fmt: skip
 
