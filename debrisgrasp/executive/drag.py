@@ -14,7 +14,7 @@ from debrisgrasp.robot import Base
 
 from .context import Context
 from .drive import Drive
-from .driving import AGAIN, driven, halted, noted, require_moved
+from .driving import AGAIN, driven, halted, noted, require_moved, ways_gone
 from .relief import share_of
 from .result import Done, FaultFound, StepResult
 from .states import State
@@ -48,7 +48,7 @@ def drag(context: Context) -> StepResult:
     before = context.dragged or SE3.identity()
     # One that was kept from dragging on has gone a part of it.
     way = max(settings.drag_distance - float(np.linalg.norm(before.p[:2])), 0.0)
-    turn = max(_TURN - abs(_yaw(before)), 0.0)
+    turn = max(_TURN - abs(float(ways_gone(before)[1])), 0.0)
     side = float(np.sign(settings.drop_off[held.arm][1])) or 1.0
     phases = [(-_SPEED, 0.0, way / _SPEED), (0.0, side * _RATE, turn / _RATE)]
     seconds = sum(phase[2] for phase in phases)
@@ -138,10 +138,6 @@ def drive_back(context: Context) -> None:
     if base is None or moved is None:
         return
     require_moved(moved, context.settings.drag_distance, _TURN)
-    moved = moved @ driven(context, base, _RATE, turn=-_yaw(moved))
+    moved = moved @ driven(context, base, _RATE, turn=-float(ways_gone(moved)[1]))
     driven(context, base, _SPEED, ahead=-float(moved.p[0]))
     context.dragged = None
-
-
-def _yaw(pose: SE3) -> float:
-    return float(np.arctan2(pose.R[1, 0], pose.R[0, 0]))

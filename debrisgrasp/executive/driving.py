@@ -13,7 +13,7 @@ from debrisgrasp.robot import Base
 from .context import Context
 from .result import FaultFound, FaultRaised
 
-__all__ = ["AGAIN", "driven", "halted", "noted", "require_moved"]
+__all__ = ["AGAIN", "driven", "halted", "noted", "require_moved", "ways_gone"]
 
 AGAIN = 0.1
 """A base that goes is told so again, and asked where it is, as often [s]."""
@@ -63,7 +63,7 @@ def driven(
             base.drive(*speeds.tolist())
             until += AGAIN
             context.robot.clock.wait_until(until)
-            gone = _ways(begun.inverse() @ base.read())
+            gone = ways_gone(begun.inverse() @ base.read())
             _require_followed(gone, last, wanted)
             last = gone
         else:
@@ -128,7 +128,7 @@ def require_moved(moved: SE3, way: float, turn: float) -> None:
     way, turn
         What was asked for at most [m, rad].
     """
-    far, yaw = hypot(*moved.p[:2]), float(_ways(moved)[1])
+    far, yaw = hypot(*moved.p[:2]), float(ways_gone(moved)[1])
     is_near = far <= way + _SLACK[0] and abs(yaw) <= turn + _SLACK[1]
     if is_near and np.isfinite(moved.matrix).all():
         return
@@ -137,7 +137,7 @@ def require_moved(moved: SE3, way: float, turn: float) -> None:
     raise FaultRaised(FaultFound("encoder_jump", words))
 
 
-def _ways(moved: SE3) -> FloatArray:
+def ways_gone(moved: SE3) -> FloatArray:
     """How far a base went ahead, and turned [m, rad], shape (2,)."""
     return np.array([moved.p[0], atan2(moved.R[1, 0], moved.R[0, 0])])
 

@@ -12,6 +12,7 @@ from debrisgrasp.kinematics import LimitSet
 
 from .context import Context, LimbState
 from .drive import Drive
+from .pacing import cubic_time
 from .result import FaultFound
 from .stopping import stop_all
 
@@ -95,9 +96,6 @@ def _way_inside(q: FloatArray, limits: LimitSet, period: float) -> FloatArray:
         Of a tick [s].
     """
     inside = np.clip(q, limits.lower, limits.upper)
-    away = np.abs(inside - q)
-    # A cubic is fastest in its middle, and accelerates most at its ends.
-    speed, most = _EASY * limits.velocity, _EASY * limits.acceleration
-    time = max((1.5 * away / speed).max(), np.sqrt(6.0 * away / most).max())
+    time = cubic_time(np.abs(inside - q), limits, _EASY)
     u = np.linspace(0.0, 1.0, int(np.ceil(time / period)) + 2)[:, None]
     return np.asarray(q + (3.0 - 2.0 * u) * u * u * (inside - q))

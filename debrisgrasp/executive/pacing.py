@@ -16,6 +16,7 @@ from .context import Context, LimbState
 __all__ = [
     "broken_by",
     "careful",
+    "cubic_time",
     "feasible",
     "hand_corners",
     "met_safely",
@@ -142,12 +143,7 @@ def paced(
     paces = feasible(trajectory, paces, limits.acceleration)
     times = times_at(trajectory, _SPARE * paces, period)
     beside = np.asarray(q_start) - trajectory.q[0]
-    # A cubic is fastest in its middle, and accelerates most at its ends.
-    least = max(
-        float((1.5 * np.abs(beside) / (_ASIDE * limits.velocity)).max()),
-        float(np.sqrt(6.0 * np.abs(beside) / (_ASIDE * limits.acceleration)).max()),
-    )
-    n_least = int(np.ceil(least / period))
+    n_least = int(np.ceil(cubic_time(np.abs(beside), limits, _ASIDE) / period))
     n = max(len(times), n_least)
     # At the end of a motion that is shorter it waits there until it has joined it.
     times = np.append(times, np.full(n - len(times), trajectory.duration))
@@ -157,6 +153,21 @@ def paced(
     path = trajectory.at(times)[0] + fade[:, None] * beside
     # Where it stands first: speeds count from the tick of the last command.
     return np.concatenate([[q_start], path])
+
+
+def cubic_time(away: FloatArray, limits: LimitSet, share: float = 1.0) -> float:
+    """Least time in which a cubic leads joints so far, from rest to rest [s].
+
+    Parameters
+    ----------
+    away
+        How far each is to go [rad or m], shape (d,).
+    share
+        Of speed and acceleration that it may use.
+    """
+    speed, most = share * limits.velocity, share * limits.acceleration
+    # A cubic is fastest in its middle, and accelerates most at its ends.
+    return float(max((1.5 * away / speed).max(), np.sqrt(6.0 * away / most).max()))
 
 
 def broken_by(path: FloatArray, limits: LimitSet, period: float) -> str:

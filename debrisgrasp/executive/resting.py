@@ -23,6 +23,7 @@ from .folding import is_folded, straight, unfolds
 from .hanging import looked_after, looked_again, looked_around
 from .moves import LAST_RESORT, planned, pull_of, reversed_motion
 from .obstacles import space_of
+from .pacing import cubic_time
 from .relief import relieve
 from .result import FaultFound
 
@@ -162,9 +163,8 @@ def _turned(limb: LimbState, q: FloatArray, goal: FloatArray) -> Trajectory:
     # What pushes an arm, or a leg, may bring a joint a little beyond the planner's.
     q, goal = (np.clip(row, limits.lower, limits.upper) for row in (q, goal))
     away = np.abs(goal - q)
-    # A cubic is fastest in its middle, and accelerates most at its ends.
-    times = (1.5 * away / limits.velocity, np.sqrt(6.0 * away / limits.acceleration))
-    duration = max(float(np.max(times)) / _SPARE, float(away.max()) / _SLOW, _LEAST)
+    time = cubic_time(away, limits) / _SPARE
+    duration = max(time, float(away.max()) / _SLOW, _LEAST)
     return Trajectory(
         joint_names=limits.joint_names,
         times=np.array([0.0, duration]),

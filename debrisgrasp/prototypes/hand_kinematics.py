@@ -89,20 +89,16 @@ class Finger:
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Name of every joint, ``<finger>_<variable>``, from the root on."""
-        return tuple(
-            f"{self.name}_{link.joint.variable}"
-            for link in self.links
-            if link.joint is not None
-        )
+        return tuple(f"{self.name}_{joint.variable}" for joint in self._joints)
 
     def joint_values(self, values: Mapping[str, float]) -> dict[str, float]:
         """Value of every joint by its own name, ``<finger>_<variable>``."""
-        return {
-            f"{self.name}_{link.joint.variable}": link.joint.sign
-            * float(values[link.joint.variable])
-            for link in self.links
-            if link.joint is not None
-        }
+        driven = [j.sign * float(values[j.variable]) for j in self._joints]
+        return dict(zip(self.joint_names, driven, strict=True))
+
+    @property
+    def _joints(self) -> tuple[HandJoint, ...]:
+        return tuple(link.joint for link in self.links if link.joint is not None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
