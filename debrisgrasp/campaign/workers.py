@@ -93,13 +93,11 @@ class LocalWorkers:
                     _serve(context)
                     wait([executor.submit(int) for _ in range(count)])
                 yield Crew(executor, 2 * count, self.time_limit)
-        except BaseException:
-            # Ends the runs under way; their results would be thrown away.
-            writer.close()
-            raise
         finally:
-            executor.shutdown(wait=True, cancel_futures=True)
+            # Ends every process, also those that wait for a lock that one which was
+            # killed has taken with it: they are out of reach of the executor's signals.
             writer.close()
+            executor.shutdown(wait=True, cancel_futures=True)
             reader.close()
 
 

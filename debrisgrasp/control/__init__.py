@@ -39,6 +39,7 @@ from .posture import PostureKinematics
 from .preview import Preview, preview
 from .pull import PullChoice, PullConfig, choose_pull
 from .readings import BiasBound, Reading, SafetyConfig, SafetyState, Verdict
+from .refusals import Refusal, RefusalCause, StartError
 from .rehearsal import LaggingArm, PressResult, Rehearsal, press, rehearse
 from .servo import CartesianServo, ServoConfig, ServoState
 from .stability import (
@@ -90,6 +91,8 @@ __all__ = [
     "PullChoice",
     "PullConfig",
     "Reading",
+    "Refusal",
+    "RefusalCause",
     "Rehearsal",
     "SafetyConfig",
     "SafetyState",
@@ -97,6 +100,7 @@ __all__ = [
     "ServoState",
     "StabilityBound",
     "StabilityVerdict",
+    "StartError",
     "Stop",
     "Supervisor",
     "TarePolicy",

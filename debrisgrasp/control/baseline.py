@@ -17,6 +17,7 @@ from debrisgrasp.errors import InputError
 
 from .loads import LoadModel
 from .readings import BiasBound
+from .refusals import Refusal, RefusalCause, refusals_of
 
 __all__ = ["BaselineConfig", "BaselineLook", "BaselineVerdict", "judge_baseline"]
 
@@ -81,7 +82,7 @@ class BaselineVerdict:
 
     bias: FloatArray | None
     """[N, N m], shape (6,); None if refused."""
-    refusals: tuple[str, ...]
+    refusals: tuple[Refusal, ...]
 
     @property
     def is_accepted(self) -> bool:
@@ -120,7 +121,7 @@ def judge_baseline(
     if len(looks) == 0:
         raise InputError("looks for a baseline", got=0, expected="at least two")
     config, drift = config or BaselineConfig(), drift or BiasBound()
-    refusals = [words for look in looks for words in _unfit(look, config)]
+    refusals = [one for look in looks for one in _unfit(look, config)]
     unbiased = loads.with_bias(np.zeros(6))
     biases = np.array(
         [unbiased.load_ft(look.raw.mean(axis=0), look.R_base_ft) for look in looks]
@@ -140,15 +141,15 @@ def judge_baseline(
         if not over.max() <= 1.0:
             i = int(over.argmax())
             unit = "N" if i < 3 else "N m"
-            refusals.append(
-                f"{what} of {abs(shift[i]):.3g} {unit}, expected at most {most[i]:.3g}"
-            )
+            words = f"{what} of {abs(shift[i]):.3g} {unit}, "
+            words += f"expected at most {most[i]:.3g}"
+            refusals.append(Refusal(RefusalCause.SHIFTED, words))
     if refusals:
         return BaselineVerdict(None, tuple(refusals))
     return BaselineVerdict(bias, ())
 
 
-def _unfit(look: BaselineLook, config: BaselineConfig) -> list[str]:
+def _unfit(look: BaselineLook, config: BaselineConfig) -> list[Refusal]:
     """Why one look proves nothing."""
     words = []
     if not look.is_open_and_empty:
@@ -170,7 +171,7 @@ def _unfit(look: BaselineLook, config: BaselineConfig) -> list[str]:
             f"noise of {scatter[i]:.3g} {'N' if i < 3 else 'N m'}, "
             f"expected at most {2.0 * noise[i]:.3g}"
         )
-    return words
+    return refusals_of(RefusalCause.NO_PROOF, words)
 
 
 def _disagreement(
@@ -178,17 +179,18 @@ def _disagreement(
     biases: FloatArray,
     loads: LoadModel,
     config: BaselineConfig,
-) -> list[str]:
+) -> list[Refusal]:
     """Why the looks together prove nothing."""
     down = loads.gravity / np.linalg.norm(loads.gravity)
     felt = np.array([look.R_base_ft.T @ down for look in looks])
     angle = float(np.arccos(np.clip(felt @ felt.T, -1.0, 1.0)).max())
-    words = []
+    refusals = []
     if not angle >= config.angle:
-        words.append(
+        words = (
             f"orientations at most {np.rad2deg(angle):.0f} degrees apart, expected "
             f"{np.rad2deg(config.angle):.0f} or more between two"
         )
+        refusals.append(Refusal(RefusalCause.NO_PROOF, words))
     spread = biases.max(axis=0) - biases.min(axis=0)
     sigma = np.repeat([config.noise_force, config.noise_torque], 3)
     slack = np.repeat([config.slack_force, config.slack_torque], 3)
@@ -196,9 +198,10 @@ def _disagreement(
     if (spread > most).any():
         i = int((spread / most).argmax())
         unit = "N" if i < 3 else "N m"
-        words.append(
+        words = (
             f"the orientations differ by {spread[i]:.3g} {unit}, expected at most "
             f"{most[i]:.3g}: the hand touches or holds something, or the tool is not "
             "the one that was identified"
         )
-    return words
+        refusals.append(Refusal(RefusalCause.TOUCHED, words))
+    return refusals

@@ -29,6 +29,7 @@ from .legs import CartesianLeg
 from .loads import LoadModel
 from .oscillation import OscillationGuard, OscillationState
 from .readings import Reading, SafetyState, Verdict
+from .refusals import RefusalCause, refusals_of
 from .servo import CartesianServo, ServoState, pose_error, stoppable
 from .stability import StabilityBound, StabilityVerdict, contact_gain
 from .supervisor import Supervisor
@@ -129,21 +130,19 @@ class LegController:
         safety = supervisor.start(reading)
         servo = self._servo.start(safety.q)
         now = float(reading.time)
+        braking = [guard.braking_fault(self.braking_time(servo))] if guard else []
+        loaded = self._load_faults(safety.load, supervisor.load_limits(now))
         refusals = [
-            words
-            for words in (
-                supervisor.sensor_fault(safety),
-                supervisor.baseline_fault(now),
-                *self._load_faults(safety.load, supervisor.load_limits(now)),
-                self._place_fault(servo),
-                *([guard.braking_fault(self.braking_time(servo))] if guard else []),
-            )
-            if words
+            *refusals_of(RefusalCause.SATURATED, [supervisor.sensor_fault(safety)]),
+            *refusals_of(RefusalCause.BIAS, [supervisor.baseline_fault(now)]),
+            *refusals_of(RefusalCause.LOADED, loaded),
+            *refusals_of(RefusalCause.ELSEWHERE, [self._place_fault(servo)]),
+            *refusals_of(RefusalCause.BRAKING, braking),
         ]
         warnings: tuple[str, ...] = ()
         if self.compliance is not None:
             verdict = self._stability(self.compliance, servo)
-            refusals += verdict.refusals
+            refusals += refusals_of(RefusalCause.UNSTABLE, verdict.refusals)
             warnings = verdict.warnings
         if refusals:
             return Engagement(None, tuple(refusals), warnings)

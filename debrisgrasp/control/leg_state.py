@@ -15,6 +15,7 @@ from .compliance import Compliance
 from .faults import Stop
 from .oscillation import OscillationState
 from .readings import SafetyConfig, SafetyState
+from .refusals import Refusal
 from .servo import ServoConfig, ServoState
 from .stability import ArmResponse, Contact
 
@@ -142,8 +143,8 @@ class Engagement:
 
     state: LegState | None
     """To begin with; None if refused."""
-    refusals: tuple[str, ...] = ()
-    """Why not, with the numbers."""
+    refusals: tuple[Refusal, ...] = ()
+    """Why not."""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -156,7 +157,7 @@ class Engagement:
         if self.state is None:
             raise InputError(
                 "engagement of the controller",
-                got="; ".join(self.refusals),
+                got="; ".join(map(str, self.refusals)),
                 expected="nothing in the way",
             )
         return self.state

@@ -19,11 +19,12 @@ from scipy.linalg.lapack import dposv, dpotrf, dsyevd
 
 from debrisgrasp._arrays import FloatArray, require_range
 from debrisgrasp._checked import checked_fields
-from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.errors import ConfigError, ShapeError
 from debrisgrasp.kinematics import KinematicChain, LimitSet
 
 from ._rigid import Rotation, Vector, Wrench, added, cross, norm, rotation_error
 from .posture import PostureKinematics
+from .refusals import RefusalCause, StartError
 
 __all__ = [
     "CartesianServo",
@@ -128,7 +129,7 @@ class CartesianServo:
         ------
         ShapeError
             If it has another number of joints.
-        InputError
+        StartError
             If the posture is not finite or lies outside the limits.
         """
         posture = np.asarray(q, dtype=np.float64)
@@ -138,7 +139,8 @@ class CartesianServo:
             )
         broken = self.limits.violation(posture)
         if broken:
-            raise InputError(
+            raise StartError(
+                RefusalCause.OUTSIDE,
                 "start posture",
                 got=broken,
                 expected="a posture within the limits",

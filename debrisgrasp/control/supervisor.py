@@ -20,6 +20,7 @@ from .faults import Fault, Stop
 from .loads import LoadModel
 from .posture import PostureKinematics
 from .readings import Reading, SafetyConfig, SafetyState, Verdict
+from .refusals import RefusalCause, StartError
 
 __all__ = ["Supervisor", "require_sensor_range"]
 
@@ -112,7 +113,9 @@ class Supervisor:
         Raises
         ------
         InputError
-            If the first reading is not finite, or its wrench is too old.
+            If the first reading is not finite.
+        StartError
+            If its wrench is too old.
         """
         q, raw = floats_of(reading.q), floats_of(reading.wrench_ft)
         is_whole = len(q) == self._kinematics.n_joints and len(raw) == 6
@@ -125,7 +128,8 @@ class Supervisor:
                 mend="See why the driver sends none; nothing is moved without.",
             )
         if not abs(reading.time - reading.wrench_time) <= self.config.hold_after:
-            raise InputError(
+            raise StartError(
+                RefusalCause.STALE,
                 "age of the first wrench [s]",
                 got=reading.time - reading.wrench_time,
                 expected=f"at most {self.config.hold_after:g}",

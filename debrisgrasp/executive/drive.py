@@ -20,6 +20,7 @@ from debrisgrasp.control import (
     LegOutcome,
     LegState,
     Reading,
+    RefusalCause,
     SafetyState,
     ServoConfig,
     Supervisor,
@@ -32,7 +33,7 @@ from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .along import taken_along
 from .felt import feel_out
-from .noticed import OUTSIDE, misplaced, refused
+from .noticed import OUTSIDE, cant_start, misplaced, refused
 from .pacing import broken_by, careful, moving_points, paced
 from .result import FaultFound, LegEnd
 from .senses import SAFETY, Senses
@@ -323,9 +324,9 @@ class Drive(Senses):
             )
             engagement = controller.engage(reading._replace(q=q))
         except InputError as error:
-            return refused(str(error), reading, limb.name)
+            return cant_start(error, reading, limb.name)
         if engagement.state is None:
-            return refused("; ".join(engagement.refusals), reading, limb.name)
+            return refused(engagement.refusals, reading, limb.name)
         return controller, engagement.state
 
     def _send(self, q: Sequence[float]) -> None:
@@ -371,7 +372,7 @@ def _slow_enough(
     for _ in range(4):
         found = begin(speed)
         if isinstance(found, FaultFound):
-            if "brake" not in found.message:
+            if RefusalCause.BRAKING not in found.refused_for:
                 break
             speed *= 0.5
             continue

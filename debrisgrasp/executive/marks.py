@@ -178,7 +178,9 @@ class Marks:
         is_tried = mark.tries >= tries and mark.n_changes >= n_changes
         if not (mark.is_heavy or is_tried or mark.is_sought(n_changes)):
             return ""
-        counts = [(mark.tries, "tries"), (mark.searches, "searches")]
-        words = ", ".join(f"{n} {what} in vain" for n, what in counts if n)
+        tried = "1 try" if mark.tries == 1 else f"{mark.tries} tries"
+        sought = "1 search" if mark.searches == 1 else f"{mark.searches} searches"
+        counts = [(mark.tries, tried), (mark.searches, sought)]
+        words = ", ".join(f"{what} in vain" for n, what in counts if n)
         stays = f"; not pushed aside: {mark.why_stays}" if mark.n_stayed else ""
         return f"{mark.reason} ({words}){stays}"

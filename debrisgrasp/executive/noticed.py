@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import arm_called
-from debrisgrasp.control import Fault, Reading, Stop
+from debrisgrasp.control import (
+    Fault,
+    Reading,
+    Refusal,
+    RefusalCause,
+    StartError,
+    Stop,
+)
+from debrisgrasp.errors import InputError
 from debrisgrasp.kinematics import LimitSet
 
 from .result import FaultFound
 from .states import State
 
-__all__ = ["OUTSIDE", "fault_of_stop", "misplaced", "refused"]
+__all__ = ["OUTSIDE", "cant_start", "fault_of_stop", "misplaced", "refused"]
 
 _NAMES = {
     Fault.WRENCH_FROZEN: "wrench_frozen",
@@ -25,6 +35,14 @@ _NAMES = {
     Fault.COMMAND_INVALID: "encoder_jump",
     Fault.OSCILLATION: "oscillation",
 }
+_REFUSED = {
+    RefusalCause.STALE: "clock_disorder",
+    RefusalCause.OUTSIDE: "start_outside_limits",
+    RefusalCause.SATURATED: "sensor_saturated",
+    RefusalCause.BIAS: "bias_drift",
+    RefusalCause.LOADED: "ratchet",
+}
+"""Of several causes the first counts; of others, no more is known."""
 OUTSIDE = 1e-3
 """So far outside its limits a joint may read [rad or m]."""
 _TURN = 2.0 * np.pi
@@ -76,24 +94,31 @@ def misplaced(q: FloatArray, limits: LimitSet, arm: str) -> FaultFound | None:
     return FaultFound("start_outside_limits", broken, arm) if broken else None
 
 
-def refused(words: str, reading: Reading, arm: str) -> FaultFound:
+def cant_start(error: InputError, reading: Reading, arm: str) -> FaultFound:
+    """Name why there is no state to begin a motion with."""
+    name = "controller_refuses"
+    if isinstance(error, StartError):
+        name = _REFUSED.get(error.cause, name)
+    return _misread(reading, arm) or FaultFound(name, str(error), arm)
+
+
+def refused(refusals: Sequence[Refusal], reading: Reading, arm: str) -> FaultFound:
     """Name why a motion was refused before it began."""
+    causes = {refusal.cause for refusal in refusals}
+    names = (name for cause, name in _REFUSED.items() if cause in causes)
+    name, words = next(names, "controller_refuses"), "; ".join(map(str, refusals))
+    found = FaultFound(name, words, arm, refused_for=frozenset(causes))
+    return _misread(reading, arm) or found
+
+
+def _misread(reading: Reading, arm: str) -> FaultFound | None:
+    """Name what of a reading is no number."""
     q = np.asarray(reading.q, dtype=np.float64)
     wrench = np.asarray(reading.wrench_ft, dtype=np.float64)
     if not np.isfinite(wrench).all():
-        name, words = "wrench_nan", f"the wrist of the {arm_called(arm)} reads {wrench}"
-    elif not np.isfinite(q).all():
-        name, words = "encoder_jump", f"the joints of the {arm_called(arm)} read {q}"
-    elif Fault.WRENCH_SATURATED.value in words:
-        name = "sensor_saturated"
-    elif "age of the first wrench" in words:
-        name = "clock_disorder"
-    elif "start posture" in words or "outside" in words:
-        name = "start_outside_limits"
-    elif "baseline" in words:
-        name = "bias_drift"
-    elif "already" in words:
-        name = "ratchet"
-    else:
-        name = "controller_refuses"
-    return FaultFound(name, words, arm)
+        words = f"the wrist of the {arm_called(arm)} reads {wrench}"
+        return FaultFound("wrench_nan", words, arm)
+    if not np.isfinite(q).all():
+        words = f"the joints of the {arm_called(arm)} read {q}"
+        return FaultFound("encoder_jump", words, arm)
+    return None

@@ -12,6 +12,7 @@ from debrisgrasp.control import (
     BaselineLook,
     BiasBound,
     LoadModel,
+    RefusalCause,
     felt_weight,
     judge_baseline,
 )
@@ -129,14 +130,13 @@ def _baseline(context: Context, limb: LimbState) -> FloatArray | FaultFound:
     verdict = judge_baseline(
         looks, limb.loads, limb.commissioned_bias, age=age, drift=BiasBound()
     )
-    words = "; ".join(verdict.refusals)
     if verdict.bias is None:
-        is_drift = "jump since" in words or "shift since" in words
-        name = (
-            "bias_drift"
-            if is_drift and "differ by" not in words
-            else ("baseline_contact")
+        causes = {refusal.cause for refusal in verdict.refusals}
+        has_drifted = (
+            RefusalCause.SHIFTED in causes and RefusalCause.TOUCHED not in causes
         )
+        name = "bias_drift" if has_drifted else "baseline_contact"
+        words = "; ".join(map(str, verdict.refusals))
         return FaultFound(name, words, limb.name)
     limb.loads = limb.loads.with_bias(verdict.bias)
     limb.baseline_time = context.now()

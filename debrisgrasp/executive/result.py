@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from debrisgrasp.control import LegOutcome
+from debrisgrasp.control import LegOutcome, RefusalCause
 
 from .states import State
 
@@ -33,6 +33,8 @@ class FaultFound:
     arm: str | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     """Evidence in SI units, by name."""
+    refused_for: frozenset[RefusalCause] = frozenset()
+    """What stood in the way of a motion that control refused."""
 
 
 class FaultRaised(Exception):

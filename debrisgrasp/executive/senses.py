@@ -25,7 +25,7 @@ from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.errors import InputError
 
 from .context import FINGER_TICKS, Context, Held
-from .noticed import fault_of_stop, refused
+from .noticed import cant_start, fault_of_stop
 from .result import FaultFound
 from .states import State
 
@@ -261,7 +261,7 @@ class Senses:
         try:
             return supervisor, supervisor.start(reading)
         except InputError as error:
-            return supervisor, refused(str(error), reading, limb.name)
+            return supervisor, cant_start(error, reading, limb.name)
 
     def ticked(
         self,

@@ -157,7 +157,8 @@ def viewpoint_doubt(plane: FloatArray, viewpoint: FloatArray) -> str:
     height = float(plane[:3] @ viewpoint + plane[3])
     if height > _LOWEST_VIEW:
         return ""
+    side = "above" if height >= 0.0 else "below"
     return (
-        f"the sensor would be {height:.2f} m above the ground that it sees; check "
-        "the viewpoint (of a cloud: in the frame of its points) and T_base_camera"
+        f"the sensor would be {abs(height):.2f} m {side} the ground that it sees; "
+        "check the viewpoint (of a cloud: in the frame of its points) and T_base_camera"
     )

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -164,6 +164,21 @@ def test_a_worker_killed_from_outside_costs_no_run(tmp_path, marks):
     assert killed
     assert [record.outcome for record in records] == ["success"] * 6
     assert len(begun(marks)) > 6
+
+
+def slept(seconds, mark):
+    time.sleep(seconds)
+    mark.touch()
+
+
+def test_what_runs_beside_a_worker_that_died_is_ended(tmp_path):
+    ended = tmp_path / "ended"
+    with LocalWorkers(2).open() as crew:
+        beside = crew.executor.submit(slept, 20.0, ended)
+        crew.executor.submit(os._exit, 9)
+        with pytest.raises(BrokenExecutor):
+            beside.result()
+    assert not ended.exists()
 
 
 SCRIPT = """

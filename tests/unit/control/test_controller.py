@@ -15,6 +15,7 @@ from debrisgrasp.control import (
     DeflectionMode,
     LegOutcome,
     LoadModel,
+    RefusalCause,
     TarePolicy,
     TaskFrame,
     contact_gain,
@@ -165,7 +166,7 @@ def test_too_much_compliance_is_refused_with_the_numbers():
     engagement = _engaged(Rig(Compliance.diagonal(1e-3, 0.0), config=stiff))
     assert not engagement.is_engaged
     for number in ("0.001 m/N", "1e+05 N/m", "100", "3.57", "7.68", "3.57e-05"):
-        assert number in engagement.refusals[0]
+        assert number in engagement.refusals[0].words
 
 
 def test_unknown_contact_and_arm_allow_a_tenth_of_a_millimetre_per_newton():
@@ -183,8 +184,9 @@ def test_a_lever_and_a_held_mass_count():
     far = ControllerConfig(contact=Contact(stiffness=3e4, lever=(0.0, 0.0, 0.5)))
     heavy = ControllerConfig(contact=Contact(stiffness=1e3, mass=40.0))
     assert _engaged(Rig(soft, config=near)).is_engaged
-    assert "7.8" in _engaged(Rig(soft, config=far)).refusals[0]
-    refused = _engaged(Rig(Compliance.diagonal(1e-3, 0.0), config=heavy)).refusals
+    assert "7.8" in _engaged(Rig(soft, config=far)).refusals[0].words
+    swinging = _engaged(Rig(Compliance.diagonal(1e-3, 0.0), config=heavy))
+    refused = [refusal.words for refusal in swinging.refusals]
     assert "40 kg" in refused[0]
 
 
@@ -319,7 +321,9 @@ def test_a_guarded_approach_that_is_too_fast_is_refused():
 def test_a_guarded_approach_that_brakes_too_slowly_is_refused():
     guard = ContactGuard(stiffness=1e4)
     fast = Rig(guard=guard, config=ControllerConfig(speed=0.1))
-    assert "brake" in _engaged(fast).refusals[0]
+    (refusal,) = _engaged(fast).refusals
+    assert refusal.cause is RefusalCause.BRAKING
+    assert "brake" in refusal.words
     patient = ContactGuard(stiffness=1e4, reaction_time=0.2)
     slow = Rig(guard=patient, config=ControllerConfig(speed=0.04))
     assert _engaged(slow).is_engaged

@@ -13,6 +13,7 @@ from debrisgrasp.control import (
     Fault,
     LegOutcome,
     LoadModel,
+    RefusalCause,
     SafetyConfig,
     TarePolicy,
 )
@@ -32,7 +33,8 @@ def test_a_hand_that_is_turned_does_not_engage(axis, angle):
     rig.controller.leg = CartesianLeg.along(turned, [0.0, 0.0, 0.1])
     found = rig.controller.engage(rig.reading(0, rig.q_start, np.zeros(6)))
     assert not found.is_engaged
-    assert f"{angle:.3f} rad from the start" in found.refusals[0]
+    assert found.refusals[0].cause is RefusalCause.ELSEWHERE
+    assert f"{angle:.3f} rad from the start" in found.refusals[0].words
 
 
 @pytest.mark.parametrize("tare", TarePolicy)
@@ -76,8 +78,9 @@ def test_a_sensor_at_the_end_of_its_range_does_not_engage():
     rig = Rig(loads=loads)
     found = rig.controller.engage(rig.reading(0, rig.q_start, wrench(0, 0, -70)))
     assert not found.is_engaged
-    assert "end of its range" in found.refusals[0]
-    assert "of 50 N" in found.refusals[0]
+    assert found.refusals[0].cause is RefusalCause.SATURATED
+    assert "end of its range" in found.refusals[0].words
+    assert "of 50 N" in found.refusals[0].words
 
 
 def test_a_sensor_that_ends_below_the_limit_stops_the_arm_at_its_end():

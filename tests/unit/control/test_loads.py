@@ -12,6 +12,7 @@ from debrisgrasp.control import (
     BaselineLook,
     Body,
     LoadModel,
+    RefusalCause,
     identify_tool,
     judge_baseline,
     reference_wrench,
@@ -124,24 +125,25 @@ def test_a_baseline_in_free_space_is_taken():
 def test_a_look_that_proves_nothing_is_refused(changed, words):
     verdict = judged(look(np.eye(3), **changed), look(TILTED))
     assert not verdict.is_accepted
-    assert any(words in refusal for refusal in verdict.refusals)
+    assert any(words in refusal.words for refusal in verdict.refusals)
 
 
 def test_contact_that_one_pose_cannot_see_is_found_by_two():
     force = (0.0, 15.0, 0.0)
     pair = look(np.eye(3), contact=force), look(TILTED, contact=force)
     verdict = judged(*pair, age=1e5)
-    assert any("touches or holds" in refusal for refusal in verdict.refusals)
+    assert RefusalCause.TOUCHED in {refusal.cause for refusal in verdict.refusals}
     alike = judged(pair[0], pair[0], age=1e5)
-    assert any("degrees apart" in refusal for refusal in alike.refusals)
+    assert any("degrees apart" in refusal.words for refusal in alike.refusals)
 
 
 def test_a_bias_that_moved_too_fast_or_too_far_is_refused():
     shifted = look(np.eye(3), shift=4.0), look(TILTED, shift=4.0)
-    assert "jump" in judged(*shifted, age=60.0).refusals[0]
+    (refusal,) = judged(*shifted, age=60.0).refusals
+    assert (refusal.cause, refusal.words[:4]) == (RefusalCause.SHIFTED, "jump")
     assert judged(*shifted, age=3600.0).is_accepted
     crept = judged(*shifted, age=3600.0, commissioned=BIAS - 63.0)
-    assert any("since commissioning" in refusal for refusal in crept.refusals)
+    assert any("since commissioning" in refusal.words for refusal in crept.refusals)
 
 
 def test_a_bias_may_use_up_a_tenth_of_the_sensors_own_range():
@@ -149,8 +151,8 @@ def test_a_bias_may_use_up_a_tenth_of_the_sensors_own_range():
     small = replace(LOADS, sensor_range=(100.0, 60.0))
     before = BIAS - np.repeat([13.0, 0.0], 3)
     verdict = judge_baseline(looks, small, before, age=600.0)
-    assert "since commissioning of 13" in verdict.refusals[0]
-    assert "at most 10" in verdict.refusals[0]
+    assert "since commissioning of 13" in verdict.refusals[0].words
+    assert "at most 10" in verdict.refusals[0].words
     assert judge_baseline(looks, LOADS, before, age=600.0).is_accepted
 
 
@@ -158,7 +160,7 @@ def test_noise_beyond_twice_the_usual_is_refused(rng):
     noisy = look(np.eye(3))
     noisy = look(np.eye(3), raw=noisy.raw + rng.normal(0, 1.0, noisy.raw.shape))
     verdict = judged(noisy, look(TILTED))
-    assert any("noise of" in refusal for refusal in verdict.refusals)
+    assert any("noise of" in refusal.words for refusal in verdict.refusals)
 
 
 def test_a_baseline_needs_looks():

@@ -15,6 +15,7 @@ from debrisgrasp.control import (
     LegOutcome,
     LoadModel,
     Reading,
+    RefusalCause,
     SafetyConfig,
     TarePolicy,
 )
@@ -199,7 +200,8 @@ def test_repeated_motions_cannot_add_up_beyond_the_limit():
         )
         if not engagement.is_engaged:
             refused = True
-            assert "60 %" in engagement.refusals[0]
+            assert engagement.refusals[0].cause is RefusalCause.LOADED
+            assert "60 %" in engagement.refusals[0].words
             break
         loads = [wrench(0, 0, -held - 0.5 * k) for k in range(100)]
         _, seen = pushed(rig, loads, state=engagement.state)
@@ -259,7 +261,8 @@ def test_an_old_baseline_forbids_forceful_motion():
     rig = Rig(SOFT, baseline_time=-7 * 3600.0)
     engagement = rig.controller.engage(rig.reading(0, rig.q_start, (0.0,) * 6))
     assert not engagement.is_engaged
-    assert "new baseline" in engagement.refusals[0]
+    assert engagement.refusals[0].cause is RefusalCause.BIAS
+    assert "new baseline" in engagement.refusals[0].words
     with pytest.raises(InputError, match="new baseline"):
         engagement.require()
 
@@ -269,7 +272,7 @@ def test_engagement_is_refused_away_from_the_leg():
     q = np.array(rig.q_start)
     q[2] += 0.03
     engagement = rig.controller.engage(rig.reading(0, q, (0.0,) * 6))
-    assert "from the start of the leg" in engagement.refusals[0]
+    assert "from the start of the leg" in engagement.refusals[0].words
 
 
 def test_a_first_reading_must_be_whole_and_recent():

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from debrisgrasp.control import Fault, Reading, Stop
-from debrisgrasp.errors import UnknownNameError
+from debrisgrasp.control import (
+    Fault,
+    Reading,
+    Refusal,
+    RefusalCause,
+    StartError,
+    Stop,
+)
+from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.executive import FAULTS, STAGES, Action, State
-from debrisgrasp.executive.noticed import fault_of_stop, refused
+from debrisgrasp.executive.noticed import cant_start, fault_of_stop, refused
 from debrisgrasp.executive.table import ANSWERS, FOLLOWING, HOLDING, answer_to
 
+STILL = Reading(0.0, [0.0], [0.0] * 6, 0.0)
 GOING_ON = (Action.RETRY, Action.NEXT, Action.HOLD, Action.SKIP)
 
 
@@ -126,15 +135,39 @@ def test_a_lost_wrench_is_told_apart_by_what_was_read():
 
 
 @pytest.mark.parametrize(
-    ("words", "fault"),
+    ("causes", "fault"),
     [
-        ("the bias may be wrong: take a new baseline", "bias_drift"),
-        ("the force on the hand is 100 already", "ratchet"),
-        ("start posture: got 4, expected within", "start_outside_limits"),
-        ("the hand is 9 mm from the start of the leg", "controller_refuses"),
-        (f"{Fault.WRENCH_SATURATED.value}: 100 of 100 N", "sensor_saturated"),
+        ([RefusalCause.BIAS], "bias_drift"),
+        ([RefusalCause.LOADED], "ratchet"),
+        ([RefusalCause.ELSEWHERE], "controller_refuses"),
+        ([RefusalCause.BRAKING, RefusalCause.SATURATED], "sensor_saturated"),
     ],
 )
-def test_a_refused_motion_is_named_by_its_reason(words, fault):
-    reading = Reading(0.0, [0.0], [0.0] * 6, 0.0)
-    assert refused(words, reading, "right").fault == fault
+def test_a_refused_motion_is_named_by_its_causes(causes, fault):
+    refusals = [Refusal(cause, f"{cause.value} by 3") for cause in causes]
+    found = refused(refusals, STILL, "right")
+    assert found.fault == fault
+    assert found.refused_for == set(causes)
+    assert all(refusal.words in found.message for refusal in refusals)
+
+
+def test_a_motion_without_a_start_is_named_by_its_cause():
+    def fault_of(error):
+        return cant_start(error, STILL, "right").fault
+
+    def outside(cause):
+        return StartError(cause, "start posture", got=4, expected="less")
+
+    assert fault_of(outside(RefusalCause.OUTSIDE)) == "start_outside_limits"
+    assert fault_of(outside(RefusalCause.STALE)) == "clock_disorder"
+    other = InputError("leg", got="start posture outside", expected="another")
+    assert fault_of(other) == "controller_refuses"
+
+
+def test_readings_that_are_no_numbers_count_before_any_cause():
+    refusals = [Refusal(RefusalCause.BIAS, "the bias may be wrong")]
+    for reading, fault in (
+        (STILL._replace(wrench_ft=[np.nan] * 6), "wrench_nan"),
+        (STILL._replace(q=[np.inf]), "encoder_jump"),
+    ):
+        assert refused(refusals, reading, "right").fault == fault
