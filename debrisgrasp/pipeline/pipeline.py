@@ -358,6 +358,9 @@ class Pipeline:
             n_tried += 1
             best.take(first_look(target, best.worth_beating(target), rng), target)
         search_on()
+        if not best.is_found:
+            best.hope_for_anything()
+            search_on()
         return best
 
     def _unfit(self, seen: Perception, target: Target) -> str | None:

@@ -15,6 +15,10 @@ from .targets import Target
 
 __all__ = ["BestSoFar"]
 
+_HOPELESS = 0.005
+"""From below this score a search hardly comes to a chance: of 44 objects of 22 piles
+none came from there to more than 0.02."""
+
 _BEST = 0.95
 """Hardly any grasp scores higher: where even this would not do, none is sought."""
 
@@ -33,8 +37,12 @@ class _Look:
 
     @property
     def counts(self) -> bool:
-        """Whether there is a grasp, or may be one if the search goes on."""
-        return bool(self.result.grasps) or self.result.further is not None
+        """Whether there is a grasp, or may well be one if the search goes on."""
+        return bool(self.result.grasps) or self.may_come_to(_HOPELESS)
+
+    def may_come_to(self, least: float) -> bool:
+        """Whether the search can go on, and came to a score of so much at least."""
+        return self.result.further is not None and self.result.promise >= least
 
 
 class BestSoFar:
@@ -54,6 +62,7 @@ class BestSoFar:
         self._doubtful, self._further = doubtful, further
         self._looks: list[_Look] = []
         self._unfit: list[tuple[int, PassedOver]] = []
+        self._least_promise = _HOPELESS
 
     @property
     def tried(self) -> list[Target]:
@@ -136,6 +145,13 @@ class BestSoFar:
         """Whether there is no good grasp yet, and to search on may lead to one."""
         return self._next is not None
 
+    def hope_for_anything(self) -> None:
+        """From now on search on where that is hardly of use, too.
+
+        Before there is no grasp at all, of 47 scenes one in six has one after all.
+        """
+        self._least_promise = 0.0
+
     def search_on(self) -> None:
         """Search on where that promises most, if anywhere."""
         look = self._next
@@ -167,7 +183,8 @@ class BestSoFar:
     @property
     def _next(self) -> _Look | None:
         """Where to search on."""
-        looks = [look for look in self._looks if look.result.further is not None]
+        least = self._least_promise
+        looks = [look for look in self._looks if look.may_come_to(least)]
         look = max(looks, key=self._promise, default=None)
         if look is None or self._most >= SETTLED or self._promise(look) < self._most:
             return None

@@ -49,9 +49,6 @@ class Watch(Protocol):
 
 
 _FLOOR = 1e-3
-_HOPELESS = 0.005
-"""No search comes from below this score to a chance: of 44 objects of 22 piles none
-came from there to more than 0.02."""
 _CLIMB = 3.0
 """A refinement brings a pose no farther up than this [log-odds]."""
 _MISSED = 0.3
@@ -101,8 +98,8 @@ class SceneSearch:
 
     @property
     def is_over(self) -> bool:
-        """Whether to search on would be in vain, or has been tried."""
-        return len(self._tops) > 1 or not _HOPELESS <= self.promise < SETTLED
+        """Whether to search on is needless, or has been tried."""
+        return len(self._tops) > 1 or self.promise >= SETTLED
 
     def first(self, beyond: float, ledger: Ledger) -> Modes:
         """Find distinct poses whose Q-hat is high enough, best score first.

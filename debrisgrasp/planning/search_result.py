@@ -30,7 +30,7 @@ class SearchResult:
     """Best score that the search came to, whether or not an arm takes it."""
     further: Callable[[float], SearchResult] | None = None
     """Search on, given a score that a grasp must exceed to be of use; all that was
-    found counts again. None: that would be in vain."""
+    found counts again. None: that is needless, or was done."""
 
     def why_empty(self) -> str | None:
         """One sentence that says why there is no grasp, or None if there is one."""

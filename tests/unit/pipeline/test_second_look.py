@@ -150,6 +150,20 @@ def test_the_search_goes_on_where_it_promises_most():
     assert {passed.label for passed in best.passed_over} == {2, 3}
 
 
+def test_where_there_is_no_hope_the_search_goes_on_only_for_want_of_anything_else():
+    best = BestSoFar(0.25, 2)
+    best.take(promising(0.001, found(0.2)), target(1))
+    best.take(promising(0.1, SearchResult(())), target(2))
+    best.search_on()
+    assert not best.promises_more
+    assert not best.is_found
+    best.hope_for_anything()
+    assert best.promises_more
+    best.search_on()
+    assert (best.target.label, best.is_found) == (1, True)
+    assert not best.promises_more
+
+
 def test_a_doubtful_grasp_is_searched_on_before_it_is_offered():
     told = []
 
