@@ -179,6 +179,7 @@ def test_postures_are_chosen_into_a_file_to_be_filled_in(run, tmp_path, refused)
 def test_the_camera_sees_what_was_chosen_and_nothing_is_touched(rig, rng):
     view = View()
     plan = choose_postures(rig, 8, rng=rng)
+    assert len(plan.postures) == 8
     for posture in plan.postures:
         poses = rig.robot.link_poses(posture.joints)
         T_camera_led = poses[rig.camera].inverse() @ poses[LED]

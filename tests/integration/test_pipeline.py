@@ -277,6 +277,7 @@ def test_a_mass_beyond_every_arm_is_told_of_with_what_they_lift(dictionary):
 
 def test_joints_of_every_grasp_bring_the_palm_there(roman_result):
     robot = RobotModel.load("roman")
+    assert roman_result.plan.grasps
     for grasp in roman_result.plan.grasps:
         chain = robot.chain(grasp.arm)
         assert robot.arm(grasp.arm).gripper == grasp.gripper
@@ -294,6 +295,7 @@ def test_hands_stand_clear_with_the_object_between_the_fingers(fixture, request)
     points = result.cloud.points
     labels = result.segmentation.labels
     kept = voxel_downsample(points, 0.01)
+    assert result.plan.grasps
     for grasp in result.plan.grasps:
         hand = result.grippers[grasp.gripper]
         local = grasp.T_base_hand.inverse().apply(points[kept])
