@@ -55,7 +55,7 @@ def test_progress_of_a_search_never_goes_back(floating, pipe_capture):
 
 
 def test_what_is_hopeless_is_not_searched_on(floating, pipe_capture, monkeypatch):
-    monkeypatch.setattr("debrisgrasp.planning.scene_search._HOPELESS", 1.0)
+    monkeypatch.setattr("debrisgrasp.pipeline.second_look._HOPELESS", 1.0)
     stages = set()
     floating.plan(pipe_capture, mass=12.0, progress=lambda stage, _: stages.add(stage))
     assert "search" in stages
