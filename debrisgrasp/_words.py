@@ -31,9 +31,9 @@ def as_text(name: str) -> str:
     return name.encode(errors="replace").decode()
 
 
-def counted(n: int, noun: str) -> str:
-    """Write how many there are of something whose plural ends in s."""
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+def counted(n: int, noun: str, plural: str = "") -> str:
+    """Write how many there are of something; its plural ends in s if none is given."""
+    return f"{n} {noun}" if n == 1 else f"{n} {plural or noun + 's'}"
 
 
 def in_kilograms(*masses: float) -> str:

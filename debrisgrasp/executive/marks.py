@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._memo import Memo
+from debrisgrasp._words import counted
 from debrisgrasp.geometry import SE3
 from debrisgrasp.planning import Grasp
 
@@ -178,9 +179,7 @@ class Marks:
         is_tried = mark.tries >= tries and mark.n_changes >= n_changes
         if not (mark.is_heavy or is_tried or mark.is_sought(n_changes)):
             return ""
-        tried = "1 try" if mark.tries == 1 else f"{mark.tries} tries"
-        sought = "1 search" if mark.searches == 1 else f"{mark.searches} searches"
-        counts = [(mark.tries, tried), (mark.searches, sought)]
-        words = ", ".join(f"{what} in vain" for n, what in counts if n)
+        counts = [(mark.tries, "try", "tries"), (mark.searches, "search", "searches")]
+        words = ", ".join(f"{counted(*count)} in vain" for count in counts if count[0])
         stays = f"; not pushed aside: {mark.why_stays}" if mark.n_stayed else ""
         return f"{mark.reason} ({words}){stays}"
