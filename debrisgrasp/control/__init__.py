@@ -8,7 +8,7 @@ from .compliance import Compliance, DeflectionMode, TaskFrame
 from .contact import ContactGuard
 from .controller import LegController
 from .faults import Fault, FaultClass, Stop
-from .filters import WrenchFilter, reference_wrench
+from .filters import REFERENCE_SAMPLES, WrenchFilter, reference_wrench
 from .grip import (
     FingerReading,
     GripCommand,
@@ -52,6 +52,7 @@ from .stability import (
 from .supervisor import Supervisor, require_sensor_range
 
 __all__ = [
+    "REFERENCE_SAMPLES",
     "ArmResponse",
     "BaselineConfig",
     "BaselineLook",

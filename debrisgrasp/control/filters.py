@@ -13,12 +13,13 @@ from debrisgrasp.errors import InputError, ShapeError
 
 from ._rigid import Wrench
 
-__all__ = ["ZERO_WRENCH", "WrenchFilter", "reference_wrench"]
+__all__ = ["REFERENCE_SAMPLES", "ZERO_WRENCH", "WrenchFilter", "reference_wrench"]
 
 ZERO_WRENCH: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """State of the filter at every engagement."""
 
-_LEAST_SAMPLES = 50
+REFERENCE_SAMPLES = 50
+"""Fewer are no reference."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +80,8 @@ def reference_wrench(
     Parameters
     ----------
     loads
-        Unfiltered loads at the hand [N, N m], shape (n, 6), n at least 50.
+        Unfiltered loads at the hand [N, N m], shape (n, 6), n at least
+        `REFERENCE_SAMPLES`.
     max_sigma_force, max_sigma_torque
         More scatter than this along an axis means that something still moves.
 
@@ -94,11 +96,11 @@ def reference_wrench(
     if loads.ndim != 2 or loads.shape[1] != 6:
         raise ShapeError("loads", got=loads.shape, expected="(n, 6)")
     require_finite(loads, "loads")
-    if len(loads) < _LEAST_SAMPLES:
+    if len(loads) < REFERENCE_SAMPLES:
         raise InputError(
             "samples for a reference",
             got=len(loads),
-            expected=f"at least {_LEAST_SAMPLES}",
+            expected=f"at least {REFERENCE_SAMPLES}",
         )
     sigma = loads.std(axis=0)
     for name, have, most in (

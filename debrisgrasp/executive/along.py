@@ -18,8 +18,8 @@ _IN_A_ROW = 2
 """So many times in a row it must bear more: one sample may be wrong."""
 _PRESSED = 25.0
 """With so much on it a hand that should be empty touches something [N]."""
-_SILENT = 10
-"""So many samples without a number tell nothing of what it meets."""
+_SILENT = 0.04
+"""For so long without a number nobody knows what it meets [s]."""
 
 
 class Along:
@@ -35,6 +35,7 @@ class Along:
         self._force = min(most_force, limits.force)
         self._torque = min(most_torque, limits.torque)
         self._n_met = self._n_silent = 0
+        self._most_silent = round(_SILENT / senses.period)
 
     def _bears(self) -> tuple[float, float]:
         """Force and torque on the hand [N, N m]; NaN if the sensor tells none."""
@@ -55,7 +56,7 @@ class Along:
         if limb.doubt is not None:
             return limb.doubt
         self._n_silent = self._n_silent + 1 if isnan(force) else 0
-        if self._n_silent >= _SILENT:
+        if self._n_silent >= self._most_silent:
             words = "the sensor of an arm that is taken along tells no numbers"
             return FaultFound("wrench_nan", words, limb.name)
         is_met = force > self._force or torque > self._torque

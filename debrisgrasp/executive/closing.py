@@ -17,7 +17,7 @@ from debrisgrasp.control import (
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.pipeline import GraspMotion
 
-from .context import FINGER_TICKS, Context, Held, LimbState
+from .context import Context, Held, LimbState
 from .drive import Drive
 from .dropoff import object_in_hand
 from .fingers import run_grip
@@ -55,8 +55,10 @@ _SLACK = 4.0
 """Beyond the time that this takes, a finger that has met nothing is jammed [s]."""
 _RAMP, _SETTLING = 32, 8
 """Steps in which the force of the fingers grows, and settles ..."""
+_FEELING = 0.016
+"""... each of which is felt for so long [s] ..."""
 _STEP = 3e-4
-"""... each of which closes them by so much at most [m]: where all of them push the hand
+"""... and closes them by so much at most [m]: where all of them push the hand
 off, what the wrist bears must not grow faster than it is felt ..."""
 _WAITS = 60
 """... and at most so many in which it waits for the fingers on the other side ..."""
@@ -199,7 +201,7 @@ def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
         _, command = held.grip.step(first, fingers)
         goals = zip(command.openings, fingers.openings, strict=True)
         drive.send_fingers([max(x, y - _STEP) for x, y in goals], force)
-        stood = drive.stand(4 * context.settings.period)
+        stood = drive.stand(_FEELING)
         if isinstance(stood, FaultFound):
             return stood
         if hypot(*drive.load[:3]) > _PUSHED:
@@ -291,6 +293,6 @@ def _grip_of(context: Context, limb: LimbState, motion: GraspMotion) -> Held:
     return Held(
         arm=motion.arm,
         grip=grip,
-        watch=GripController(config(FINGER_TICKS * period)),
+        watch=GripController(config(context.settings.finger_ticks * period)),
         state=grip.preshape(),
     )

@@ -40,11 +40,7 @@ if TYPE_CHECKING:
 
     from .triage import Triage
 
-__all__ = ["FINGER_TICKS", "Context", "Cycle", "Held", "LimbState", "Recorder"]
-
-FINGER_TICKS = 10
-"""Periods between two looks at the fingers while the arm moves."""
-
+__all__ = ["Context", "Cycle", "Held", "LimbState", "Recorder"]
 
 _APART = 0.15
 """Postures of a way that are nearer to each other count as one [rad or m]."""
@@ -156,7 +152,7 @@ class Held:
     grip: GripController
     """Ticked at every period, while the arm stands."""
     watch: GripController
-    """The same, ticked every `FINGER_TICKS`, while it moves."""
+    """The same, ticked every `TaskSettings.finger_ticks`, while it moves."""
     state: GripState
     begun: FloatArray | None = None
     """Where the hand was when it began to lift, base frame [m], shape (3,)."""
@@ -272,8 +268,8 @@ class Context:
     camera_watch: DriftMonitor | None = None
     """Looks at the hand so far; None: none yet."""
     trace: list[tuple[float, float, float]] = field(default_factory=list)
-    """Since the state began, of every `FINGER_TICKS` the time of the first [s], and the
-    largest force and torque at the hand [N, N m]."""
+    """Since the state began, of every `TaskSettings.finger_ticks` the time of the first
+    [s], and the largest force and torque at the hand [N, N m]."""
     left: dict[str, str] = field(default_factory=dict)
     """Objects that stay, and why, by the last look."""
 

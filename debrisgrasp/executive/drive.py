@@ -95,15 +95,22 @@ class Drive(Senses):
         return None
 
     def stand(
-        self, seconds: float, until: Callable[[Wrench], bool] | None = None
+        self,
+        seconds: float,
+        until: Callable[[Wrench], bool] | None = None,
+        *,
+        at_least: int = 1,
     ) -> list[Reading] | FaultFound:
-        """Stand, and return all readings; ``until`` ends it by the load."""
+        """Stand, and return all readings, ``at_least`` so many.
+
+        ``until`` ends it by the load.
+        """
         supervisor, begun = self.supervised()
         if isinstance(begun, FaultFound):
             return begun
         state, q = begun, tuple(np.asarray(begun.q).tolist())
         readings = []
-        for _ in range(int(np.ceil(seconds / self.period))):
+        for _ in range(max(int(np.ceil(seconds / self.period - 1e-9)), at_least)):
             # Without a command an arm holds by itself.
             fault, state, reading = self.ticked(supervisor, state, q, is_moving=False)
             if fault is not None:

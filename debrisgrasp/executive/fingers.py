@@ -10,7 +10,7 @@ import numpy as np
 
 from debrisgrasp.control import GripPhase
 
-from .context import FINGER_TICKS, Held
+from .context import Held
 from .drive import Drive
 from .result import FaultFound
 
@@ -55,7 +55,7 @@ class _Pressed:
     def moved(self, openings: tuple[float, ...], force: float) -> FaultFound | None:
         """Send the fingers somewhere [m], and measure it a little later."""
         self._drive.send_fingers(openings, force)
-        self._drive.context.wait(FINGER_TICKS * self._drive.period)
+        self._drive.context.wait(self._drive.finger_period)
         self.force()
         return self.fault
 
@@ -146,7 +146,7 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
     goals = tuple(max(x, most) for x in before)
     end, last, since = drive.clock.now() + 8.0, before, drive.clock.now()
     sent = before
-    step = _LOOSENING * FINGER_TICKS * drive.period
+    step = _LOOSENING * drive.finger_period
     pressed = _Pressed(drive)
     most_force = max(_PRESSED * drive.limits.force, pressed.force() + _MORE)
     while drive.clock.now() < end:
@@ -158,7 +158,7 @@ def loosen(drive: Drive, most: float) -> FaultFound | None:
             for i, (x, was_sent, goal) in enumerate(zip(last, sent, goals, strict=True))
         )
         drive.send_fingers(sent, _OPENING_FORCE)
-        drive.context.wait(FINGER_TICKS * drive.period)
+        drive.context.wait(drive.finger_period)
         now = gripper.read().openings
         force = pressed.force()
         if pressed.fault is not None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import (
+    REFERENCE_SAMPLES,
     ContactGuard,
     LegOutcome,
     SafetyConfig,
@@ -92,7 +93,7 @@ def switch(context: Context) -> StepResult:
     if fault is not None:
         return fault
     before = context.posture(limb)
-    readings = drive.stand(STANDING)
+    readings = drive.stand(STANDING, at_least=REFERENCE_SAMPLES)
     if isinstance(readings, FaultFound):
         return readings
     moved = float(np.abs(context.posture(limb) - before).max())

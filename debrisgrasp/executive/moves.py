@@ -234,7 +234,7 @@ def lowering_speed(drive: Drive, load: FloatArray) -> float:
     held = drive.context.held
     points = np.zeros((0, 3)) if held is None else held.points_hand
     reach = float(np.linalg.norm(points, axis=1).max(initial=0.0))
-    speed = lying_speed(_most(drive).torque - hypot(*load[3:]), reach)
+    speed = lying_speed(_most(drive).torque - hypot(*load[3:]), reach, drive.period)
     return max(min(drive.context.settings.lift_speed, speed), _SLOWEST)
 
 

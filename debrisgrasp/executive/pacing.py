@@ -48,12 +48,14 @@ _STIFFNESS = 3e4
 """Of an arm whose hand meets the hardest thing [N/m]."""
 _TURN_STIFFNESS = 1e4
 """Of an arm against a turn of its hand: far beside it a touch is softer [N m/rad]."""
-_FELT_AFTER = 0.02
-"""From a touch until the arm begins to brake [s]: the lag of the sensor, the median of
+_SENSOR_LAG = 0.012
+"""[s]."""
+_FELT_AFTER = 2
+"""Periods from when a touch is measured until the arm begins to brake: the median of
 three samples, and a tick."""
-_LIES_AFTER = 0.1
-"""Until an arm stands that felt the weight on its hand fall: that lag, the mean of five
-readings, and its brakes, in which what is held swings on [s]."""
+_BORNE_AFTER, _SWINGS_ON = 5, 0.06
+"""Readings whose mean tells that the weight on a hand fell; and until the arm stands
+then, in which what is held swings on [s]."""
 _LEAST = 0.02
 """Of the pace."""
 _MOST_POINTS = 400
@@ -208,7 +210,11 @@ def moving_points(context: Context, limb: LimbState) -> FloatArray:
 
 
 def met_safely(
-    speed: FloatArray, braking: FloatArray, room: tuple[float, float], reach: float
+    speed: FloatArray,
+    braking: FloatArray,
+    room: tuple[float, float],
+    reach: float,
+    period: float,
 ) -> FloatArray:
     r"""Paces at which a touch that nobody foresaw stays below the limits, (n,).
 
@@ -227,18 +233,25 @@ def met_safely(
         Force and torque left between where a touch is felt and the limit [N, N m].
     reach
         Farthest point from the origin of the hand [m].
+    period
+        Of the control loop [s].
     """
     force, torque = max(room[0], 0.0), max(room[1], 0.0)
     # The lever at which a torque grows fastest with the way.
     lever = min(max(reach, 1e-3), sqrt(_TURN_STIFFNESS / _STIFFNESS))
     give = 1.0 / (_STIFFNESS * lever) + lever / _TURN_STIFFNESS
     depth = min(force / _STIFFNESS, torque * give)
-    reacting, stopping = speed * _FELT_AFTER, speed * braking
+    reacting, stopping = speed * _felt_after(period), speed * braking
     root = np.sqrt(reacting**2 + 2.0 * stopping * depth)
     return np.asarray(2.0 * depth / np.maximum(reacting + root, 1e-12))
 
 
-def lying_speed(room: float, reach: float) -> float:
+def _felt_after(period: float) -> float:
+    """From a touch until the arm begins to brake [s]."""
+    return _SENSOR_LAG + _FELT_AFTER * period
+
+
+def lying_speed(room: float, reach: float, period: float) -> float:
     """Speed at which the far end of what is held may come to lie on something [m/s].
 
     By the time that its weight is felt to be borne, and the drives have braked, the
@@ -250,8 +263,11 @@ def lying_speed(room: float, reach: float) -> float:
         Torque left up to the limit [N m].
     reach
         Farthest point of it from the origin of the hand [m].
+    period
+        Of the control loop [s].
     """
-    return max(room, 0.0) / (_STIFFNESS * max(reach, 1e-3) * _LIES_AFTER)
+    after = _felt_after(period) + _BORNE_AFTER * period + _SWINGS_ON
+    return max(room, 0.0) / (_STIFFNESS * max(reach, 1e-3) * after)
 
 
 def careful(
@@ -288,7 +304,7 @@ def careful(
     speed = np.maximum(speed, 1e-9)
     braking = (np.abs(rates) / limb.limits.planner.acceleration).max(axis=1)
     reach = float(np.linalg.norm(points, axis=1).max())
-    paces = met_safely(speed, braking, room, reach)
+    paces = met_safely(speed, braking, room, reach, context.settings.period)
     slow = np.where(_is_near(context, where), context.settings.lift_speed / speed, pace)
     return np.asarray(np.clip(np.minimum(paces, slow), _LEAST, pace))
 

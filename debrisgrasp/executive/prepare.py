@@ -34,6 +34,8 @@ from .result import Done, FaultFound, StepResult
 
 __all__ = ["self_test"]
 
+_WAITS = 9
+"""By so many the period of the loop is measured."""
 _LOOK = 1.02
 """Duration of a look at free space [s]; the sensor's noise is judged over it."""
 _TURN = np.pi / 2
@@ -51,6 +53,8 @@ def self_test(context: Context) -> StepResult:
     odd = nonsense(context)
     if odd is not None:
         return odd
+    if fault := _out_of_step(context):
+        return fault
     for limb in context.limbs.values():
         fault = _limits(limb) or _gripper(context, limb)
         if fault is not None:
@@ -69,6 +73,20 @@ def self_test(context: Context) -> StepResult:
             "drop_off": list(context.settings.drop_off[limb.name]),
         }
     return Done(facts)
+
+
+def _out_of_step(context: Context) -> FaultFound | None:
+    """See that the robot takes a period for what the loop takes for one."""
+    period, times = context.settings.period, [context.now()]
+    for _ in range(_WAITS):
+        context.wait(period)
+        times.append(context.now())
+    taken = float(np.median(np.diff(times)))
+    if taken <= 1.5 * period:
+        return None
+    words = f"a wait of {1e3 * period:g} ms takes {1e3 * taken:.3g} ms: set "
+    words += "TaskSettings.period to the period of the robot's loop"
+    return FaultFound("clock_disorder", words)
 
 
 def _limits(limb: LimbState) -> FaultFound | None:

@@ -24,7 +24,7 @@ from debrisgrasp.control import (
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.errors import InputError
 
-from .context import FINGER_TICKS, Context, Held
+from .context import Context, Held
 from .noticed import cant_start, fault_of_stop
 from .result import FaultFound
 from .states import State
@@ -58,6 +58,9 @@ class Senses:
         self.devices = self.limb.limb
         self.clock = context.robot.clock
         self.period = context.settings.period
+        self._finger_ticks = context.settings.finger_ticks
+        self.finger_period = self._finger_ticks * self.period
+        """Between two looks at the fingers while the arm moves [s]."""
         self._tick = 0
         self._loaded: LoadModel | None = None
         self.limits = self.limb.limits.controller.scaled(
@@ -149,7 +152,7 @@ class Senses:
         held = self.context.held
         if held is None or held.arm != self.limb.name or not held.is_watched:
             return None
-        if self._tick % FINGER_TICKS:
+        if self._tick % self._finger_ticks:
             return None
         fingers = self.fingers()
         carried = self.carried(load) if held.is_lifted else None
@@ -296,7 +299,7 @@ class Senses:
         cycle.peak_force = max(cycle.peak_force, force)
         cycle.peak_torque = max(cycle.peak_torque, torque)
         trace = self.context.trace
-        if not trace or not self._tick % FINGER_TICKS:
+        if not trace or not self._tick % self._finger_ticks:
             trace.append((time, force, torque))
         elif force > trace[-1][1] or torque > trace[-1][2]:
             begun, *most = trace[-1]  # what a plot shows at most was the most

@@ -44,6 +44,38 @@ def cleared(pipeline, beam):
     return executive.run(), fake.truth()
 
 
+def run_at(pipeline, beam, period, settings):
+    """Take one beam at some period of the robot's loop; the run, and what was true."""
+    config = FakeConfig(is_initialised=True, period=period)
+    rng = np.random.default_rng(0)
+    fake = fake_robot(pipeline.robot, beam, rng=rng, config=config)
+    rng = np.random.default_rng(0)
+    return Executive(fake.robot, settings, pipeline=pipeline, rng=rng).run(), fake
+
+
+def test_an_arm_of_100_hz_clears_the_way_too(pipeline, beam):
+    settings = TaskSettings(drive_over=0.02, period=0.01)
+    result, fake = run_at(pipeline, beam, 0.01, settings)
+    truth = fake.truth()
+    assert result.end is RunEnd.CLEARED
+    assert truth.removed == ("beam",)
+    assert truth.violations == ()
+    assert truth.overloads == ()
+
+
+@pytest.mark.parametrize(("of_robot", "of_loop"), [(0.008, 0.004), (0.004, 0.0005)])
+def test_a_loop_faster_than_the_robot_is_found_before_anything_moves(
+    pipeline, beam, of_robot, of_loop
+):
+    settings = TaskSettings(period=of_loop)
+    result, fake = run_at(pipeline, beam, of_robot, settings)
+    (fault,) = result.faults
+    assert fault.fault == "clock_disorder"
+    assert f"takes {1e3 * of_robot:g} ms: set TaskSettings.period" in fault.message
+    assert fake.truth().violations == ()
+    assert not any(arm.is_engaged for arm in fake.arms.values())
+
+
 @pytest.mark.parametrize("fault", ["foo", "software_error", "slip@foo"])
 def test_an_unknown_fault_or_state_says_what_lists_them(fault):
     with pytest.raises(UnknownNameError, match="clear --faults list"):

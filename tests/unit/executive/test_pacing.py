@@ -199,13 +199,15 @@ def way(pipeline):
     return found.trajectory, limb
 
 
-def met(pipeline, way, share, offset, size):
+def met(pipeline, way, share, offset, size, period=PERIOD):
     """Run into a body that came after the last look; the fault, and what was true."""
     trajectory, limb = way
     T = limb.pose(trajectory.at(np.array([share * trajectory.duration]))[0][0])
     sizes = dict.fromkeys(("length", "width", "height"), size)
     body = make_body("brick", sizes, 500.0, name="unseen")
-    fake, task = before_a_brick(pipeline, body.at(SE3.from_parts(p=T.p + offset)))
+    body = body.at(SE3.from_parts(p=T.p + offset))
+    task_settings = TaskSettings(period=period)
+    fake, task = before_a_brick(pipeline, body, settings=task_settings, period=period)
     context = task.context
     drive = Drive(context, "right")
     context.wait(0.01)
@@ -250,16 +252,25 @@ def test_a_hand_that_meets_what_nobody_saw_stays_below_its_limits(
     assert (fault is None) == (truth.peak_force["right"] < 25.0)
 
 
+@pytest.mark.parametrize("period", [0.002, 0.01])
+def test_so_it_does_at_any_rate_of_the_loop(pipeline, way, period):
+    offset = np.array([0.08, -0.03, 0.0])
+    fault, truth = met(pipeline, way, 0.87, offset, 0.2, period)
+    assert fault.fault == "plan_collision"
+    assert truth.overloads == ()
+    assert 25.0 < truth.peak_force["right"] < 150.0
+
+
 def test_what_is_met_is_met_with_what_the_arm_can_still_stop():
     speed, braking = np.array([0.4, 0.1, 1.5]), np.array([0.25, 0.02, 0.6])
-    pace = met_safely(speed, braking, (105.0, 28.0), 0.2)
+    pace = met_safely(speed, braking, (105.0, 28.0), 0.2, PERIOD)
     way = pace * speed * 0.02 + pace**2 * speed * braking / 2.0
     np.testing.assert_allclose(3e4 * way, 105.0)
-    assert (met_safely(speed, braking, (105.0, 28.0), 0.5) < pace).all()
+    assert (met_safely(speed, braking, (105.0, 28.0), 0.5, PERIOD) < pace).all()
     for reach in (0.3, 0.5, 1.0):
-        pace = met_safely(speed, braking, (1e3, 28.0), reach)
+        pace = met_safely(speed, braking, (1e3, 28.0), reach, PERIOD)
         way = pace * speed * 0.02 + pace**2 * speed * braking / 2.0
         levers = np.linspace(1e-3, reach, 500)[:, None]
         torque = way * levers / (1.0 / 3e4 + levers**2 / 1e4)
         np.testing.assert_allclose(torque.max(axis=0), 28.0, rtol=1e-4)
-    assert (met_safely(speed, braking, (-1.0, 28.0), 0.5) == 0.0).all()
+    assert (met_safely(speed, braking, (-1.0, 28.0), 0.5, PERIOD) == 0.0).all()

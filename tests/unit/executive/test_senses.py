@@ -12,7 +12,6 @@ from debrisgrasp.control import (
     Reading,
     Stop,
 )
-from debrisgrasp.executive.context import FINGER_TICKS
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.noticed import fault_of_stop
 from debrisgrasp.executive.states import State
@@ -22,7 +21,8 @@ from tests.unit.executive.rigs import before_a_brick, holding
 def test_the_trace_leaves_out_no_peak(pipeline, rng):
     _, task = before_a_brick(pipeline)
     context, drive = task.context, Drive(task.context, "right")
-    loads = rng.normal(scale=20.0, size=(10 * FINGER_TICKS + 3, 6))
+    n = 10 * context.settings.finger_ticks + 3
+    loads = rng.normal(scale=20.0, size=(n, 6))
     for k, load in enumerate(loads):
         drive._note(0.004 * k, tuple(load.tolist()))
     time, force, torque = np.array(context.trace).T
