@@ -30,7 +30,8 @@ class Fault(Enum):
     WRENCH_FROZEN = "the wrench does not change although the arm moves"
     WRENCH_SATURATED = "the sensor is at the end of its range"
     WRENCH_JUMP = "the wrench jumped"
-    OVERLOAD = "the load reached its limit"
+    OVERLOAD = "the force reached its limit"
+    TORQUE_OVERLOAD = "the torque reached its limit"
     MOTION_OVERLOAD = "the load changed more than this motion may change it"
     SWING = "the load turns the hand more than a push could"
     JOINT_STUCK = "a joint does not follow"
@@ -52,6 +53,7 @@ _CLASSES = {
     Fault.WRENCH_SATURATED: FaultClass.SAFETY,
     Fault.WRENCH_JUMP: FaultClass.MECHANICAL,
     Fault.OVERLOAD: FaultClass.SAFETY,
+    Fault.TORQUE_OVERLOAD: FaultClass.SAFETY,
     Fault.MOTION_OVERLOAD: FaultClass.SAFETY,
     Fault.SWING: FaultClass.SAFETY,
     Fault.JOINT_STUCK: FaultClass.MECHANICAL,

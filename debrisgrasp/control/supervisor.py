@@ -296,10 +296,10 @@ class Supervisor:
         a, b, c, d, e, f = load
         force, torque = hypot(a, b, c), hypot(d, e, f)
         if not (force < most_force and torque < most_torque):
-            words = f"force {force:.0f} of {most_force:.0f} N"
             if not torque < most_torque:
                 words = f"torque {torque:.1f} of {most_torque:.1f} N m"
-            return Fault.OVERLOAD, words
+                return Fault.TORQUE_OVERLOAD, words
+            return Fault.OVERLOAD, f"force {force:.0f} of {most_force:.0f} N"
         config = self.config
         p, q, r, s, t, u = previous
         jump, twist = hypot(a - p, b - q, c - r), hypot(d - s, e - t, f - u)
@@ -322,7 +322,7 @@ class Supervisor:
             return Fault.OVERLOAD, words
         if not torque + ahead * twists < most_torque:
             words = f"torque {torque:.1f} of {most_torque:.1f} N m, growing by "
-            return Fault.OVERLOAD, f"{words}{twists:.1f} N m"
+            return Fault.TORQUE_OVERLOAD, f"{words}{twists:.1f} N m"
         return None, ""
 
     def stopped(self, state: SafetyState, fault: Fault, message: str) -> SafetyState:

@@ -61,7 +61,7 @@ def fault_of_stop(stop: Stop, reading: Reading, state: State, arm: str) -> Fault
     if stop.fault is Fault.WRENCH_LOST:
         is_number = np.isfinite(np.asarray(reading.wrench_ft, dtype=np.float64)).all()
         name = "clock_disorder" if is_number else "wrench_nan"
-    elif stop.fault is Fault.OVERLOAD:
+    elif stop.fault in (Fault.OVERLOAD, Fault.TORQUE_OVERLOAD):
         name = _overload(stop, state)
     elif stop.fault is Fault.SWING and state is State.TRANSPORT:
         name = "object_swings"
@@ -79,7 +79,7 @@ def _overload(stop: Stop, state: State) -> str:
     """Tell why the limit was met, by the state."""
     if state in _EMPTY_HANDED:
         return "early_contact"
-    if state is State.TRANSPORT and "torque" in stop.message:
+    if state is State.TRANSPORT and stop.fault is Fault.TORQUE_OVERLOAD:
         return "object_swings"
     return "too_heavy"
 

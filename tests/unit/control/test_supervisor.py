@@ -28,7 +28,7 @@ def test_torque_alone_stops_too():
     rig = Rig(SOFT)
     loads = [np.array([0, 0, 0, 0, 4.0 * min(k, 11), 0]) for k in range(20)]
     _, seen = pushed(rig, loads)
-    assert seen[-1].stop.fault is Fault.OVERLOAD
+    assert seen[-1].stop.fault is Fault.TORQUE_OVERLOAD
     assert "torque" in seen[-1].stop.message
 
 

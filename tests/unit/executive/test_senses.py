@@ -100,6 +100,23 @@ def test_fingers_that_lose_what_still_lies_close_no_further(
         assert sent[-1].force < 0.5 * squeeze.force
 
 
+@pytest.mark.parametrize(
+    ("fault", "state", "name"),
+    [
+        (Fault.OVERLOAD, State.APPROACH, "early_contact"),
+        (Fault.OVERLOAD, State.LIFT, "too_heavy"),
+        (Fault.OVERLOAD, State.TRANSPORT, "too_heavy"),
+        (Fault.TORQUE_OVERLOAD, State.APPROACH, "early_contact"),
+        (Fault.TORQUE_OVERLOAD, State.LIFT, "too_heavy"),
+        (Fault.TORQUE_OVERLOAD, State.TRANSPORT, "object_swings"),
+    ],
+)
+def test_what_overloads_a_hand_is_named_by_what_it_does(fault, state, name):
+    reading = Reading(1.0, (0.0,), (0.0,) * 6, 1.0)
+    found = fault_of_stop(Stop(fault, "whatever", 1.0), reading, state, "right")
+    assert found.fault == name
+
+
 @pytest.mark.parametrize("fault", [Fault.OVERLOAD, Fault.OSCILLATION, Fault.SWING])
 def test_fingers_close_no_more_whatever_stopped_the_arm(pipeline, monkeypatch, fault):
     """Those of one side would press the hand off what the others have lost."""
