@@ -21,13 +21,10 @@ POINTS = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
 
 def task_before(pipeline, *bodies, settings=None, **config):
     """The robot in memory before some bodies, and its task, which has not begun."""
-    fake = fake_robot(
-        pipeline.robot,
-        World(bodies),
-        rng=np.random.default_rng(0),
-        config=FakeConfig(is_initialised=True, **config),
-    )
     settings = settings or TaskSettings()
+    config = FakeConfig(is_initialised=True, period=settings.period, **config)
+    rng = np.random.default_rng(0)
+    fake = fake_robot(pipeline.robot, World(bodies), rng=rng, config=config)
     rng = np.random.default_rng(0)
     return fake, Executive(fake.robot, settings, pipeline=pipeline, rng=rng)
 

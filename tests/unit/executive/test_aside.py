@@ -31,7 +31,8 @@ def before_a_crate(pipeline, place, mass=1.4, **settings):
     crate = make_body("crate", CRATE, mass)
     low = min(solid.bounds.lower[2] for solid in crate.at(SE3.from_parts(over)).solids)
     crate = crate.at(SE3.from_parts(over, [*place, -float(low)]))
-    settings = TaskSettings(repositions=0, **settings)
+    # A loop of long periods needs few of them for the same task.
+    settings = TaskSettings(repositions=0, period=0.008, **settings)
     fake, task = task_before(pipeline, crate, settings=settings)
     context = task.context
     look(context)

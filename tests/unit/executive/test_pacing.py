@@ -206,8 +206,7 @@ def met(pipeline, way, share, offset, size, period=PERIOD):
     sizes = dict.fromkeys(("length", "width", "height"), size)
     body = make_body("brick", sizes, 500.0, name="unseen")
     body = body.at(SE3.from_parts(p=T.p + offset))
-    task_settings = TaskSettings(period=period)
-    fake, task = before_a_brick(pipeline, body, settings=task_settings, period=period)
+    fake, task = before_a_brick(pipeline, body, settings=TaskSettings(period=period))
     context = task.context
     drive = Drive(context, "right")
     context.wait(0.01)
