@@ -156,6 +156,7 @@ class SimGripper(FakeGripper):
     def aims(self, values: Sequence[float]) -> None:
         for drive, value in zip(self._drives, values, strict=True):
             drive.aim = value
+            self._data.ctrl[drive.index] = value
 
     def advance(self) -> bool:
         """Let a period pass for the drives: towards their goals, within their force."""

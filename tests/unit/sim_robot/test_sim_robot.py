@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
+from debrisgrasp.control import GripCommand
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.executive import TaskSettings
 from debrisgrasp.geometry import SE3, so3
@@ -160,6 +161,23 @@ def test_another_preshape_moves_the_roots_of_fingers_and_nothing_else():
     assert max(shifts) > 0.01
     assert np.allclose(rig.body("bar").matrix, before.matrix, atol=1e-4)
     assert np.allclose(rig.arm.read().q, q, atol=3e-4)
+
+
+def test_another_preshape_of_one_hand_leaves_the_drives_of_the_other():
+    robot = made([FAR]).robot
+    right, left = (robot.limbs[name].gripper for name in ("right", "left"))
+
+    def wait(seconds):
+        robot.clock.wait_until(robot.clock.now() + seconds)
+
+    left.command(GripCommand((0.15,) * 4, 10.0))
+    wait(0.2)
+    right.preshape("wide", 0.1)  # while the fingers of the left one are on their way
+    wait(2.0)
+    assert left.read().openings == pytest.approx((0.15,) * 4, abs=1e-3)
+    right.preshape("basic", 0.1)
+    wait(1.0)
+    assert left.read().openings == pytest.approx((0.15,) * 4, abs=1e-3)
 
 
 def test_the_same_seed_gives_the_same_run():
