@@ -22,6 +22,7 @@ from .values import add_region, count, number, region_of, seed, some_path
 if TYPE_CHECKING:
     from debrisgrasp.executive.record import MemoryRecord, RunRecord
     from debrisgrasp.executive.simulated import Simulated, SimulatedTask
+    from debrisgrasp.pipeline import Pipeline
 
 __all__ = ["add"]
 
@@ -126,12 +127,14 @@ def _clear(arguments: argparse.Namespace) -> int:
     done = task.run(told, pipeline=pipeline, settings=settings)
     # What became of the run is told first, whatever of it can't be written.
     _print_now(json.dumps(_facts(done)) if arguments.json else _summary(done))
-    _keep(record, arguments)
+    _keep(record, arguments, pipeline)
     end = done.result.end.value
     return {"cleared": 0, "finished": 0, "interrupted": 130}.get(end, 1)
 
 
-def _keep(record: RunRecord | MemoryRecord, arguments: argparse.Namespace) -> None:
+def _keep(
+    record: RunRecord | MemoryRecord, arguments: argparse.Namespace, pipeline: Pipeline
+) -> None:
     """Write the page, and say what was written; raise if the record is cut short."""
     from debrisgrasp.executive.record import RunRecord, load_run
 
@@ -141,7 +144,7 @@ def _keep(record: RunRecord | MemoryRecord, arguments: argparse.Namespace) -> No
         from debrisgrasp.viz.run import run_html  # slow to load
 
         stored = load_run(record.folder) if isinstance(record, RunRecord) else record
-        run_html(arguments.report, stored)
+        run_html(arguments.report, stored, grippers=pipeline.grippers)
         if not arguments.json:
             print_written(arguments.report)
     if isinstance(record, RunRecord) and record.fault:

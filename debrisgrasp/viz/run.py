@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from debrisgrasp._words import arm_called, counted
+from debrisgrasp.prototypes import GripperModel, load_grippers
 
 from .html import write_page
 from .run_map import map_key, map_svg
@@ -103,8 +104,22 @@ class _Try:
     facts: Mapping[str, Any] = field(default_factory=dict)
 
 
-def run_html(path: str | os.PathLike[str], run: RecordedRun) -> None:
+def run_html(
+    path: str | os.PathLike[str],
+    run: RecordedRun,
+    *,
+    grippers: Mapping[str, GripperModel] | None = None,
+) -> None:
     """Write the page; it needs no network.
+
+    Parameters
+    ----------
+    path
+        Of the page.
+    run
+        Its record.
+    grippers
+        Hands that do not ship, by name; one that is in neither is not drawn.
 
     Raises
     ------
@@ -115,7 +130,8 @@ def run_html(path: str | os.PathLike[str], run: RecordedRun) -> None:
     tries = _tries(run.events)
     nothing: Mapping[str, Any] = {}
     end = next((e for e in reversed(run.events) if e.get("event") == "end"), nothing)
-    attempts = [_card(item, run) for item in tries]
+    hands = {**load_grippers(), **(grippers or {})}
+    attempts = [_card(item, run, hands) for item in tries]
     body = [
         f"<h1>{escape(_title(run.inputs))}</h1>",
         f'<p class="note">{escape(_ending(end, total))}</p>',
@@ -272,7 +288,7 @@ def _from_above(run: RecordedRun, tries: Sequence[_Try]) -> str:
     )
 
 
-def _card(item: _Try, run: RecordedRun) -> str:
+def _card(item: _Try, run: RecordedRun, hands: Mapping[str, GripperModel]) -> str:
     is_removed = bool(item.facts.get("removed"))
     fate, pushed = "removed" if is_removed else "not removed", item.facts.get("pushed")
     if pushed:
@@ -313,7 +329,7 @@ def _card(item: _Try, run: RecordedRun) -> str:
     )
     text = "".join(f"<li>{escape(line)}</li>" for line in lines)
     return (
-        f'<div class="card try"><div>{_picture(item, run)}</div><div>'
+        f'<div class="card try"><div>{_picture(item, run, hands)}</div><div>'
         f'<h3>{item.number}. <span class="{style}">{fate}</span></h3>'
         f"<ul>{text}</ul>{_forces(item.rows)}{table}</div></div>"
     )
@@ -349,15 +365,19 @@ def _forces(rows: Sequence[Sequence[float]]) -> str:
     return f'<p class="most">{words}</p>{picture}{_ticks(span)}'
 
 
-def _picture(item: _Try, run: RecordedRun) -> str:
+def _picture(item: _Try, run: RecordedRun, hands: Mapping[str, GripperModel]) -> str:
     """Draw the scene with the hand where it was to grip, or began to push."""
     hand = item.grasp if item.push is None else item.push
     capture = run.capture(item.capture) if item.capture else None
     if hand is None or capture is None:
         why = "no grasp was found" if hand is None else "no capture was recorded"
         return f'<div class="none">{why}</div>'
+    model = hands.get(hand["gripper"])
+    if model is None:
+        why = f"{hand['gripper']} is not known: give run_html its model (grippers)"
+        return f'<div class="none">{escape(why)}</div>'
     centroid = None if item.object is None else item.object.get("centroid")
-    data = scene_image(capture.cloud().points, hand, centroid)
+    data = scene_image(capture.cloud().points, hand, model, centroid)
     return f'<img alt="hand at the object" src="data:image/jpeg;base64,{data}">'
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.geometry import SE3, voxel_downsample
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.prototypes import GripperModel
 
 from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, GROUND_COLOR
 from .raster import Splats, render
@@ -34,6 +34,7 @@ _OVER, _THICK = 0.06, 0.008
 def scene_image(
     points: FloatArray,
     hand: Mapping[str, Any],
+    model: GripperModel,
     centroid: Sequence[float] | None = None,
 ) -> str:
     """Draw what was seen, and a hand in it; JPEG in base64.
@@ -43,15 +44,16 @@ def scene_image(
     points
         Base frame [m], shape (n, 3).
     hand
-        What the record tells of it: ``gripper``, ``preshape``, ``opening`` [m],
-        ``pose`` (4, 4); of one that pushes, ``way`` (3,) [m].
+        What the record tells of it: ``preshape``, ``opening`` [m], ``pose`` (4, 4); of
+        one that pushes, ``way`` (3,) [m].
+    model
+        Its shape.
     centroid
         Of the object, base frame [m].
     """
     T = SE3.from_matrix(np.array(hand["pose"]))
     near = np.flatnonzero(np.abs(points - T.p).max(axis=1) < _SHOWN)
     points = points[near[voxel_downsample(points[near], 0.006)]]
-    model = load_grippers()[hand["gripper"]]
     solids = [s.moved(T) for s in model.solids(hand["preshape"], hand["opening"])]
     meshes = [merged(solids, _HAND)]
     is_own = _about(points, centroid)

@@ -5,15 +5,19 @@ from __future__ import annotations
 import base64
 import io
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from debrisgrasp.executive.record import MemoryRecord
+from debrisgrasp.io import Capture, data_path
+from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.viz.run import run_html
 from debrisgrasp.viz.run_map import map_svg
 
+EXAMPLES = Path(__file__).parents[3] / "examples"
 END = {"event": "end", "end": "cleared", "removed": 0, "class": "success", "left": {}}
 
 
@@ -202,6 +206,28 @@ def test_what_was_pushed_is_shown_from_above_and_counted(tmp_path):
     # 20 cm are 30 widths; left of the robot is left in the picture.
     assert 'd="M195 180L165 180"' in above
     assert '<circle cx="165" cy="180" r="9"' in above
+
+
+def test_a_hand_that_does_not_ship_is_drawn_if_it_is_given(tmp_path):
+    hand = GripperModel.load(EXAMPLES / "grippers" / "jaw_140.yaml")
+    pose = np.eye(4)
+    pose[:3, 3] = [0.9, 0.2, 0.3]
+    grasp = {
+        "event": "done", "state": "plan_motion", "arm": "arm", "score": 0.7,
+        "prototype": "bar_089", "gripper": hand.name, "preshape": "parallel",
+        "opening": 0.1, "pose": pose.tolist(),
+    }  # fmt: skip
+    looked = {"event": "done", "state": "capture", "look": 1}
+    attempt = {"event": "attempt", "number": 1, "removed": True}
+    events = [*states("capture"), looked, grasp, attempt, END]
+    record = MemoryRecord({"seed": 3}, events)
+    record.keep(Capture.load(data_path("captures", "pile.npz")), "capture_001")
+    path = tmp_path / "run.html"
+    run_html(path, record, grippers={hand.name: hand})
+    assert "data:image/jpeg" in path.read_text()
+    run_html(path, record)
+    assert "data:image/jpeg" not in path.read_text()
+    assert "jaw_140 is not known" in path.read_text()
 
 
 def size_and_circles(page):
