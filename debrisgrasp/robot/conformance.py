@@ -9,13 +9,15 @@ Those in `CHECKS` can be run one by one from pytest::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from traceback import extract_tb
 
+from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked
+from debrisgrasp.prototypes import GripperModel, load_grippers
 
 from .gaps import Gap, absent, gaps_of
 from .interface import Robot
@@ -56,11 +58,13 @@ class Check:
     """In words."""
     moves: bool
     """Whether it moves the robot: joints by up to 2 degrees, fingers, head, base."""
-    function: Callable[[Robot], Iterator[str]]
+    function: Callable[..., Iterator[str]]
     needs: frozenset[str] = frozenset()
     """Members of devices that it uses, such as ``arm.read``."""
     subject: str = ""
     """The device that it is about, if a robot may be without: ``head`` or ``base``."""
+    takes: frozenset[str] = frozenset()
+    """What it must know beside the robot: ``period``, ``grippers``."""
 
     def lacks(self, gaps: Iterable[Gap]) -> tuple[str, ...]:
         """Tell which of the members that it needs are missing."""
@@ -70,19 +74,41 @@ class Check:
         """Tell whether the robot is without the device that this is about."""
         return bool(self.subject) and getattr(robot, self.subject) is None
 
-    def __call__(self, robot: Robot) -> tuple[str, ...]:
+    def strangers(
+        self, robot: Robot, grippers: Mapping[str, GripperModel]
+    ) -> tuple[str, ...]:
+        """Tell which hands it can't try, for it does not know how far they open."""
+        if "grippers" not in self.takes:
+            return ()
+        names = dict.fromkeys(limb.gripper.name for limb in robot.limbs.values())
+        return tuple(name for name in names if name not in grippers)
+
+    def __call__(
+        self,
+        robot: Robot,
+        *,
+        period: float = 0.004,
+        grippers: Mapping[str, GripperModel] | None = None,
+    ) -> tuple[str, ...]:
         """Return what is wrong, in words; nothing, if the promise is kept.
 
         Nothing is done with a robot that lacks a member that the check needs. Of a
-        device that a robot may be without, and is, nothing can be wrong.
+        device that a robot may be without, and is, nothing can be wrong. Period and
+        hands are those of `check_robot`.
         """
         if lacking := self.lacks(absent(robot)):
             return (f"not run: there is no {', '.join(lacking)}",)
         if self.is_idle(robot):
             return ()
+        hands = {**load_grippers(), **(grippers or {})}
+        known = {"period": period, "grippers": hands}
         problems: list[str] = []
         try:
-            problems.extend(self.function(robot))
+            if strange := self.strangers(robot, hands):
+                return (f"not run: {_unknown(strange)}",)
+            problems.extend(
+                self.function(robot, **{name: known[name] for name in self.takes})
+            )
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a driver may raise any
             place = extract_tb(error.__traceback__)[-1]
             problems.append(
@@ -134,6 +160,10 @@ class Report:
         return "\n".join([first, *lines])
 
 
+def _unknown(hands: Iterable[str]) -> str:
+    return f"{', '.join(hands)} is not known: give its model as grippers"
+
+
 def _disengage(robot: Robot) -> None:
     """Let every arm hold by itself, also after an error or Ctrl-C in mid motion."""
     for limb in robot.limbs.values():
@@ -142,15 +172,16 @@ def _disengage(robot: Robot) -> None:
 
 
 def _check(
-    function: Callable[[Robot], Iterator[str]],
+    function: Callable[..., Iterator[str]],
     promise: str,
     needs: str,
     *,
     moves: bool = False,
     subject: str = "",
+    takes: str = "",
 ) -> Check:
-    members = frozenset(needs.split())
-    return Check(function.__name__, promise, moves, function, members, subject)
+    members, known = frozenset(needs.split()), frozenset(takes.split())
+    return Check(function.__name__, promise, moves, function, members, subject, known)
 
 
 _CLOCK = "clock.now clock.wait_until "
@@ -218,25 +249,35 @@ MOVING_CHECKS = (
         "a disengaged arm follows nothing",
         _MOTION + "arm.disengage arm.is_engaged",
         moves=True,
+        takes="period",
     ),
     _check(
         arm_follows,
         "an engaged arm goes where it is sent",
         _MOTION + _STATE + "arm.joint_names",
         moves=True,
+        takes="period",
     ),
     _check(
         wrist_feels_weight,
         "a turned wrist feels the tool's weight",
         _MOTION + _STATE + "sensor.read",
         moves=True,
+        takes="period",
     ),
-    _check(nonsense_is_refused, "an arm follows no NaN", _MOTION + _STATE, moves=True),
+    _check(
+        nonsense_is_refused,
+        "an arm follows no NaN",
+        _MOTION + _STATE,
+        moves=True,
+        takes="period",
+    ),
     _check(
         stopped_arm_stands,
         "a stopped arm follows nothing",
         _MOTION + _STATE,
         moves=True,
+        takes="period",
     ),
     _check(
         hand_moves,
@@ -244,6 +285,7 @@ MOVING_CHECKS = (
         _CLOCK + "arm.disengage gripper.name gripper.initialise gripper.preshape "
         "gripper.is_initialised gripper.command gripper.read",
         moves=True,
+        takes="period grippers",
     ),
     _check(
         head_moves,
@@ -268,7 +310,13 @@ _UNSAFE = "nothing is moved as long as a check at rest finds something"
 
 
 @checked
-def check_robot(robot: Robot, *, motion: bool = False) -> Report:
+def check_robot(
+    robot: Robot,
+    *,
+    motion: bool = False,
+    period: float = 0.004,
+    grippers: Mapping[str, GripperModel] | None = None,
+) -> Report:
     """Run all checks on a robot.
 
     Parameters
@@ -278,6 +326,12 @@ def check_robot(robot: Robot, *, motion: bool = False) -> Report:
     motion
         Run `MOVING_CHECKS` as well, if those at rest find nothing; without, nothing
         moves.
+    period
+        Of the drives, in which arms and hands are sent where they go, 0.0005 to 0.01:
+        `TaskSettings.period` of the task [s].
+    grippers
+        Hands that do not ship, by name; one that is in neither is not moved, and stands
+        among what was skipped.
 
     Returns
     -------
@@ -290,7 +344,11 @@ def check_robot(robot: Robot, *, motion: bool = False) -> Report:
     ------
     InputError
         If something else than a `Robot` is given, or one of its limbs isn't a `Limb`.
+    ConfigError
+        If the period is out of its range.
     """
+    require_range("period [s]", period, 5e-4, 0.01)
+    hands = {**load_grippers(), **(grippers or {})}
     passed: list[str] = []
     findings: list[Finding] = []
     skipped: list[Finding] = []
@@ -308,7 +366,10 @@ def check_robot(robot: Robot, *, motion: bool = False) -> Report:
             why = f"needs {', '.join(lacking)}, see protocols_are_kept"
             skipped.append(Finding(check.name, why))
             continue
-        problems = check(robot)
+        if strange := check.strangers(robot, hands):
+            skipped.append(Finding(check.name, _unknown(strange)))
+            continue
+        problems = check(robot, period=period, grippers=hands)
         findings += [Finding(check.name, problem) for problem in problems]
         if not problems:
             passed.append(check.name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -10,9 +10,9 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import GripCommand, felt_weight
 from debrisgrasp.kinematics import KinematicChain
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.prototypes import GripperModel
 
-from .interface import Arm, Gripper, Robot
+from .interface import Arm, Robot
 
 __all__ = [
     "arm_follows",
@@ -27,15 +27,18 @@ __all__ = [
 
 _SWING = np.deg2rad(2.0)
 """By which joints are moved [rad]; prismatic joints by a tenth of it [m]."""
+_REST = 0.1
+"""So long an arm is sent to where a motion ends [s]."""
 _STOOD = np.deg2rad(0.1)
 """A joint that moved less than this stood [rad]."""
 _BASE_STOOD = 1e-3
 """A base that moved less than this stood [m]."""
 _CREEP, _ON_ITS_OWN = 0.03, 1.0
 """A base is told once to go so fast [m/s], and stands so long after that [s]."""
-_PERIOD = 0.004
-_READINGS = 100
-"""Of the wrist at each end of a turn."""
+_READINGS, _READ_EVERY = 100, 0.008
+"""Of the wrist at each end of a turn, and between two of them [s]."""
+_CLOSING = 3.0
+"""So long a hand is sent to an opening [s]."""
 _CERTAIN, _LEAST = 8.0, 0.2
 """A change of the weight counts beyond so many standard errors, and beyond [N]."""
 _STRAYS, _UNUSUAL = 3.0, 12.0
@@ -43,29 +46,29 @@ _STRAYS, _UNUSUAL = 3.0, 12.0
 median difference of two that follow each other: noise reaches half of that."""
 
 
-def disengaged_arm_stands(robot: Robot) -> Iterator[str]:
+def disengaged_arm_stands(robot: Robot, *, period: float) -> Iterator[str]:
     """Check that a disengaged arm follows nothing."""
     for name, limb in robot.limbs.items():
         limb.arm.disengage()
         _wait(robot, 0.2)
         if limb.arm.is_engaged:
             yield f"arm {name}: engaged after it was disengaged"
-        yield from _stands(robot, name, limb.arm, "disengaged")
+        yield from _stands(robot, name, "disengaged", period)
 
 
-def stopped_arm_stands(robot: Robot) -> Iterator[str]:
+def stopped_arm_stands(robot: Robot, *, period: float) -> Iterator[str]:
     """Check that a stopped arm follows nothing."""
     for name, limb in robot.limbs.items():
         if odd := _unready(robot, limb.arm):
             yield f"arm {name}: {odd}"
             continue
         limb.arm.stop()
-        yield from _stands(robot, name, limb.arm, "stopped")
+        yield from _stands(robot, name, "stopped", period)
         limb.arm.reset()
         limb.arm.disengage()
 
 
-def arm_follows(robot: Robot) -> Iterator[str]:
+def arm_follows(robot: Robot, *, period: float) -> Iterator[str]:
     """Check that an engaged arm goes where it is sent."""
     for name, limb in robot.limbs.items():
         arm = limb.arm
@@ -74,7 +77,7 @@ def arm_follows(robot: Robot) -> Iterator[str]:
             continue
         start = _q(arm)
         goal = start + _swing(arm, start)
-        _send(robot, name, start, goal)
+        _send(robot, name, start, goal, period)
         missed = np.abs(_q(arm) - goal)
         for joint, gap, way in zip(arm.joint_names, missed, goal - start, strict=True):
             if gap > 0.25 * abs(way):
@@ -82,14 +85,14 @@ def arm_follows(robot: Robot) -> Iterator[str]:
                     f"arm {name}: {joint} was sent {way:+.4f} and misses it by "
                     f"{gap:.4f} rad or m"
                 )
-        _send(robot, name, goal, start)
+        _send(robot, name, goal, start, period)
         arm.disengage()
         _wait(robot, 0.2)
         if np.abs(_q(arm) - start).max() > 0.25 * _SWING:
             yield f"arm {name}: did not come back to where it was"
 
 
-def wrist_feels_weight(robot: Robot) -> Iterator[str]:
+def wrist_feels_weight(robot: Robot, *, period: float) -> Iterator[str]:
     """Check that a wrist that is turned feels the tool's weight, the right way round.
 
     Nothing is said where 2 degrees at each joint change it too little for the noise.
@@ -103,9 +106,9 @@ def wrist_feels_weight(robot: Robot) -> Iterator[str]:
         goal = start + _tilt(arm, chain, start)
         ends = []
         for q_from, q_to in ((start, start), (start, goal)):
-            _send(robot, name, q_from, q_to)
+            _send(robot, name, q_from, q_to, period)
             ends.append((chain.fk(_q(arm)).R @ loads.T_ee_ft.R, _forces(robot, name)))
-        _send(robot, name, goal, start)
+        _send(robot, name, goal, start, period)
         arm.disengage()
         Rs, forces = (np.array(each) for each in zip(*ends, strict=True))
         if not np.isfinite(forces).all():
@@ -152,11 +155,11 @@ def _forces(robot: Robot, name: str) -> FloatArray:
     rows = []
     for _ in range(_READINGS):
         rows.append(np.asarray(robot.limbs[name].sensor.read().wrench_ft)[:3])
-        _wait(robot, 2 * _PERIOD)
+        _wait(robot, _READ_EVERY)
     return np.array(rows, dtype=np.float64)
 
 
-def nonsense_is_refused(robot: Robot) -> Iterator[str]:
+def nonsense_is_refused(robot: Robot, *, period: float) -> Iterator[str]:
     """Check that an arm follows no NaN."""
     for name, limb in robot.limbs.items():
         arm = limb.arm
@@ -167,7 +170,7 @@ def nonsense_is_refused(robot: Robot) -> Iterator[str]:
         for _ in range(10):
             with suppress(Exception):  # to refuse by raising is fine
                 arm.command([float("nan")] * len(before))
-            _wait(robot, _PERIOD)
+            _wait(robot, period)
         try:
             after = _q(arm)
         except Exception as error:  # noqa: BLE001 - a driver may raise any
@@ -182,21 +185,23 @@ def nonsense_is_refused(robot: Robot) -> Iterator[str]:
         arm.disengage()
 
 
-def hand_moves(robot: Robot) -> Iterator[str]:
+def hand_moves(
+    robot: Robot, *, period: float, grippers: Mapping[str, GripperModel]
+) -> Iterator[str]:
     """Check that fingers initialise, open and close."""
     for name, limb in robot.limbs.items():
-        yield from _closes(robot, name, limb.gripper)
+        model = grippers[limb.gripper.name]
+        yield from _closes(robot, name, model, period)
 
 
-def _closes(robot: Robot, name: str, hand: Gripper) -> Iterator[str]:
+def _closes(
+    robot: Robot, name: str, model: GripperModel, period: float
+) -> Iterator[str]:
+    hand = robot.limbs[name].gripper
     hand.initialise()
     if not _becomes(robot, lambda: hand.is_initialised, 15.0):
         yield f"gripper {name}: not initialised within 15 s"
         return
-    models = load_grippers()
-    if hand.name not in models:
-        return
-    model = models[hand.name]
     shape, wide = next(iter(model.preshapes)), 0.9 * model.opening_range[1]
     hand.preshape(shape, wide)
 
@@ -211,9 +216,9 @@ def _closes(robot: Robot, name: str, hand: Gripper) -> Iterator[str]:
         return
     narrow = wide - 0.02
     command = GripCommand((narrow,) * len(model.fingers), 0.3 * model.max_force)
-    for _ in range(750):
+    for _ in range(int(np.ceil(_CLOSING / period))):
         hand.command(command)
-        _wait(robot, _PERIOD)
+        _wait(robot, period)
     if gap(narrow) > 0.005:
         missed = gap(narrow)
         yield f"gripper {name}: sent to {narrow:.3f} m, misses it by {missed:.3f} m"
@@ -269,10 +274,11 @@ def base_stands_by_itself(robot: Robot) -> Iterator[str]:
         )
 
 
-def _stands(robot: Robot, name: str, arm: Arm, state: str) -> Iterator[str]:
+def _stands(robot: Robot, name: str, state: str, period: float) -> Iterator[str]:
     """Send an arm away that must not go."""
+    arm = robot.limbs[name].arm
     before = _q(arm)
-    _send(robot, name, before, before + _swing(arm, before))
+    _send(robot, name, before, before + _swing(arm, before), period)
     moved = float(np.abs(_q(arm) - before).max())
     if moved > _STOOD:
         yield f"arm {name}: followed by {moved:.4f} rad or m though it was {state}"
@@ -286,7 +292,9 @@ def _swing(arm: Arm, q: FloatArray) -> FloatArray:
     return np.where(room, sizes, -sizes)
 
 
-def _send(robot: Robot, name: str, q_from: FloatArray, q_to: FloatArray) -> None:
+def _send(
+    robot: Robot, name: str, q_from: FloatArray, q_to: FloatArray, period: float
+) -> None:
     """Stream a smooth motion well within speeds and accelerations, then wait.
 
     Limits that the arm tells may be wrong: what the model allows counts, too.
@@ -300,14 +308,14 @@ def _send(robot: Robot, name: str, q_from: FloatArray, q_to: FloatArray) -> None
         float((1.5 * way / (0.2 * velocity)).max()),
         float(np.sqrt(6.0 * way / (0.2 * acceleration)).max()),
     )
-    n = max(int(np.ceil(duration / _PERIOD)), 1)
-    for k in range(1, n + 26):
+    n = max(int(np.ceil(duration / period)), 1)
+    for k in range(1, n + 1 + int(np.ceil(_REST / period))):
         u = min(k / n, 1.0)
         goal: Sequence[float] = (
             q_from + (3.0 - 2.0 * u) * u * u * (q_to - q_from)
         ).tolist()
         arm.command(goal)
-        _wait(robot, _PERIOD)
+        _wait(robot, period)
 
 
 def _unready(robot: Robot, arm: Arm) -> str:

@@ -13,12 +13,12 @@ from debrisgrasp.worlds import World
 from tests.unit.robot.rigs import FAR, GRIPPERS, ROMAN, beam
 
 
-def made_fake():
+def made_fake(config=None):
     return fake_robot(
         ROMAN,
         World((FAR, beam("near", 2.0, (1.2, 0.0, 0.0445)))),
         rng=np.random.default_rng(0),
-        config=FakeConfig(),
+        config=config or FakeConfig(),
         grippers=GRIPPERS,
     )
 

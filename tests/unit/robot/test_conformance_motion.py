@@ -11,9 +11,9 @@ from math import nan
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import DriverError, InputError
+from debrisgrasp.errors import ConfigError, DriverError, InputError
 from debrisgrasp.geometry import SE3
-from debrisgrasp.robot import MOVING_CHECKS, check_robot, fake_robot
+from debrisgrasp.robot import MOVING_CHECKS, FakeConfig, check_robot, fake_robot
 from tests.unit.robot.broken_robots import (
     Changed,
     inverted_wrench,
@@ -23,7 +23,7 @@ from tests.unit.robot.broken_robots import (
     stuck_joint,
     with_limb,
 )
-from tests.unit.robot.rigs import ROMAN
+from tests.unit.robot.rigs import GRIPPERS, ROMAN
 
 
 def eager(robot):
@@ -284,6 +284,44 @@ def test_limits_in_degrees_do_not_make_an_arm_fast():
     speeds = np.abs(np.diff(sent, axis=0)).max(axis=0) / 0.004
     assert (speeds > 0.0).all()
     assert (speeds < 0.25 * known.velocity).all()
+
+
+@pytest.mark.parametrize("period", [5e-4, 0.001, 0.008])
+def test_an_arm_of_any_rate_is_asked_for_no_more_than_it_can(period):
+    fake = made_fake(FakeConfig(period=period))
+    report = check_robot(fake.robot, motion=True, period=period)
+    assert report.is_conformant, str(report)
+    asked = [v.message for v in fake.violations if "nan" not in v.message]
+    assert asked == []
+
+
+def test_a_period_that_no_loop_has_is_refused():
+    with pytest.raises(ConfigError, match="period"):
+        check_robot(made(), period=4.0)
+
+
+def with_own_hand(**members):
+    arms = {**ROMAN.arms, "right": replace(ROMAN.arms["right"], gripper="own_hand")}
+    robot = with_limb(made(), "gripper", name="own_hand", **members)
+    return replace(robot, model=replace(ROMAN, arms=arms))
+
+
+def test_a_hand_that_nobody_knows_is_not_said_to_move():
+    report = check_robot(with_own_hand(command=nothing), motion=True)
+    reasons = {each.check: each.problem for each in report.skipped}
+    assert "own_hand is not known" in reasons["hand_moves"]
+    assert "hand_moves" not in report.passed
+    [check] = [c for c in MOVING_CHECKS if c.name == "hand_moves"]
+    [problem] = check(with_own_hand())
+    assert "own_hand is not known" in problem
+
+
+def test_a_hand_that_does_not_ship_is_moved_if_it_is_given():
+    hands = {"own_hand": GRIPPERS["robotiq_3f"]}
+    report = check_robot(with_own_hand(), motion=True, grippers=hands)
+    assert "hand_moves" in report.passed, str(report)
+    report = check_robot(with_own_hand(command=nothing), motion=True, grippers=hands)
+    assert [found.check for found in report.findings] == ["hand_moves"]
 
 
 @pytest.mark.parametrize("thing", [None, "roman", ROMAN])
