@@ -130,6 +130,15 @@ class PlannerConfig:
             )
         for name in _COUNTS:
             require_range(f"PlannerConfig.{name}", getattr(self, name), 1)
+        # Fewer points never make a match, and no pose would resemble anything.
+        seen = self.similarity.minimum_seen
+        for name in ("search_points", "final_points"):
+            if getattr(self, name) < seen:
+                raise ConfigError(
+                    f"PlannerConfig.{name}",
+                    got=getattr(self, name),
+                    expected=f"{seen} or more, which is similarity.minimum_seen",
+                )
         require_range("PlannerConfig.doubtful_sweeps", self.doubtful_sweeps, 0)
         require_range("PlannerConfig.doubtful_share", self.doubtful_share, 1)
         require_range("PlannerConfig.region_size", self.region_size, 0.0)

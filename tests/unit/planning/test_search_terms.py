@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from debrisgrasp.errors import CaptureError, ConfigError, FrameMismatchError, ShapeError
 from debrisgrasp.geometry import SE3, Bounds, Box, DepthSight, PointCloud, so3
 from debrisgrasp.io import Capture
+from debrisgrasp.planning import PlannerConfig
 from debrisgrasp.planning.clearance import ClearanceConfig, HandClearance
 from debrisgrasp.planning.hand_space import HandSpace
 from debrisgrasp.planning.hands import PackedHands
@@ -317,6 +318,20 @@ def test_what_was_seen_of_an_object_may_go_beyond_the_region_and_the_object(capt
         GraspScene.build(
             cloud, is_left, region, sight, SceneConfig(), belongs=belongs[1:]
         )
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"search_points": 5},
+        {"final_points": 5},
+        {"similarity": SimilarityConfig(minimum_seen=25)},
+    ],
+)
+def test_fewer_points_than_a_match_needs_are_refused(fields):
+    with pytest.raises(ConfigError, match=r"_points: got .*similarity\.minimum_seen"):
+        PlannerConfig(**fields)
+    PlannerConfig(search_points=6, final_points=6)
 
 
 def test_a_kernel_without_width_is_refused():
