@@ -4,7 +4,7 @@ from .camera import Intrinsics
 from .cloud import Bounds, PointCloud
 from .cloud_normals import neighborhood_normals
 from .content import SolidContent
-from .field import MAX_CELLS, DistanceField, Space
+from .field import MAX_CELLS, MAX_REACH, DistanceField, Space
 from .image_normals import depth_normals
 from .neighbors import voxel_cells, voxel_count, voxel_downsample
 from .sampling import fibonacci_sphere, perturbed, random_rotations
@@ -14,6 +14,7 @@ from .solids import Box, Capsule, Cylinder, Solid, Sphere
 
 __all__ = [
     "MAX_CELLS",
+    "MAX_REACH",
     "SE3",
     "Bounds",
     "Box",

@@ -19,15 +19,15 @@ from debrisgrasp.errors import InputError
 from .cloud import Bounds, PointCloud
 from .sight import LineOfSight
 
-__all__ = ["MAX_CELLS", "DistanceField", "Space"]
+__all__ = ["MAX_CELLS", "MAX_REACH", "DistanceField", "Space"]
 
 MAX_CELLS = 40_000_000
 """A grid beyond this takes over 500 MB."""
 _INDEX_BITS = 24
 """Bits that hold the index of a point while the grid is filled."""
-_MAX_REACH = 7
+MAX_REACH = 7
 """Largest truncation in cells: its square, thrice, has to fit in the other 8 bits."""
-_FAR = 3 * _MAX_REACH**2 + 1
+_FAR = 3 * MAX_REACH**2 + 1
 _CHUNK = 1 << 16
 """Cells worked on together, few enough for the cache."""
 
@@ -97,11 +97,11 @@ class DistanceField:
         """
         # Rounded, or 7 cells of 5 mm would come out as a little more than 35 mm.
         reach = int(np.ceil(round(truncation / spacing, 6)))
-        if not 1 <= reach <= _MAX_REACH:
+        if not 1 <= reach <= MAX_REACH:
             raise InputError(
                 "truncation",
                 got=f"{truncation} m",
-                expected=f"1 to {_MAX_REACH} cells of {spacing} m",
+                expected=f"1 to {MAX_REACH} cells of {spacing} m",
             )
         if len(cloud) >= 1 << _INDEX_BITS:
             raise InputError(

@@ -19,6 +19,7 @@ from debrisgrasp._checked import checked_fields
 from debrisgrasp._workers import beside
 from debrisgrasp.errors import CaptureError, ShapeError
 from debrisgrasp.geometry import (
+    MAX_REACH,
     Bounds,
     DistanceField,
     LineOfSight,
@@ -27,6 +28,7 @@ from debrisgrasp.geometry import (
     voxel_downsample,
 )
 
+from .hands import SPHERE_RADIUS
 from .mass import SeenSurface
 from .occlusion import is_beside_nearer
 
@@ -34,6 +36,8 @@ __all__ = ["NEAREST_MASK", "UNKNOWN_FLAG", "GraspScene", "SceneConfig"]
 
 UNKNOWN_FLAG = np.int32(1 << 30)
 """Set in `GraspScene.nearest` where the camera never looked."""
+_ROUNDING = 1e-9
+"""Seven cells of 5 mm are a little more than 35 mm [m]."""
 _LEVEL = 0.7
 """Least z of the normal of a plane that can be the floor of the grid."""
 _MAX_NEIGHBORS = 32
@@ -51,7 +55,8 @@ class SceneConfig:
     """Edge of a grid cell, and distance between thinned points [m]. Smaller finds
     smaller objects and costs time and memory with the cube."""
     truncation: float = 0.05
-    """Distances saturate here [m]; must exceed the radius of the hand's spheres."""
+    """Distances saturate here [m]: at no less than the radius of the hand's spheres,
+    which would touch something everywhere, and at no more than seven cells."""
     hand_reach: float = 0.30
     """How far around V the hand and its approach may be [m]."""
     tangent_radius: float = 0.06
@@ -62,8 +67,11 @@ class SceneConfig:
     """More points of the object than this add nothing to the proposals."""
 
     def __post_init__(self) -> None:
-        require_range("SceneConfig.spacing", self.spacing, 0.001, 0.1)
-        require_range("SceneConfig.truncation", self.truncation, self.spacing)
+        finest = SPHERE_RADIUS / MAX_REACH
+        require_range("SceneConfig.spacing", self.spacing, finest, 0.1)
+        least = max(SPHERE_RADIUS, self.spacing)
+        most = MAX_REACH * self.spacing + _ROUNDING
+        require_range("SceneConfig.truncation", self.truncation, least, most)
         require_range("SceneConfig.hand_reach", self.hand_reach, 0.0, 2.0)
         require_range("SceneConfig.tangent_radius", self.tangent_radius, self.spacing)
         require_range("SceneConfig.ground_roughness", self.ground_roughness, 0.0)

@@ -87,7 +87,7 @@ def test_a_region_larger_than_memory_is_refused_with_the_figure(floating, pipe_c
 
 def test_an_object_larger_than_memory_is_passed_over_with_the_figure(dictionary):
     fine = PlannerConfig(
-        scene=SceneConfig(spacing=0.0015, truncation=0.01, hand_reach=0.6)
+        scene=SceneConfig(spacing=0.005, truncation=0.03, hand_reach=2.0)
     )
     hand = Pipeline(
         robot="none", prototypes=dictionary, config=PipelineConfig(planner=fine)

@@ -321,6 +321,22 @@ def test_what_was_seen_of_an_object_may_go_beyond_the_region_and_the_object(capt
 
 
 @pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"truncation": 0.02}, "truncation: got 0.02, expected 0.03 to 0.07"),
+        ({"spacing": 0.005}, "truncation: got 0.05, expected 0.03 to 0.035"),
+        ({"spacing": 0.003, "truncation": 0.02}, "spacing: got 0.003, expected 0.0042"),
+    ],
+)
+def test_distances_known_less_far_than_the_hands_spheres_reach_are_refused(
+    fields, said
+):
+    with pytest.raises(ConfigError, match=said):
+        SceneConfig(**fields)
+    SceneConfig(spacing=0.005, truncation=0.035)
+
+
+@pytest.mark.parametrize(
     "fields",
     [
         {"search_points": 5},
