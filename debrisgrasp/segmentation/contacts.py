@@ -324,7 +324,8 @@ def _face(surface: LabelledSurface, zones: list[_Zone], tolerance: float) -> Flo
         origins.append(surface.points[tried])
         normals.append(sign * surface.normals[tried])
     origin, normal = np.concatenate(origins), np.concatenate(normals)
-    if not len(normal):
+    # Contacts across wide gaps may have no cell near: then nothing tells the sides.
+    if not len(normal) or not all(len(zone.cells) for zone in zones):
         return np.zeros(3)
     level = np.einsum("fi,fi->f", origin, normal)
     first, second = (surface.points[z.cells] @ normal.T - level for z in zones)

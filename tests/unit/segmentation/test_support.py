@@ -262,6 +262,14 @@ def test_settings_out_of_range_are_refused(setting):
         SupportConfig(**setting)
 
 
+@pytest.mark.filterwarnings("error")
+def test_contacts_are_sought_across_gaps_with_one_side_far_away():
+    segmentation, cloud = scene(TOWER)
+    graph = support_graph(segmentation, cloud, SupportConfig(reach=0.2))
+    assert len(graph.contacts)
+    assert np.isfinite(graph.confidence).all()
+
+
 def test_what_segments_itself_is_ordered_from_the_top():
     cloud = scene_cloud(BLOCK_ON_BLOCK)
     segmentation = segment_cloud(cloud)
