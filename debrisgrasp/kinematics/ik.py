@@ -131,8 +131,10 @@ def solve_distinct(
     first = n_seeds_used + np.arange(n_solutions)
     search.exhaust(np.tile(first, len(targets)), n_solutions)
     found = search.result()
-    q = found.q.reshape(-1, n_solutions, chain.n_joints)
-    status = found.status.reshape(-1, n_solutions).copy()
+    # An empty array can't tell how many rows it has.
+    rows = (len(targets), n_solutions)
+    q = found.q.reshape(*rows, chain.n_joints)
+    status = found.status.reshape(rows).copy()
     for later in range(1, n_solutions):
         gap = np.abs(chain.difference(q[:, :later], q[:, later : later + 1]))
         is_same = (gap < config.separation).all(axis=-1)
@@ -143,10 +145,10 @@ def solve_distinct(
     shape = (*batch, n_solutions)
 
     def sorted_by_status(values: FloatArray) -> FloatArray:
-        return np.take_along_axis(values.reshape(-1, n_solutions), order, 1)
+        return np.take_along_axis(values.reshape(rows), order, 1)
 
     return IkResult(
-        q=np.take_along_axis(q, order[..., None], 1).reshape(*shape, -1),
+        q=np.take_along_axis(q, order[..., None], 1).reshape(*shape, chain.n_joints),
         status=np.take_along_axis(status, order, 1).reshape(shape),
         position_error=sorted_by_status(found.position_error).reshape(shape),
         rotation_error=sorted_by_status(found.rotation_error).reshape(shape),

@@ -53,6 +53,17 @@ def test_what_kinematics_reaches_is_reached_again(
     assert_solves(arm, solve(arm, T, reach_map=arm_map, rng=rng), T)
 
 
+@pytest.mark.parametrize("batch", [(0,), (0, 3), (2, 0)])
+def test_of_no_poses_there_are_no_distinct_postures(
+    arm: KinematicChain, arm_map: ReachMap, rng: np.random.Generator, batch
+) -> None:
+    none = SE3(np.zeros((*batch, 4, 4)))
+    for reach_map in (None, arm_map):
+        found = solve_distinct(arm, none, 3, reach_map=reach_map, rng=rng)
+        assert found.q.shape == (*batch, 3, arm.n_joints)
+        assert found.is_solved.shape == found.position_error.shape == (*batch, 3)
+
+
 @settings(max_examples=8)
 @given(seed=seeds)
 def test_many_poses_are_solved_as_each_alone(
