@@ -238,12 +238,8 @@ class ArmCollision:
         ShapeError
             If it is not one posture.
         """
-        rows, batch = self._rows(q)
-        if batch:
-            raise ShapeError(
-                "shape of posture", got=np.shape(q), expected=f"({rows.shape[1]},)"
-            )
-        parts, poses = self.body.parts, self.body.segment_poses(rows)[0]
+        parts, rows = self.body.parts, self._one_row(q)
+        poses = self.body.segment_poses(rows)[0]
         names = [
             (parts[i].link, parts[j].link)
             for pair in sorted(self._gaps(rows).pair)
@@ -256,9 +252,13 @@ class ArmCollision:
         """Least distance of two parts in one posture (d,) [m], by exact solids.
 
         Slow: every pair is measured. Negative where parts overlap.
+
+        Raises
+        ------
+        ShapeError
+            If it is not one posture.
         """
-        rows, _ = self._rows(q)
-        poses = self.body.segment_poses(rows[:1])[0]
+        poses = self.body.segment_poses(self._one_row(q))[0]
         return min(
             (self._distance(poses, pair) for pair in range(len(self.body.pairs))),
             default=np.inf,
@@ -328,6 +328,15 @@ class ArmCollision:
                         )
                     )
         return found
+
+    def _one_row(self, q: ArrayLike) -> FloatArray:
+        """Return one posture (d,) as a row, shape (1, d), or raise if it is not one."""
+        rows, batch = self._rows(q)
+        if batch:
+            raise ShapeError(
+                "shape of posture", got=np.shape(q), expected=f"({rows.shape[1]},)"
+            )
+        return rows
 
     def _rows(self, q: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
         q = np.asarray(q, dtype=np.float64)

@@ -126,6 +126,9 @@ def test_batches_equal_single_postures(
     assert collision.hits_itself(q[:0]).shape == (0,)
     with pytest.raises(ShapeError, match="posture"):
         collision.self_contacts(q)
+    for several in (q, q[:1], q[:0]):
+        with pytest.raises(ShapeError, match="posture"):
+            collision.self_distance(several)
 
 
 def test_an_idle_arm_counts(roman: RobotModel, rng: np.random.Generator) -> None:
