@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import Protocol
+from numbers import Integral, Real
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -163,8 +164,7 @@ class OperatorPick:
     """What orders the rest."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.pick, int) and len(self.pick) == 3:
-            require_point(self.pick, "pick")
+        object.__setattr__(self, "pick", _checked_pick(self.pick))
 
     def order(
         self, segmentation: Segmentation, cloud: PointCloud
@@ -205,6 +205,26 @@ class OperatorPick:
                 mend="Base frame, metres: x forward, y left, z up.",
             )
         return int(segmentation.labels[is_object][distance.argmin()])
+
+
+def _checked_pick(pick: object) -> int | tuple[Any, ...]:
+    """Return a label, a pixel or a point as Python's own numbers, or raise."""
+    if isinstance(pick, Integral) and not isinstance(pick, bool):
+        return int(pick)
+    items = pick.tolist() if isinstance(pick, np.ndarray) else pick
+    if (
+        not isinstance(items, (tuple, list))
+        or len(items) not in (2, 3)
+        or not all(isinstance(item, Real) for item in items)
+    ):
+        raise InputError(
+            "pick",
+            got=shortened(repr(items)),
+            expected="a label, a pixel (column, row), or a point (x, y, z) [m]",
+        )
+    if len(items) == 3:
+        require_point(items, "pick")
+    return tuple(items)
 
 
 def _label_at_pixel(

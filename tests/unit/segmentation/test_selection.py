@@ -149,6 +149,19 @@ def test_a_picked_label_comes_first_and_the_rest_follow(scene):
     assert first.reason == "picked by the operator; why"
 
 
+@pytest.mark.parametrize("label", [np.int64(2), np.uint8(2)])
+def test_a_picked_label_may_be_a_number_of_numpy(scene, label):
+    assert picked(scene, label) == [2, 1]
+
+
+@pytest.mark.parametrize(
+    "pick", [None, True, "2", 1.5, (1,), (1, 2, 3, 4), ("a", "b"), np.zeros((2, 3))]
+)
+def test_a_pick_of_another_kind_is_refused_at_once(pick):
+    with pytest.raises(InputError, match=r"pick: got .*a label, a pixel .*a point"):
+        OperatorPick(pick, ByLabel())
+
+
 def test_a_picked_point_in_millimetres_is_refused_at_once():
     with pytest.raises(ConfigError, match=r"pick.*900.*millimetres"):
         OperatorPick((900.0, 100.0, 300.0), ByLabel())
