@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp._words import in_kilograms
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
@@ -32,6 +33,7 @@ _WORTH_SAYING = 0.2
 """Probability, or share of the way out, from which on it is spoken of at all."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SupportAware:
     """Least load on it, free way out, near, and graspable.

@@ -221,3 +221,12 @@ def test_an_object_wider_than_the_hands_costs_more_and_says_so():
 def test_costs_that_make_no_sense_are_refused(setting):
     with pytest.raises(ConfigError):
         SupportAware(**setting)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [{"openings": 0.1}, {"openings": ("a",)}, {"load": True}, {"support": "coarse"}],
+)
+def test_weights_of_another_type_are_refused(setting):
+    with pytest.raises(InputError, match=f"{next(iter(setting))}.*: got"):
+        SupportAware(**setting)
