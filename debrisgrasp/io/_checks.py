@@ -68,7 +68,10 @@ def checked_depth(depth: object, intrinsics: Intrinsics | None) -> FloatArray:
 
 
 def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, FloatArray]:
-    """Points (n, 3) and their viewpoint (3,), both read-only."""
+    """Points (n, 3) and their viewpoint (3,), both read-only.
+
+    Points at the viewpoint become NaN, as a depth of 0 does: nothing was measured.
+    """
     array = np.asarray(points)
     _require_floats(array, "points")
     if array.ndim != 2 or array.shape[1] != 3:
@@ -88,11 +91,13 @@ def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, Float
     if not np.isfinite(sight).all():
         raise CaptureError("viewpoint", got=sight.tolist(), expected="finite numbers")
     copy = np.array(array, dtype=np.float64)
+    # Lidars write their own position where nothing came back.
+    copy[(copy == sight).all(axis=-1)] = np.nan
     measured = copy[np.isfinite(copy).all(axis=-1)]
     if len(measured) < _FEWEST_POINTS:
         raise CaptureError(
             "points",
-            got=f"{len(measured)} finite of {len(copy)}",
+            got=f"{len(measured)} finite of {len(copy)} away from the viewpoint",
             expected=f"at least {_FEWEST_POINTS}",
         )
     _require_near(

@@ -47,8 +47,8 @@ class Capture:
     """Camera of the depth image."""
     points: FloatArray | None = None
     """Positions of an unorganised cloud [m], shape (n, 3), in its own frame, which is
-    called ``camera`` here wherever its origin may be; rows that are not finite count as
-    not measured."""
+    called ``camera`` here wherever its origin may be; rows that are not finite, or are
+    the viewpoint, count as not measured."""
     viewpoint: FloatArray | None = None
     """Position of the sensor in the frame of the points [m], shape (3,)."""
     T_base_camera: SE3 | None = None

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from debrisgrasp.errors import CaptureError, InputError, OutputError
 from debrisgrasp.geometry import SE3
-from debrisgrasp.io import Capture
+from debrisgrasp.io import Capture, measured
 
 
 def test_the_cloud_lies_where_the_camera_says(depth, camera, T_base_camera):
@@ -183,6 +183,15 @@ def test_points_are_mapped_to_base_and_gaps_dropped(points, T_base_camera):
     assert_allclose(cloud.viewpoint, T_base_camera.apply([0, 0, 2.0]))
     normal = T_base_camera.rotate(np.array([-0.2, 0, 1]) / np.hypot(0.2, 1))
     assert_allclose(cloud.normals @ normal, 1.0, atol=1e-9)
+
+
+def test_points_at_the_viewpoint_were_not_measured(points, T_base_camera):
+    sight = np.array([0.1, 0.0, 1.5])
+    none = np.concatenate([points, np.repeat([sight], 5, axis=0)])
+    capture = Capture(points=none, viewpoint=sight, T_base_camera=T_base_camera)
+    bare = Capture(points=points, viewpoint=sight, T_base_camera=T_base_camera)
+    assert_array_equal(capture.cloud().points, bare.cloud().points)
+    assert not measured(capture)[-5:].any()
 
 
 def test_a_depth_capture_survives_saving(depth, camera, T_base_camera, rng, tmp_path):
