@@ -41,6 +41,8 @@ _GOLDEN = 0.6180339887498949
 """Multiples of it fill the unit interval evenly, however many there are."""
 _INWARDS = -0.7
 """Outward component of the last axis below which its turn is not to be relied on."""
+_THIN = np.float32(1e-3)
+"""Least radius and height that the cells divide [m]."""
 _CHUNK = 4096
 """Postures evaluated at once while building; keeps the lanes in cache."""
 
@@ -135,8 +137,9 @@ class ReachMap:
         q[-1] = np.concatenate([part.turn for part in parts])
         radius, height = rows[:2]
         # One cell of margin, so that growing the map never meets its border.
-        step_r = radius.max() / max(config.n_radius - 1, 1)
-        step_z = np.ptp(height) / max(config.n_height - 2, 1)
+        # Arms that move in a plane, or about a point, still fill a cell.
+        step_r = max(radius.max(), _THIN) / max(config.n_radius - 1, 1)
+        step_z = max(np.ptp(height), _THIN) / max(config.n_height - 2, 1)
         outer_limits = np.array([chain.lower, chain.upper])[:, [0, -1]].T
         bare = cls(
             chain_hash=chain.hash,

@@ -32,6 +32,18 @@ def test_what_kinematics_reaches_is_never_called_unreachable(
     assert reach_map.may_reach(Goals.from_matrices(chain.form, T)).all()
 
 
+def test_arms_that_move_in_a_plane_have_a_map(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    row = [JointText(), JointText(xyz=(0.3, 0, 0)), JointText(xyz=(0.2, 0, 0))]
+    chain = KinematicChain.from_urdf(written(tmp_path, row), "link0", "link3")
+    reach_map = ReachMap.build(chain)
+    T = chain.fk(chain.sampled(5_000, rng=rng))
+    assert reach_map.may_reach(Goals.from_matrices(chain.form, T.matrix)).all()
+    above = SE3.from_parts(T.R, T.p + np.array([0.0, 0.0, 0.1])).matrix
+    assert not reach_map.may_reach(Goals.from_matrices(chain.form, above)).any()
+
+
 def test_far_poses_are_ruled_out_without_descent(
     arm: KinematicChain, arm_map: ReachMap, rng: np.random.Generator
 ) -> None:
