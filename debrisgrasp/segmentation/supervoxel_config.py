@@ -11,9 +11,9 @@ from debrisgrasp.errors import ConfigError
 
 from .voxels import Binning
 
-__all__ = ["SupervoxelConfig"]
+__all__ = ["COARSEST", "SupervoxelConfig"]
 
-_FINEST, _COARSEST = 5e-4, 10.0
+_FINEST, COARSEST = 5e-4, 10.0
 """Resolutions beyond these [m] can only be of another unit."""
 
 
@@ -46,20 +46,20 @@ class SupervoxelConfig:
     keeps the resolution."""
 
     def coarsened(self, factor: float) -> SupervoxelConfig:
-        """Return the same settings with larger voxels and patches."""
+        """Return the same settings with larger voxels and patches, within limits."""
         return replace(
             self,
             voxel_resolution=factor * self.voxel_resolution,
-            seed_resolution=factor * self.seed_resolution,
+            seed_resolution=min(factor * self.seed_resolution, COARSEST),
         )
 
     def __post_init__(self) -> None:
-        if not _FINEST <= self.voxel_resolution < self.seed_resolution <= _COARSEST:
+        if not _FINEST <= self.voxel_resolution < self.seed_resolution <= COARSEST:
             raise ConfigError(
                 "voxel_resolution and seed_resolution",
                 got=f"{self.voxel_resolution} and {self.seed_resolution}",
                 expected=f"{_FINEST} <= voxel_resolution < seed_resolution <= "
-                f"{_COARSEST} [m]",
+                f"{COARSEST} [m]",
                 mend="Millimetres are to be divided by 1000.",
             )
         for name in (

@@ -18,7 +18,7 @@ from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
 
 from .patch_growth import grown
-from .supervoxel_config import SupervoxelConfig
+from .supervoxel_config import COARSEST, SupervoxelConfig
 from .voxels import (
     VoxelGrid,
     binned,
@@ -30,6 +30,8 @@ from .voxels import (
 
 __all__ = ["Patches", "supervoxels"]
 
+_COARSER = 2**0.5
+"""By how much voxels and patches are enlarged at once."""
 _MAX_COARSENINGS = 8
 """Enlargements by the root of 2 at most: single points stay single at any size."""
 _MAX_SHORT = 46_000
@@ -82,9 +84,10 @@ def supervoxels(
     used = colors if config.color_importance > 0 else None
     bins = binned(cloud, config.voxel_resolution, config.binning)
     for _ in range(_MAX_COARSENINGS):
-        if len(cloud) >= config.min_points_per_voxel * bins.n_voxels:
+        is_full = len(cloud) >= config.min_points_per_voxel * bins.n_voxels
+        if is_full or _COARSER * config.voxel_resolution >= COARSEST:
             break
-        config = config.coarsened(2**0.5)
+        config = config.coarsened(_COARSER)
         bins = binned(cloud, config.voxel_resolution, config.binning)
     grid = voxelise(cloud, config.voxel_resolution, config.binning, used, bins)
     seeds = _seeds(grid, cloud, config)

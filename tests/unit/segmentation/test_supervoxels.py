@@ -123,6 +123,14 @@ def test_refinement_keeps_every_voxel_in_a_patch():
     assert set(patches.owner) == set(range(len(patches)))
 
 
+def test_patches_are_enlarged_no_further_than_they_may_be():
+    cloud = cloud_of(plate((0.5, 0.6), (0.0, 0.1)), UP)
+    largest = SupervoxelConfig(
+        voxel_resolution=5e-4, seed_resolution=10.0, min_points_per_voxel=100.0
+    )
+    assert len(supervoxels(cloud, largest)) == 1
+
+
 def test_weight_of_colour_needs_colours():
     cloud = cloud_of(plate((0.5, 0.6), (0.0, 0.1)), UP)
     with pytest.raises(ConfigError, match="colours"):
