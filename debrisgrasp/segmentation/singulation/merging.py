@@ -21,6 +21,8 @@ _LEVELS = (0.97, 0.93, 0.88, 0.82, 0.75)
 """Scores above which regions merge first, so that sure joins shape the doubtful."""
 _CLEAR_COLOR = 0.15
 """Difference in the shares of red and green that tells two paints apart."""
+_SURE = 600.0
+"""Log-odds beyond which nothing is surer; their exponential is finite."""
 _CUT_SCORE = 0.4
 """Most that speaks for bars being one object whose common face was cut."""
 _NOTABLE = 0.05
@@ -129,7 +131,8 @@ def _heard(
         share = np.where(total[:, None] > 1e-6, color[:, :2] / total[:, None], 1 / 3)
         differs = np.abs(share[a] - share[b]).sum(axis=1) / _CLEAR_COLOR
         odds = score / np.maximum(1.0 - score, 1e-9)
-        odds *= np.exp(-color_weight * np.clip(differs - 0.2, -0.2, 1.0))
+        gain = -color_weight * np.clip(differs - 0.2, -0.2, 1.0)
+        odds *= np.exp(np.minimum(gain, _SURE))
         score = odds / (1.0 + odds)
     return score
 

@@ -139,6 +139,17 @@ def test_colours_weaken_a_join_but_do_not_decide_alone():
     assert (graphs[1].score[crossing] <= graphs[0].score[crossing] + 1e-9).all()
 
 
+@pytest.mark.filterwarnings("error")
+def test_colours_may_decide_all_but_alone():
+    cloud = scene_cloud(STACK)
+    truth = truth_of(cloud, STACK)
+    painted = np.where((truth == 1)[:, None], [0.8, 0.1, 0.1], [0.1, 0.1, 0.8])
+    paint = SingulationConfig(color_weight=1e6)
+    graph = singulate(cloud, truth > 0, paint, colors=painted)
+    assert np.isfinite(graph.score).all()
+    assert len(np.unique(graph.patch_object)) >= 2
+
+
 def test_the_order_of_points_changes_nothing(rng):
     cloud = scene_cloud(STACK)
     order = rng.permutation(len(cloud))
