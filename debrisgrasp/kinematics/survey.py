@@ -14,6 +14,7 @@ from debrisgrasp._arrays import (
     IntArray,
     Rng,
     require_finite,
+    require_range,
     require_trailing,
 )
 from debrisgrasp.errors import InputError
@@ -240,8 +241,9 @@ def grid_places(bounds: Bounds, step: float) -> FloatArray:
     Raises
     ------
     InputError
-        If there would be more than 200 000.
+        If there would be more than 200 000, or the step is not above zero.
     """
+    require_range("step [m]", step, 1e-6)
     counts = np.maximum(np.ceil(bounds.size / step - 1e-9), 0).astype(int) + 1
     if np.prod(counts.astype(float)) > _MOST_PLACES:
         raise InputError(

@@ -98,6 +98,9 @@ def test_places_fill_the_box_and_too_many_are_refused() -> None:
     np.testing.assert_allclose(places.max(axis=0), box.upper)
     with pytest.raises(InputError, match="coarser"):
         grid_places(box, 0.001)
+    for step in (0.0, -0.1, np.nan):
+        with pytest.raises(InputError, match="step"):
+            grid_places(box, step)
 
 
 def _poses_ahead(rng: np.random.Generator) -> SE3:
