@@ -309,10 +309,13 @@ def region_of_interest(
     Raises
     ------
     InputError
-        If there are no points, or one is not finite, or the margin is negative.
+        If there are no points, or one is not finite, the margin is negative, or the
+        outliers at both ends are all of them.
     """
     if not 0 <= margin < np.inf:
         raise InputError("margin", got=margin, expected="0 or more metres")
+    if not 0 <= outliers < 0.5:
+        raise InputError("outliers", got=outliers, expected="0 or more, below 0.5")
     points = np.asarray(points, dtype=np.float64)
     require_trailing(points, "points", (3,))
     if not len(points):

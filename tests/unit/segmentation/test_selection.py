@@ -69,6 +69,9 @@ def test_region_holds_the_object_and_the_margin(scene):
     np.testing.assert_allclose(region.size, size + 0.1, atol=0.02)
     with pytest.raises(InputError):
         region_of_interest(points, margin=-0.01)
+    for share in (-0.1, 0.5, np.nan):
+        with pytest.raises(InputError, match="outliers"):
+            region_of_interest(points, outliers=share)
     with pytest.raises(InputError, match="none"):
         region_of_interest(points[:0])
     with pytest.raises(InputError, match="NaN"):
