@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_finite
 from debrisgrasp._checked import checked_fields
@@ -79,7 +80,8 @@ def segment_cloud(
     ShapeError
         If ``colors`` or ``of_interest`` are not one for each point.
     InputError
-        If the cloud is empty, has points that are not finite, or is in another frame.
+        If the cloud is empty, has points that are not finite, or is in another frame,
+        or a colour is outside [0, 1].
 
     Examples
     --------
@@ -98,14 +100,16 @@ def segment_cloud(
     if not len(cloud):
         raise InputError("cloud", got="no points", expected="at least one")
     require_finite(cloud.points, "points")
-    if colors is not None and colors.shape != cloud.points.shape:
-        raise ShapeError(
-            "colors", got=colors.shape, expected=f"one per point, {cloud.points.shape}"
-        )
-    if of_interest is not None and of_interest.shape != (len(cloud),):
-        raise ShapeError(
-            "of_interest", got=of_interest.shape, expected=f"({len(cloud)},)"
-        )
+    if colors is not None:
+        colors = _checked_colors(colors, len(cloud))
+    if of_interest is not None:
+        of_interest = np.asarray(of_interest)
+        if of_interest.shape != (len(cloud),) or of_interest.dtype != np.bool_:
+            raise ShapeError(
+                "of_interest",
+                got=f"{of_interest.dtype} {of_interest.shape}",
+                expected=f"True or False for each point, ({len(cloud)},)",
+            )
     order = _canonical_order(cloud)
     if order is None:
         return _segmented(
@@ -138,6 +142,21 @@ def segment_cloud(
         labels=restored(result.labels, "labels"),
         patches=restored(result.patches, "patches"),
     )
+
+
+def _checked_colors(colors: ArrayLike, n: int) -> FloatArray:
+    """Colours as an array (n, 3) of numbers in [0, 1]."""
+    array = np.asarray(colors, dtype=np.float64)
+    if array.shape != (n, 3):
+        raise ShapeError("colors", got=array.shape, expected=f"one per point, {(n, 3)}")
+    if not ((array >= 0.0) & (array <= 1.0)).all():
+        raise InputError(
+            "colors",
+            got=f"{array.min():g} to {array.max():g}",
+            expected="0 to 1",
+            mend="Divide colours of 8 bits by 255.",
+        )
+    return array
 
 
 def _canonical_order(cloud: PointCloud) -> IntArray | None:

@@ -3,7 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import ConfigError, FrameMismatchError, InputError
+from debrisgrasp.errors import (
+    ConfigError,
+    FrameMismatchError,
+    InputError,
+    ShapeError,
+)
 from debrisgrasp.geometry import SE3, image_normals
 from debrisgrasp.io import Capture
 from debrisgrasp.segmentation import (
@@ -126,6 +131,28 @@ def test_clouds_in_another_frame_are_refused():
 def test_colours_need_one_row_per_point():
     with pytest.raises(InputError, match="colors"):
         segment_cloud(cloud_of([[0.5, 0.0, 0.3]]), colors=np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("value", [255.0, -0.1, np.nan])
+def test_colours_outside_of_their_range_are_refused(value):
+    cloud = cloud_of([[0.5, 0.0, 0.3], [0.5, 0.1, 0.3]])
+    with pytest.raises(InputError, match="by 255"):
+        segment_cloud(cloud, colors=np.array([[0.5, 0.5, value], [0.0, 0.0, 0.0]]))
+
+
+@pytest.mark.parametrize("marked", [[0, 1], np.array([1.0, 0.0]), [True]])
+def test_marks_are_true_or_false_for_each_point(marked):
+    cloud = cloud_of([[0.5, 0.0, 0.3], [0.5, 0.1, 0.3]])
+    with pytest.raises(ShapeError, match="of_interest"):
+        segment_cloud(cloud, of_interest=marked)
+
+
+def test_colours_and_marks_may_be_lists():
+    cloud = cloud_of([[0.5, 0.0, 0.3], [0.5, 0.1, 0.3]])
+    found = segment_cloud(
+        cloud, colors=[[0, 0, 0], [1, 1, 1]], of_interest=[True, True]
+    )
+    assert found.labels.shape == (2,)
 
 
 def test_negative_smallest_size_is_refused():
