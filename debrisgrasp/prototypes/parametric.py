@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, fibonacci_sphere
 
 from .check import PENETRATION_TOLERANCE, check, depth_in
@@ -59,6 +59,8 @@ def prototype_of_shape(
     ConfigError, UnknownNameError
         As a file of this content would.
     """
+    if grip not in get_args(Grip):
+        raise UnknownNameError("grip", grip, get_args(Grip))
     low, high = gripper.preshape(preshape).widths
     content = {
         "name": name,

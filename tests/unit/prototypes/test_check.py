@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from debrisgrasp.errors import UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 from debrisgrasp.prototypes import (
@@ -99,3 +100,10 @@ def test_a_pipe_thicker_than_the_hand_opens_slides_off():
     thin = prototype_of_shape("thin", shape | {"diameter": 0.1}, hand, "basic")
     found = check(GraspPrototype.build(thin, fibonacci_sphere(1)), hand)
     assert not any("slants" in str(finding) for finding in found)
+
+
+def test_a_grip_of_another_name_is_refused():
+    hand = GripperModel.load("robotiq_3f")
+    shape = {"type": "cylinder", "diameter": 0.06, "length": 0.14, "ends": "open"}
+    with pytest.raises(UnknownNameError, match="tip, power"):
+        prototype_of_shape("rod", shape, hand, "basic", grip="palm")
