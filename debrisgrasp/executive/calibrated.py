@@ -37,6 +37,9 @@ _REACH = 0.12
 _LEAST = 60
 """Pixels on the arm, at least."""
 _MOST = 500
+_LEAST_SHARE = 0.25
+"""Of the corners of what is compared that lie in the picture. Of less, mostly fingers
+are seen, which look like a hand that is elsewhere."""
 _NOISE = 0.003
 """Of one look at the hand, in each coordinate [m]."""
 _SIGMAS = 8.0
@@ -79,9 +82,9 @@ def calib_check(context: Context) -> StepResult:
     """Hold a hand before the camera, and compare where it is seen with where it is.
 
     It is seen from two attitudes of the head, and the looks of all checks of a run are
-    judged together. Without a free way for the hand this is left out, and said so; the
-    ground, which every capture is held against, still tells a camera that tilted or
-    sank.
+    judged together. Without a free way for the hand, or where it is hardly in the
+    picture, this is left out, and said so; the ground, which every capture is held
+    against, still tells a camera that tilted or sank.
     """
     limb = next(iter(context.limbs.values()))
     empty = _looked(context)
@@ -101,6 +104,8 @@ def calib_check(context: Context) -> StepResult:
     limb.limb.arm.disengage()
     if isinstance(report, FaultFound):
         return report
+    if report is None:
+        return Done({"hand_seen": False, "why": "hardly any of it is in the picture"})
     size = float(np.linalg.norm(report.shift))
     facts = {
         "hand_seen": True,
@@ -148,23 +153,28 @@ def _turned(context: Context, target: Mapping[str, float]) -> FaultFound | None:
 
 def _compared(
     context: Context, limb: LimbState, empty: Sequence[DepthFrame]
-) -> DriftReport | FaultFound:
-    """Judge where the hand is seen, by all looks of the run."""
+) -> DriftReport | FaultFound | None:
+    """Judge where the hand is seen, by all looks of the run; None: it can't be."""
     head = context.robot.head
     hand = limb.pose(context.posture(limb)).p
-    seen, readings = [], []
+    seen, readings, is_lost = [], [], False
     for target, before in zip(_looks(context), empty, strict=True):
         fault = _turned(context, target)
         if fault is not None:
             return fault
+        if not _is_in_picture(context, limb, before):
+            continue
         found = _seen_shift(context, limb, before)
+        is_lost = found is None  # as captures are taken, if it can be seen then
         if found is not None:
             T_base_camera = context.model.T_base_camera(context.joint_values())
             seen.append(T_base_camera.inverse().apply(hand + found))
             readings.append([] if head is None else list(head.read().q))
-    if found is None:  # as captures are taken
+    if is_lost:
         words = f"the hand of the {arm_called(limb.name)} is not seen where it must be"
         return FaultFound("fiducial_lost", words, limb.name)
+    if not seen:
+        return None
     looks = Observations(
         points_base=np.tile(hand, (len(seen), 1)),
         points_camera=np.array(seen),
@@ -205,6 +215,19 @@ def _way_into_view(
         fault = found
     assert fault is not None
     return fault
+
+
+def _is_in_picture(context: Context, limb: LimbState, frame: DepthFrame) -> bool:
+    """Tell whether enough of the hand is where the camera looks, if it is all right."""
+    values = context.joint_values()
+    solids = _end_of_arm(context, limb, values)
+    corners = np.concatenate([solid.mesh()[0] for solid in solids])
+    camera = frame.intrinsics
+    T_camera_base = context.model.T_base_camera(values).inverse()
+    uv, _ = camera.project(T_camera_base.apply(corners))
+    # Behind the camera they are NaN, which is in no picture.
+    is_in = ((uv >= 0.0) & (uv <= (camera.width - 1, camera.height - 1))).all(axis=1)
+    return bool(is_in.mean() >= _LEAST_SHARE)
 
 
 def _seen_shift(
