@@ -169,7 +169,8 @@ def _unfit(look: BaselineLook, config: BaselineConfig) -> list[Refusal]:
         i = int((scatter / noise).argmax())
         words.append(
             f"noise of {scatter[i]:.3g} {'N' if i < 3 else 'N m'}, "
-            f"expected at most {2.0 * noise[i]:.3g}"
+            f"expected at most {2.0 * noise[i]:.3g}: let the driver take the mean of "
+            "several readings"
         )
     return refusals_of(RefusalCause.NO_PROOF, words)
 

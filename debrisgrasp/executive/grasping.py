@@ -123,12 +123,15 @@ def switch(context: Context) -> StepResult:
 
 def require_room(limits: LimitSet, load_share: float) -> None:
     """Raise `InputError` if limits leave no room between a touch and too much of it."""
+    used = (
+        f" Of the limit {100 * load_share:.0f} % are used, see TaskSettings.load_share."
+    )
     if limits.torque * load_share < _LEAST_TORQUE:
         raise InputError(
             "limits.torque",
             got=f"{limits.torque:g} N m",
             expected=f"{_LEAST_TORQUE / load_share:.0f} N m or more",
-            mend="A touch may turn the hand by that before the arm stands.",
+            mend="A touch may turn the hand by that before the arm stands." + used,
         )
     if _GUARD.largest_speed(limits.scaled(load=load_share)) < _SLOWEST:
         least = _GUARD.force + _GUARD.stiffness * _GUARD.reaction_time * _SLOWEST
@@ -136,7 +139,7 @@ def require_room(limits: LimitSet, load_share: float) -> None:
             "limits.force",
             got=f"{limits.force:g} N",
             expected=f"{least / load_share:.0f} N or more",
-            mend="A touch is felt at 50 N, and grows until the arm stands.",
+            mend="A touch is felt at 50 N, and grows until the arm stands." + used,
         )
 
 

@@ -85,7 +85,7 @@ class TaskSettings:
     """A hand that carries less is empty [N]."""
     camera_shift: float = 0.02
     """A hand seen farther than this from where it must be means that the camera has
-    moved [m]."""
+    moved [m]; no less than 0.008, for a look at it errs by half of that."""
     max_dropout: float = 0.4
     """Share of the image of the workspace that may lack depth."""
     mark: Marker | None = None
@@ -146,7 +146,7 @@ class TaskSettings:
                     mend="Move it into the way, or make the workspace larger.",
                 )
         require_range("TaskSettings.empty_load [N]", self.empty_load, 1e-3, 1e3)
-        require_range("TaskSettings.camera_shift [m]", self.camera_shift, 1e-3, 1.0)
+        require_range("TaskSettings.camera_shift [m]", self.camera_shift, 8e-3, 1.0)
         for part in self.compliance:
             require_range("TaskSettings.compliance", part, 0.0, 1.0)
         for arm, place in self.drop_off.items():

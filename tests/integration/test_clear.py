@@ -257,7 +257,9 @@ def test_a_limit_too_low_to_feel_a_touch_by_is_refused(tmp_path, capsys, what, l
     record = tmp_path / "run"
     words = ["clear", "--site", str(site), "--record", str(record)]
     assert debrisgrasp(words) == 2
-    assert f"field limits.{what}: got {limit} N" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert f"field limits.{what}: got {limit} N" in told
+    assert "80 % are used, see TaskSettings.load_share" in " ".join(told.split())
     # What was refused leaves nothing that is in the way of the next try.
     assert RunRecord(record, {}).fault == ""
 

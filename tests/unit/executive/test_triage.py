@@ -220,6 +220,7 @@ def test_settings_out_of_range_are_refused(wrong):
         ("compliance", 5e-5),
         ("clamp", 0.015),
         ("camera_shift", "2 cm"),
+        ("camera_shift", 0.005),
         ("mark", np.zeros((4, 4))),
         ("region", (0.0, 0.0, 0.0, 1.0, 1.0, 1.0)),
     ],
