@@ -9,7 +9,7 @@ import numpy as np
 
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive import Executive, Simulated
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.prototypes import with_shipped
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.sim import tier_scene
 from debrisgrasp.sim_robot import sim_robot
@@ -42,7 +42,7 @@ def run_arm(spec: RunSpec) -> RunRecord:
     if model is None:
         raise ConfigError("robot of the site", got="none", expected="a robot with arms")
     config = FakeConfig(is_initialised=True)
-    grippers = {**load_grippers(), **pipeline.grippers}
+    grippers = with_shipped(pipeline.grippers)
     robot = sim_robot(model, world, rng=robot_rng, config=config, grippers=grippers)
     watch, settings = Watch(recovery=spec.recovery), settings_of(spec, pipeline)
     executive = Executive(

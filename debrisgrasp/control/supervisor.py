@@ -295,10 +295,10 @@ class Supervisor:
         most_force, most_torque = self.load_limits(now)
         a, b, c, d, e, f = load
         force, torque = hypot(a, b, c), hypot(d, e, f)
-        if not (force < most_force and torque < most_torque):
-            if not torque < most_torque:
-                words = f"torque {torque:.1f} of {most_torque:.1f} N m"
-                return Fault.TORQUE_OVERLOAD, words
+        if not torque < most_torque:
+            words = f"torque {torque:.1f} of {most_torque:.1f} N m"
+            return Fault.TORQUE_OVERLOAD, words
+        if not force < most_force:
             return Fault.OVERLOAD, f"force {force:.0f} of {most_force:.0f} N"
         config = self.config
         p, q, r, s, t, u = previous

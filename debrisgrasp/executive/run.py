@@ -14,7 +14,7 @@ from debrisgrasp._arrays import Rng
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.control import FaultClass
 from debrisgrasp.pipeline import Pipeline, with_hands
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.prototypes import with_shipped
 from debrisgrasp.robot import Robot
 
 from .context import Context, Cycle, Recorder
@@ -90,7 +90,7 @@ class Executive:
         settings = settings or TaskSettings()
         robot = replace(robot, clock=SteadyClock(robot.clock))
         pipeline = pipeline or Pipeline(robot=robot.model)
-        hands = {**load_grippers(), **pipeline.grippers}
+        hands = with_shipped(pipeline.grippers)
         model = with_hands(robot.model, hands)
         model.joint_values(settings.look)
         require_devices(robot, settings.look or {})

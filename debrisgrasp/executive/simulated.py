@@ -14,7 +14,7 @@ from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Pipeline
-from debrisgrasp.prototypes import load_grippers
+from debrisgrasp.prototypes import with_shipped
 from debrisgrasp.robot import (
     INJECTABLE,
     FakeConfig,
@@ -342,7 +342,7 @@ def simulate(
         raise ConfigError("robot of the pipeline", got="none", expected="a robot")
     # Only an injected fault takes the zero of a gripper.
     config = FakeConfig(is_initialised=True)
-    grippers = {**load_grippers(), **pipeline.grippers}
+    grippers = with_shipped(pipeline.grippers)
     fake = fake_robot(model, world, rng=robot_rng, config=config, grippers=grippers)
     states = tuple(state.value for state in State)
     injected = inject(fake.robot, faults, states=states, rng=fault_rng, world=fake)

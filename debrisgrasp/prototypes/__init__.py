@@ -3,7 +3,13 @@
 from .check import Finding, check
 from .coverage import CoverageMap, coverage
 from .from_mesh import surface_from_mesh
-from .gripper import FURTHER_HANDS, GripperModel, known_grippers, load_grippers
+from .gripper import (
+    FURTHER_HANDS,
+    GripperModel,
+    known_grippers,
+    load_grippers,
+    with_shipped,
+)
 from .hand_poses import HandPose, around_grip, propose_hand_poses, settled
 from .library import PrototypeLibrary
 from .likeness import Likeness, duplicates, half_turns, shape_distance
@@ -45,5 +51,6 @@ __all__ = [
     "settled",
     "shape_distance",
     "surface_from_mesh",
+    "with_shipped",
     "write_new_prototype",
 ]

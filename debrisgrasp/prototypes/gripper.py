@@ -19,7 +19,13 @@ from debrisgrasp.geometry.solids import Box, Solid, SphereSet
 from .hand_file import read_hand
 from .hand_kinematics import Finger, Preshape
 
-__all__ = ["FURTHER_HANDS", "GripperModel", "known_grippers", "load_grippers"]
+__all__ = [
+    "FURTHER_HANDS",
+    "GripperModel",
+    "known_grippers",
+    "load_grippers",
+    "with_shipped",
+]
 
 _STEP = 1e-3
 """Spacing along the closing axis of places that may be in a finger [m] ..."""
@@ -289,6 +295,13 @@ def load_grippers(
             )
         hands[hand.name] = hand
     return hands
+
+
+def with_shipped(
+    grippers: Mapping[str, GripperModel] | None = None,
+) -> dict[str, GripperModel]:
+    """Return the shipped hands and others by name, which go before shipped ones."""
+    return {**load_grippers(), **(grippers or {})}
 
 
 def known_grippers() -> tuple[str, ...]:

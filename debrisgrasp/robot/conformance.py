@@ -17,7 +17,7 @@ from traceback import extract_tb
 
 from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked
-from debrisgrasp.prototypes import GripperModel, load_grippers
+from debrisgrasp.prototypes import GripperModel, with_shipped
 
 from .gaps import Gap, absent, gaps_of
 from .interface import Robot
@@ -100,7 +100,7 @@ class Check:
             return (f"not run: there is no {', '.join(lacking)}",)
         if self.is_idle(robot):
             return ()
-        hands = {**load_grippers(), **(grippers or {})}
+        hands = with_shipped(grippers)
         known = {"period": period, "grippers": hands}
         problems: list[str] = []
         try:
@@ -348,7 +348,7 @@ def check_robot(
         If the period is out of its range.
     """
     require_range("period [s]", period, 5e-4, 0.01)
-    hands = {**load_grippers(), **(grippers or {})}
+    hands = with_shipped(grippers)
     passed: list[str] = []
     findings: list[Finding] = []
     skipped: list[Finding] = []

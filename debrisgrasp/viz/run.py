@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from debrisgrasp._words import arm_called, counted
-from debrisgrasp.prototypes import GripperModel, load_grippers
+from debrisgrasp.prototypes import GripperModel, with_shipped
 
 from .html import write_page
 from .run_map import map_key, map_svg
@@ -130,7 +130,7 @@ def run_html(
     tries = _tries(run.events)
     nothing: Mapping[str, Any] = {}
     end = next((e for e in reversed(run.events) if e.get("event") == "end"), nothing)
-    hands = {**load_grippers(), **(grippers or {})}
+    hands = with_shipped(grippers)
     attempts = [_card(item, run, hands) for item in tries]
     body = [
         f"<h1>{escape(_title(run.inputs))}</h1>",

@@ -29,28 +29,19 @@ from debrisgrasp.robot import INJECTABLE, FakeConfig, Injection, fake_robot
 from tests.disks import files_up_to
 
 
-@pytest.fixture(scope="module")
-def cleared(pipeline, beam):
-    rng = np.random.default_rng(0)
-    fake = fake_robot(
-        pipeline.robot, beam, rng=rng, config=FakeConfig(is_initialised=True)
-    )
-    executive = Executive(
-        fake.robot,
-        TaskSettings(drive_over=0.0),
-        pipeline=pipeline,
-        rng=np.random.default_rng(0),
-    )
-    return executive.run(), fake.truth()
-
-
 def run_at(pipeline, beam, period, settings):
-    """Take one beam at some period of the robot's loop; the run, and what was true."""
+    """Take one beam at some period of the robot's loop; the run, and the robot."""
     config = FakeConfig(is_initialised=True, period=period)
     rng = np.random.default_rng(0)
     fake = fake_robot(pipeline.robot, beam, rng=rng, config=config)
     rng = np.random.default_rng(0)
     return Executive(fake.robot, settings, pipeline=pipeline, rng=rng).run(), fake
+
+
+@pytest.fixture(scope="module")
+def cleared(pipeline, beam):
+    result, fake = run_at(pipeline, beam, 0.004, TaskSettings(drive_over=0.0))
+    return result, fake.truth()
 
 
 def test_an_arm_of_100_hz_clears_the_way_too(pipeline, beam):
