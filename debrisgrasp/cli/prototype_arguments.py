@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
+
+from debrisgrasp.prototypes import Grip
 
 from .capture_arguments import add_capture
 from .site_arguments import add_grippers, add_site
@@ -34,9 +36,10 @@ def add_new(actions: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--grip",
-        choices=("tip", "power"),
+        choices=get_args(Grip),
         default="tip",
-        help="between the fingertips, or near the palm (default: tip)",
+        help="near side between the fingertips, far side level with them, or near the "
+        "palm (default: tip)",
     )
     parser.add_argument(
         "--position", nargs=3, type=number, metavar=("X", "Y", "Z"), help="in the palm"

@@ -18,6 +18,7 @@ from debrisgrasp.prototypes import (
     load_grippers,
 )
 
+from .prototype_adapt import add_adapt
 from .prototype_learn import add_learn
 from .prototype_makers import add_makers
 from .reports import (
@@ -78,6 +79,7 @@ def add(subparsers: Any) -> None:
         add_site(action)
         action.add_argument("--json", action="store_true", help="print JSON")
     add_makers(actions)
+    add_adapt(actions)
     add_learn(actions)
 
 

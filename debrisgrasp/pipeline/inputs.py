@@ -127,6 +127,6 @@ def library_of(
             + FURTHER_HANDS
             if unknown
             else "Give a folder that has some (--prototypes), or make them with "
-            f"`debrisgrasp prototype new --gripper {used[0]}`.",
+            f"`debrisgrasp prototype adapt --gripper {used[0]}`.",
         )
     return library

@@ -1,5 +1,6 @@
 """Layer 2: what a graspable shape is, and the hands that grip it."""
 
+from .adapt import Adaptation, adapt
 from .check import Finding, check
 from .coverage import CoverageMap, coverage
 from .from_mesh import surface_from_mesh
@@ -13,7 +14,8 @@ from .gripper import (
 from .hand_poses import HandPose, around_grip, propose_hand_poses, settled
 from .library import PrototypeLibrary
 from .likeness import Likeness, duplicates, half_turns, shape_distance
-from .parametric import Grip, prototype_of_shape
+from .parametric import prototype_of_shape
+from .placing import Grip
 from .prototype import GraspPrototype, PackedPrototypes, PrototypeDefinition
 from .prototype_file import definition_from, require_name, write_new_prototype
 from .surface_shape import SurfaceShape
@@ -22,6 +24,7 @@ from .visibility import VisibilityTable, nearest_view
 
 __all__ = [
     "FURTHER_HANDS",
+    "Adaptation",
     "CoverageMap",
     "Finding",
     "GraspPrototype",
@@ -36,6 +39,7 @@ __all__ = [
     "SurfaceShape",
     "Symmetry",
     "VisibilityTable",
+    "adapt",
     "around_grip",
     "check",
     "coverage",

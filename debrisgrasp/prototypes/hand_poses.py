@@ -27,9 +27,9 @@ from .prototype import GraspPrototype, PrototypeDefinition
 from .prototype_file import DEFAULT_CLEARANCE
 from .surface_shape import SurfaceShape
 
-__all__ = ["HandPose", "around_grip", "propose_hand_poses", "settled"]
+__all__ = ["PALM_GAP", "HandPose", "around_grip", "propose_hand_poses", "settled"]
 
-_PALM_GAP = 0.012
+PALM_GAP = 0.012
 """Between the palm and the surface in a power grasp [m]."""
 _OVERLAP = 0.01
 """How far the fingertips reach past the middle of the piece [m]."""
@@ -267,7 +267,7 @@ def _placed(
         sides = [np.mean(side * facing[is_near] > FACING) for side in (-1, 1)]
         top = near[:, 2].min()
         reach = hand.reach(preshape, widest)
-        gripped = near[near[:, 2] < top + reach - _PALM_GAP]
+        gripped = near[near[:, 2] < top + reach - PALM_GAP]
         width = float(np.ptp(gripped[:, 0]))
         if not shape.widths[0] <= width <= min(shape.widths[1], widest - MIN_CLEARANCE):
             continue
@@ -276,9 +276,9 @@ def _placed(
         reach = hand.reach(preshape, width)
         over = min(np.ptp(near[:, 2]) / 2 + _OVERLAP, _DEEPEST)
         place = "" if share == 0.0 else ", beside the middle"
-        gaps = {_PALM_GAP: "at the palm", reach - over: "at the fingertips"}
+        gaps = {PALM_GAP: "at the palm", reach - over: "at the fingertips"}
         for gap, where in gaps.items():
-            if gap >= _PALM_GAP:
+            if gap >= PALM_GAP:
                 origin = R @ np.array([x, y, top - gap])
                 yield HandPose(
                     T_surface_hand=SE3.from_parts(R, origin),

@@ -64,6 +64,44 @@ def test_new_makes_a_pipe_and_keeps_it(capsys):
     assert "half turns that change nothing: x, y, z" in capsys.readouterr().out
 
 
+def test_a_dictionary_for_another_hand_plans(capsys):
+    grippers = Path(__file__).parents[2] / "examples" / "grippers"
+    hand = ["--gripper", "jaw_140", "--grippers", str(grippers)]
+    few = PrototypeLibrary.load().select(names=["bar_2x4_flat", "bar_4x4", "edge_019"])
+    few.save("few")
+    make = ["prototype", "adapt", *hand, "--shapes", "few", "--out", "own"]
+    assert run([*make, "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert {Path(file).stem for file in Path("own").iterdir()} == set(
+        facts["prototypes"]
+    )
+    assert facts["left_out"] == {}
+    assert run(make) == 2
+    assert "not empty" in capsys.readouterr().err
+    shutil.copy(data_path("captures", "pile.npz"), "pile.npz")
+    plan = ["plan", "pile.npz", "--robot", "none", *hand, "--prototypes", "own"]
+    assert run([*plan, "--out", "grasps.json"]) == 0
+    found = load_plan(Path("grasps.json"))
+    assert {grasp.prototype for grasp in found.grasps} <= set(facts["prototypes"])
+
+
+def test_a_hand_that_takes_no_shape_gets_no_folder(capsys):
+    PrototypeLibrary.load().select(names=["edge_012", "rim_bucket"]).save("thin")
+    make = ["prototype", "adapt", "--gripper", "camhand", "--shapes", "thin"]
+    assert run([*make, "--out", "own"]) == 1
+    said = capsys.readouterr().out
+    assert "left out edge_012" in said
+    assert "wrote nothing" in said
+    assert not Path("own").exists()
+
+
+def test_adapt_asks_for_the_hand(capsys):
+    assert run(["prototype", "adapt", "--out", "own"]) == 2
+    assert "--gripper: got nothing" in capsys.readouterr().err
+    assert run(["prototype", "adapt", "--gripper", "none", "--out", "own"]) == 2
+    assert "camhand" in capsys.readouterr().err
+
+
 def test_a_mesh_with_a_given_pose_becomes_a_prototype(capsys):
     trimesh = pytest.importorskip("trimesh")
     trimesh.creation.box((40.0, 200.0, 40.0)).export("bar.stl")

@@ -105,5 +105,5 @@ def test_a_pipe_thicker_than_the_hand_opens_slides_off():
 def test_a_grip_of_another_name_is_refused():
     hand = GripperModel.load("robotiq_3f")
     shape = {"type": "cylinder", "diameter": 0.06, "length": 0.14, "ends": "open"}
-    with pytest.raises(UnknownNameError, match="tip, power"):
+    with pytest.raises(UnknownNameError, match="tip, deep, power"):
         prototype_of_shape("rod", shape, hand, "basic", grip="palm")

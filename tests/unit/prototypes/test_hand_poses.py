@@ -107,7 +107,7 @@ def test_a_hand_beside_the_surface_is_refused():
         ({"type": "edge", "thickness": 0.03, "length": 0.14, "depth": 0.06}, 0.03),
     ],
 )
-@pytest.mark.parametrize("grip", ["tip", "power"])
+@pytest.mark.parametrize("grip", ["tip", "deep", "power"])
 def test_a_shape_with_sizes_finds_its_place(shape, width, grip):
     definition = prototype_of_shape("new", shape, HAND, "basic", grip=grip)
     assert definition.width == pytest.approx(width, abs=0.01)
@@ -121,6 +121,21 @@ def test_a_power_grasp_is_nearer_to_the_palm():
         for grip in ("tip", "power")
     }
     assert places["power"][2] < places["tip"][2] - 0.02
+
+
+@pytest.mark.parametrize("grip", ["tip", "deep"])
+def test_what_lies_on_the_ground_can_be_taken(grip):
+    shape = {"type": "bar", "width": 0.06, "height": 0.05, "length": 0.14}
+    definition = prototype_of_shape("new", shape, HAND, "basic", grip=grip)
+    reach = HAND.fingertip_reach("basic", definition.width)
+    assert definition.T_hand_shape.p[2] + 0.025 > reach
+
+
+def test_fingertips_reach_over_an_edge():
+    shape = {"type": "edge", "thickness": 0.03, "length": 0.14, "depth": 0.08}
+    definition = prototype_of_shape("new", shape, HAND, "basic")
+    pad = HAND.pad_positions("basic", definition.width)[:, 2].mean()
+    assert 0.03 <= pad - definition.T_hand_shape.p[2] <= 0.045
 
 
 def test_a_given_place_is_kept():
