@@ -176,7 +176,12 @@ def plan_motion(
         result.plan,
         result.robot,
         space,
-        passage=Passage(space.measured_points, result.object_points, result.grippers),
+        passage=Passage(
+            space.measured_points,
+            result.object_points,
+            result.grippers,
+            along=result.kin_points,
+        ),
         present=present,
         config=config,
         rng=np.random.default_rng(seed),

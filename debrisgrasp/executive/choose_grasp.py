@@ -177,7 +177,10 @@ def plan_motion(context: Context) -> StepResult:
     )
     space = room_for(context, context.limbs.values(), unknown=UnknownSpace.HIDDEN)
     passage = Passage(
-        space.measured_points, cycle.plan.object_points, cycle.plan.grippers
+        space.measured_points,
+        cycle.plan.object_points,
+        cycle.plan.grippers,
+        along=cycle.plan.kin_points,
     )
     found = first_executable(
         cycle.plan.plan,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -43,6 +44,9 @@ class Passage:
         Points of the object [m], shape (m, 3).
     grippers
         The hands that grasps name.
+    along
+        Points of what is likely one with the object, and is no obstacle to its lift
+        [m], shape (k, 3); None: nothing is.
     """
 
     def __init__(
@@ -50,13 +54,15 @@ class Passage:
         points: FloatArray,
         object_points: FloatArray,
         grippers: Mapping[str, GripperModel],
+        along: FloatArray | None = None,
     ) -> None:
         self._own = object_points[voxel_downsample(object_points, _CELL)]
-        away = np.full(len(points), np.inf)
-        if len(self._own) and len(points):
-            away = np.asarray(cKDTree(self._own).query(points)[0])
-        self._others = _surfaces(points[away > _SKIN])
-        self._tree = cKDTree(self._others)
+        points = _apart(points, self._own)
+        self._before = _Neighbors.of(points)
+        self._on_lift = self._before
+        if along is not None and len(along):
+            along = along[voxel_downsample(along, _CELL)]
+            self._on_lift = _Neighbors.of(_apart(points, along))
         self._grippers = grippers
 
     def finger_joints(self, grasp: Grasp) -> dict[str, float]:
@@ -70,7 +76,7 @@ class Passage:
 
     def approach_fault(self, grasp: Grasp, Ts_base_hand: SE3) -> str:
         """Say where the open hand hits a neighbour on palm poses (n,), or nothing."""
-        share = self._first_hit(grasp, grasp.opening, Ts_base_hand)
+        share = self._first_hit(self._before, grasp, grasp.opening, Ts_base_hand)
         return "" if share is None else f"the hand hits something after {share:.0%}"
 
     def lift_fault(self, grasp: Grasp, Ts_base_hand: SE3) -> str:
@@ -78,38 +84,63 @@ class Passage:
 
         The object moves with the hand from the first of the palm poses (n,).
         """
-        share = self._first_hit(grasp, grasp.width, Ts_base_hand)
+        others = self._on_lift
+        share = self._first_hit(others, grasp, grasp.width, Ts_base_hand)
         if share is not None:
             return f"the hand hits something after {share:.0%}"
-        if not len(self._own) or not self._tree.n:
+        if not len(self._own) or not others.tree.n:
             return ""
         held = Ts_base_hand[0].inverse().apply(self._own)
         last = max(len(Ts_base_hand.matrix) - 1, 1)
         for row in range(len(Ts_base_hand.matrix)):
-            gap = self._tree.query(
+            gap = others.tree.query(
                 Ts_base_hand[row].apply(held), distance_upper_bound=_NEAR
             )[0]
             if np.count_nonzero(np.isfinite(gap)) > _MOST_TOUCHING:
                 return f"the held object hits something after {row / last:.0%}"
         return ""
 
-    def _first_hit(self, grasp: Grasp, opening: float, Ts: SE3) -> float | None:
+    def _first_hit(
+        self, others: _Neighbors, grasp: Grasp, opening: float, Ts: SE3
+    ) -> float | None:
         """Share of the way after which the hand hits something; None if it is free."""
         gripper = self._grippers[grasp.gripper]
         low = gripper.preshape(grasp.preshape).narrowest
         solids = gripper.solids(grasp.preshape, max(opening, low))
         middle, radius = _ball(solids)
         last = max(len(Ts.matrix) - 1, 1)
-        near = self._tree.query_ball_point(Ts.apply(middle), radius)
+        near = others.tree.query_ball_point(Ts.apply(middle), radius)
         for row, found in enumerate(near):
             index = np.array(found, dtype=np.int64)
             if len(index) <= _MAX_HITS:
                 continue
-            local = Ts[row].inverse().apply(self._others[index])
+            local = Ts[row].inverse().apply(others.points[index])
             depth = np.min([solid.signed_distance(local) for solid in solids], axis=0)
             if np.count_nonzero(depth < -_DEPTH) > _MAX_HITS:
                 return row / last
         return None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Neighbors:
+    """What stays where it is while a hand moves."""
+
+    points: FloatArray
+    tree: cKDTree
+
+    @classmethod
+    def of(cls, points: FloatArray) -> _Neighbors:
+        """Take measured points (n, 3) without flying pixels."""
+        points = _surfaces(points)
+        return cls(points, cKDTree(points))
+
+
+def _apart(points: FloatArray, own: FloatArray) -> FloatArray:
+    """Keep the points (n, 3) that are no part of what own points (m, 3) are of."""
+    if not len(own) or not len(points):
+        return points
+    apart: FloatArray = points[np.asarray(cKDTree(own).query(points)[0]) > _SKIN]
+    return apart
 
 
 def _surfaces(points: FloatArray) -> FloatArray:

@@ -45,6 +45,21 @@ class PlanningResult:
         points: FloatArray = self.cloud.points[self.is_own]
         return points
 
+    @property
+    def kin_points(self) -> FloatArray:
+        """Points of what is more likely than not one with that [m], shape (k, 3).
+
+        A frame, or what is divided by something before it, may fall apart in parts.
+        """
+        label = self.plan.object_label
+        if not label:
+            return self.cloud.points[:0]
+        is_kin = self.segmentation.belonging(label) > 0.5
+        kin: FloatArray = self.cloud.points[
+            is_kin[self.segmentation.labels] & ~self.is_own
+        ]
+        return kin
+
     @checked
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the grasps as JSON (docs/formats.md); an earlier plan is replaced.

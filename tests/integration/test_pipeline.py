@@ -289,6 +289,20 @@ def test_joints_of_every_grasp_bring_the_palm_there(roman_result):
         assert np.linalg.norm(error.log()) < 1e-3
 
 
+def test_kin_of_an_object_are_what_is_likely_one_with_it(roman_result):
+    segmentation = roman_result.segmentation
+    labels, own = segmentation.labels, roman_result.plan.object_label
+    other = next(s.label for s in segmentation.segments if s.label != own)
+    for likely, is_kin in ((0.6, True), (0.4, False)):
+        kinship = np.zeros((len(segmentation.segments),) * 2)
+        kinship[own - 1, other - 1] = kinship[other - 1, own - 1] = likely
+        result = replace(
+            roman_result, segmentation=replace(segmentation, kinship=kinship)
+        )
+        expected = result.cloud.points[(labels == other) & is_kin & ~result.is_own]
+        assert_allclose(result.kin_points, expected)
+
+
 @pytest.mark.parametrize("fixture", ["pipe_result", "roman_result"])
 def test_hands_stand_clear_with_the_object_between_the_fingers(fixture, request):
     result = request.getfixturevalue(fixture)

@@ -145,7 +145,8 @@ def test_all_that_is_marked_is_lifted_together_and_is_not_in_its_own_way(few, tm
     assert len(np.unique(result.segmentation.labels[is_marked])) > 1
     assert result.is_own[is_marked].all()
     points = result.cloud.points[is_marked]
-    assert not len(Passage(points, result.object_points, result.grippers)._others)
+    passage = Passage(points, result.object_points, result.grippers)
+    assert not len(passage._before.points)
 
     result.save(tmp_path / "grasps.json")
     again = recall_plan(tmp_path / "grasps.json", capture, None)

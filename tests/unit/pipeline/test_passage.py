@@ -66,6 +66,17 @@ def test_a_beam_over_the_end_of_the_bar_stops_the_bar_and_not_the_hand():
     assert passage.lift_fault(GRASP, way([0.0, -0.15, 0.01])) == ""
 
 
+def test_what_is_likely_one_with_the_bar_goes_along_and_still_stops_the_hand():
+    handle = block([0.0, 0.22, 0.30], (0.3, 0.04, 0.04))
+    shelf = block([0.05, 0.0, 0.40], (0.1, 0.1, 0.02))
+    points = np.concatenate([BAR, handle, shelf])
+    passage = Passage(points, BAR, GRIPPERS, along=np.concatenate([handle, shelf]))
+    assert passage.lift_fault(GRASP, way([0.0, 0.0, 0.15])) == ""
+    assert "the hand hits something" in passage.approach_fault(GRASP, coming_in())
+    apart = Passage(points, BAR, GRIPPERS, along=shelf)
+    assert "the held object" in apart.lift_fault(GRASP, way([0.0, 0.0, 0.15]))
+
+
 def test_a_neighbour_that_touches_from_the_start_does_not_forbid_the_lift():
     below = block([0.0, 0.1, 0.15], (0.3, 0.05, 0.05))
     passage = Passage(np.concatenate([BAR, below]), BAR, GRIPPERS)
