@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import FloatArray, require_finite, require_trailing
 
-from .neighbors import cell_means, voxel_cells
+from .neighbors import by_place, cell_means, voxel_cells
 
 __all__ = ["neighborhood_normals"]
 
@@ -25,6 +25,8 @@ def neighborhood_normals(
     flatness: float = 0.5,
 ) -> FloatArray:
     """Estimate unit normals of an unorganised cloud, towards the viewpoint.
+
+    Points in one place count once, and share a normal: merged scans repeat many.
 
     A cloud with many more points than ``max_support`` is first averaged in voxels; its
     points then share the normal of their voxel, so that time and memory stay bounded.
@@ -54,12 +56,28 @@ def neighborhood_normals(
     require_trailing(points, "points", (3,))
     require_finite(points, "points")
     sight = np.asarray(viewpoint, dtype=np.float64)
+    first = by_place(points)[1]
+    index = np.flatnonzero(first == np.arange(len(points)))
+    places = points.take(index, axis=0)
+    normals = np.empty_like(points)
+    normals[index] = _place_normals(places, sight, n_neighbors, max_support, flatness)
+    return normals.take(first, axis=0)
+
+
+def _place_normals(
+    points: FloatArray,
+    viewpoint: FloatArray,
+    n_neighbors: int,
+    max_support: int,
+    flatness: float,
+) -> FloatArray:
+    """Estimate normals where no point repeats another; see `neighborhood_normals`."""
     if len(points) <= 1.5 * max_support:
-        return _fitted_normals(points, sight, n_neighbors, flatness)
+        return _fitted_normals(points, viewpoint, n_neighbors, flatness)
     size = _voxel_size(points, max_support)
     cell_index, n_cells = voxel_cells(points, size)
     means = cell_means(points, cell_index, n_cells)
-    return _fitted_normals(means, sight, n_neighbors, flatness)[cell_index]
+    return _fitted_normals(means, viewpoint, n_neighbors, flatness)[cell_index]
 
 
 def _voxel_size(points: FloatArray, n_cells: int) -> float:
@@ -69,8 +87,6 @@ def _voxel_size(points: FloatArray, n_cells: int) -> float:
     rule are enough, since the count need not be met.
     """
     size = float(np.ptp(points, axis=0).max() / np.sqrt(n_cells))
-    if size == 0.0:
-        return 1.0
     for _ in range(2):
         _, n_occupied = voxel_cells(points, size)
         size *= float(np.clip(np.sqrt(n_occupied / n_cells), 0.1, 10.0))

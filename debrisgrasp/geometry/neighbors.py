@@ -1,4 +1,4 @@
-"""Voxel cells of a cloud: which points share one, and which point stands for it."""
+"""Which points of a cloud share a place or a voxel, and which one stands for it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,40 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray, IntArray, require_finite, require_trailing
 from debrisgrasp.errors import InputError
 
-__all__ = ["cell_means", "voxel_cells", "voxel_count", "voxel_downsample"]
+__all__ = ["by_place", "cell_means", "voxel_cells", "voxel_count", "voxel_downsample"]
 
 _KEY_BITS = 21
 """Three coordinates of this many bits fit into one int64 key."""
 _MAX_TABLE = 30_000_000
 """A table of more cells than this takes longer to set up than sorting does."""
+
+
+def by_place(points: FloatArray) -> tuple[IntArray, IntArray]:
+    """Order points by their coordinates, and find those that repeat another.
+
+    Parameters
+    ----------
+    points
+        Positions [m], shape (n, 3), finite.
+
+    Returns
+    -------
+    order, first
+        Indices of the points by x, then y, then z, those in one place ascending, shape
+        (n,); and the first point in the place of each, itself if it repeats none, (n,).
+    """
+    x, y, z = points.T
+    order = np.argsort(x)
+    is_same = np.diff(x[order]) == 0.0
+    tied = np.zeros(len(points), dtype=bool)
+    tied[1:] |= is_same
+    tied[:-1] |= is_same
+    ties = np.sort(order[tied])
+    order[tied] = ties = ties[np.lexsort((z[ties], y[ties], x[ties]))]
+    is_first = (np.diff(points[ties], axis=0, prepend=np.nan) != 0.0).any(axis=1)
+    first = np.arange(len(points))
+    first[ties] = ties[is_first][np.cumsum(is_first) - 1]
+    return order, first
 
 
 def voxel_cells(points: FloatArray, size: float) -> tuple[IntArray, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, neighborhood_normals, random_rotations
@@ -51,6 +51,16 @@ def test_too_few_points_have_no_normal():
 def test_many_copies_of_one_point_have_no_normal():
     normals = neighborhood_normals(np.ones((40, 3)), np.zeros(3), max_support=10)
     assert np.isnan(normals).all()
+
+
+def test_points_in_one_place_share_the_normal_that_one_of_them_would_have(rng):
+    points = sphere_points(rng, 2000)
+    often = np.repeat(np.arange(3), 4000)
+    repeated = np.concatenate([points, points[::2], points[often]])
+    alone = neighborhood_normals(points, np.zeros(3))
+    normals = neighborhood_normals(repeated, np.zeros(3))
+    expected = np.concatenate([alone, alone[::2], alone[often]])
+    assert_array_equal(normals, expected)
 
 
 def test_turning_cloud_and_viewpoint_turns_the_normals(rng):

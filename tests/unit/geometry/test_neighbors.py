@@ -8,6 +8,7 @@ from numpy.testing import assert_array_equal
 
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import voxel_count, voxel_downsample
+from debrisgrasp.geometry.neighbors import by_place
 
 
 def test_one_point_stays_in_each_occupied_cell_and_it_is_the_most_central(rng):
@@ -57,3 +58,21 @@ def test_more_cells_than_keys_can_number_are_refused():
 def test_points_that_are_not_finite_are_refused():
     with pytest.raises(InputError, match="points"):
         voxel_downsample(np.array([[0.0, 0, np.nan]]), 0.1)
+
+
+def test_points_are_ordered_by_place_and_know_the_first_in_theirs(rng):
+    points = rng.integers(0, 5, (300, 3)).astype(float)
+    order, first = by_place(points)
+    index = np.arange(300)
+    plain = np.lexsort((index, points[:, 2], points[:, 1], points[:, 0]))
+    np.testing.assert_array_equal(order, plain)
+    is_same = (points[:, None] == points).all(axis=2)
+    np.testing.assert_array_equal(first, is_same.argmax(axis=1))
+
+
+def test_points_that_repeat_none_are_their_own_first(rng):
+    points = rng.normal(size=(50, 3))
+    order, first = by_place(points)
+    np.testing.assert_array_equal(order, np.argsort(points[:, 0]))
+    np.testing.assert_array_equal(first, np.arange(50))
+    assert [part.shape for part in by_place(points[:0])] == [(0,), (0,)]
