@@ -6,7 +6,7 @@ from .cloud_normals import neighborhood_normals
 from .content import SolidContent
 from .field import MAX_CELLS, MAX_REACH, DistanceField, Space
 from .image_normals import depth_normals
-from .neighbors import voxel_cells, voxel_count, voxel_downsample
+from .neighbors import by_place, voxel_cells, voxel_count, voxel_downsample
 from .sampling import fibonacci_sphere, perturbed, random_rotations
 from .se3 import SE3
 from .sight import DepthSight, LineOfSight, PanoramicSight
@@ -30,6 +30,7 @@ __all__ = [
     "SolidContent",
     "Space",
     "Sphere",
+    "by_place",
     "depth_normals",
     "fibonacci_sphere",
     "neighborhood_normals",

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_finite
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
-from debrisgrasp.geometry import Bounds, PointCloud
+from debrisgrasp.geometry import Bounds, PointCloud, by_place
 
 from .assembly import assembled
 from .ground import GroundConfig, find_ground
@@ -61,7 +61,8 @@ def segment_cloud(
     Parameters
     ----------
     cloud
-        In the base frame: z up, ground at z = 0. At least one point, all finite.
+        In the base frame: z up, ground at z = 0. At least one point, all finite. Of an
+        unorganised cloud, points in one place count once: merged scans repeat many.
     config
         None takes the defaults, which suit debris at 1 to 4 m.
     region
@@ -110,8 +111,8 @@ def segment_cloud(
                 got=f"{of_interest.dtype} {of_interest.shape}",
                 expected=f"True or False for each point, ({len(cloud)},)",
             )
-    order = _canonical_order(cloud)
-    if order is None:
+    canonical = _canonical_order(cloud)
+    if canonical is None:
         return _segmented(
             cloud,
             config,
@@ -120,6 +121,9 @@ def segment_cloud(
             colors=colors,
             of_interest=of_interest,
         )
+    order, first = canonical
+    if of_interest is not None:
+        of_interest = np.bincount(first[of_interest], minlength=len(first)) > 0
     result = _segmented(
         cloud.selected(order),
         config,
@@ -132,9 +136,9 @@ def segment_cloud(
     def restored(values: IntArray | None, name: str) -> IntArray:
         if values is None:
             raise AssertionError("all points were judged")
-        own = np.empty_like(values)
+        own = np.empty(len(cloud), dtype=values.dtype)
         own[order] = values
-        return frozen(own, name, (None,), values.dtype)
+        return frozen(own[first], name, (None,), values.dtype)
 
     return replace(
         result,
@@ -159,22 +163,23 @@ def _checked_colors(colors: ArrayLike, n: int) -> FloatArray:
     return array
 
 
-def _canonical_order(cloud: PointCloud) -> IntArray | None:
+def _canonical_order(cloud: PointCloud) -> tuple[IntArray, IntArray] | None:
     """Order of the points that depends on themselves only; None if they are in it.
 
     Sums are rounded differently in another order, which is enough to turn a tie.
+
+    Returns
+    -------
+    order, first
+        Indices of the points, of those in one place only the first, shape (m,); and the
+        point among them that answers for each, shape (n,).
     """
     if cloud.pixels is not None:
         if (np.diff(cloud.pixels) > 0).all():
             return None
-        return np.argsort(cloud.pixels, kind="stable")
-    x, y, z = cloud.points.T
-    order = np.argsort(x, kind="stable")
-    is_same = np.diff(x[order]) == 0.0
-    tied = np.append(is_same, False) | np.append(False, is_same)
-    ties = order[tied]
-    order[tied] = ties[np.lexsort((z[ties], y[ties], x[ties]))]
-    return order
+        return np.argsort(cloud.pixels, kind="stable"), np.arange(len(cloud))
+    order, first = by_place(cloud.points)
+    return order[first[order] == order], first
 
 
 def _segmented(

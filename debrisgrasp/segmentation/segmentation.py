@@ -109,6 +109,7 @@ class Segment:
 
     label: int
     n_points: int
+    """How many points it has; what `segment_cloud` found repeated counts once."""
     centroid: FloatArray
     """Mean of its points [m], shape (3,)."""
     bounds: Bounds

@@ -104,6 +104,26 @@ def test_duplicates_share_the_label_of_their_twin():
     assert len(result.segments) == 2
 
 
+def test_scans_that_are_merged_are_divided_like_one_of_them(rng):
+    points = scene_cloud(TWO_BOXES, has_floor=False).points
+    once = rng.choice(points, 3000, replace=False)
+    again = rng.permutation(np.tile(np.arange(len(once)), 4)[: 10 * len(once) // 3])
+    own, merged = segment_cloud(cloud_of(once)), segment_cloud(cloud_of(once[again]))
+    assert len(own.segments) > 1
+    np.testing.assert_array_equal(merged.labels, own.labels[again])
+    np.testing.assert_array_equal(merged.patches, own.patches[again])
+    np.testing.assert_array_equal(merged.ground.kinds, own.ground.kinds[again])
+    counts = [[s.n_points for s in found.segments] for found in (own, merged)]
+    assert counts[0] == counts[1]
+
+
+def test_a_mark_on_one_of_two_points_in_a_place_marks_both():
+    points = plate((0.5, 0.6), (0, 0.1))
+    is_marked = np.repeat([False, True], len(points))
+    cloud = cloud_of(np.concatenate([points, points]), UP)
+    assert segment_cloud(cloud, of_interest=is_marked).marked_shares.tolist() == [1.0]
+
+
 def test_clouds_without_any_normal_still_divide_by_distance():
     near, far = plate((0.5, 0.6), (0, 0.1)), plate((0.5, 0.6), (0.3, 0.4))
     cloud = cloud_of(np.concatenate([near, far]))
