@@ -5,17 +5,23 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from debrisgrasp._arrays import IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 
 from .surface import LabelledSurface
 
 __all__ = ["touching_cells"]
 
+_MOST_NEARER = 12
+"""As many balls of one size can touch another. Of two objects that both have so many
+others nearer, some stand between."""
+
 
 def touching_cells(surface: LabelledSurface, reach: float) -> IntArray:
     """Find pairs of cells of two objects as near as touching ones, shape (k, 2).
 
-    The pairs of each contact stand together, that of the smaller label first.
+    The pairs of each contact stand together, that of the smaller label first. Objects
+    that both have a dozen others nearer don't touch: among small ones many are within
+    reach, and their contacts would grow with the square of their number.
 
     Parameters
     ----------
@@ -33,10 +39,31 @@ def touching_cells(surface: LabelledSurface, reach: float) -> IntArray:
     labels = surface.labels[near]
     pairs = pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]
     gap = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
-    pairs = pairs[gap < reach + noise[pairs].sum(axis=1)]
+    touches = gap < reach + noise[pairs].sum(axis=1)
+    pairs, gap = pairs[touches], gap[touches]
     # Cells ascend by label, so the smaller index has the smaller label.
-    found: IntArray = near[np.sort(pairs, axis=1)]
-    return found[np.lexsort(surface.labels[found].T[::-1])]
+    found = near[np.sort(pairs, axis=1)]
+    first, second = surface.labels[found].T
+    contact = first * (surface.labels[-1] + 1) + second
+    order = np.argsort(contact, kind="stable")
+    starts = np.flatnonzero(np.diff(contact[order], prepend=0))
+    ends = np.stack([first, second], axis=1)[order[starts]]
+    is_near = _near_ones(ends, np.minimum.reduceat(gap[order], starts))
+    kept: IntArray = found[
+        order[np.repeat(is_near, np.diff(starts, append=len(order)))]
+    ]
+    return kept
+
+
+def _near_ones(ends: IntArray, gap: FloatArray) -> BoolArray:
+    """Which contacts are among the nearest of either of their labels (c, 2), (c,)."""
+    label, gap = ends.ravel(), np.repeat(gap, 2)
+    order = np.lexsort((gap, label))
+    rank = np.empty(len(label), dtype=np.int64)
+    rank[order] = np.arange(len(label)) - np.searchsorted(label[order], label[order])
+    first, second = rank.reshape(-1, 2).T
+    is_near: BoolArray = np.minimum(first, second) < _MOST_NEARER
+    return is_near
 
 
 def _beside_others(surface: LabelledSurface, reach: float) -> IntArray:

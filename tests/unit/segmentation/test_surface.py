@@ -73,6 +73,29 @@ def test_cells_touch_those_of_others_within_reach_and_noise(rng):
         assert contacts.drop[k] == pytest.approx(np.median(between[over, 2]))
 
 
+def test_of_many_small_objects_within_reach_only_the_nearest_touch(rng):
+    n = 200
+    surface = thinned(rng.uniform(0.0, 0.08, (n, 3)), np.arange(1, n + 1))
+    gap = cdist(surface.points, surface.points) + np.where(np.eye(n), np.inf, 0.0)
+    rank = gap.argsort(axis=1).argsort(axis=1)
+    limit = 0.035 + surface.noise[:, None] + surface.noise
+    is_near = (gap < limit) & ((rank < 12) | (rank.T < 12))
+    assert (gap < limit).sum() > 2 * is_near.sum()
+    expected = surface.labels[np.argwhere(np.triu(is_near))]
+    contacts = find_contacts(surface, 0.035)
+    np.testing.assert_array_equal(contacts.labels, expected)
+
+
+def test_what_a_large_object_touches_is_not_limited(rng):
+    x = np.linspace(0.0, 1.0, 30)
+    small = np.column_stack([x, np.full(30, 0.01), np.zeros(30)])
+    board = rng.uniform([0.0, -0.1, -0.001], [1.0, 0.0, 0.0], (20_000, 3))
+    points, own = np.concatenate([board, small]), np.arange(2, 32)
+    labels = np.concatenate([np.ones(len(board), dtype=np.int64), own])
+    contacts = find_contacts(thinned(points, labels), 0.02)
+    np.testing.assert_array_equal(contacts.labels, [[1, k] for k in own])
+
+
 def test_a_contact_runs_along_the_edge_at_which_two_meet(rng):
     flat = rng.uniform([-0.2, -0.1, 0.0], [0.2, 0.1, 0.001], (8000, 3))
     labels = np.where(flat[:, 1] < 0.0, 1, 2)
