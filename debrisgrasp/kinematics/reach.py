@@ -61,10 +61,8 @@ class ArmReach:
 
     @cached_property
     def reach_map(self) -> ReachMap | None:
-        """Map of the chain, or None if it has a prismatic end joint."""
-        if self.chain.is_revolute[0] and self.chain.is_revolute[-1]:
-            return cached_reach_map(self.chain)
-        return None
+        """Map of the chain, or None if there is none for it; see `ReachMap.build`."""
+        return cached_reach_map(self.chain) if ReachMap.suits(self.chain) else None
 
     @cached_property
     def collision(self) -> ArmCollision:
@@ -116,28 +114,27 @@ class ArmReach:
         return share
 
     def may_reach(self, T_base_hand: SE3) -> BoolArray:
-        """Tell quickly which palm poses (k,) the map doesn't rule out, shape (k,)."""
+        """Tell quickly which palm poses (...) the map doesn't rule out, shape (...)."""
+        batch, T = T_base_hand.batch, T_base_hand.matrix.reshape(-1, 4, 4)
         if self.reach_map is None:
-            return np.ones(len(T_base_hand.matrix), dtype=bool)
-        goals = Goals.from_matrices(self.chain.form, T_base_hand.matrix)
-        return self.reach_map.may_reach(goals)
+            return np.ones(batch, dtype=bool)
+        goals = Goals.from_matrices(self.chain.form, T)
+        return self.reach_map.may_reach(goals).reshape(batch)
 
     def may_yield(self, T_base_hand: SE3) -> BoolArray:
-        """Tell quickly which palm poses (k,) may leave room to give way, shape (k,).
+        """Tell quickly which palm poses (...) may leave room to give way, shape (...).
 
         Not those from which a step outwards, away from the arm's first joint and some
         times as long as compliance gives way, leads beyond the map.
         """
-        if self.reach_map is None:
-            return self.may_reach(T_base_hand)
         pushed = T_base_hand.matrix.copy()
-        x, y = pushed[:, 0, 3], pushed[:, 1, 3]
+        x, y = pushed[..., 0, 3], pushed[..., 1, 3]
         foot = self.chain.form.T_base_first[:2, 3]
         outwards = _OUTWARDS * self._limits.controller.deflection.translation
         step = outwards / np.maximum(np.hypot(x - foot[0], y - foot[1]), 1e-9)
         x += step * (x - foot[0])
         y += step * (y - foot[1])
-        return self.reach_map.may_reach(Goals.from_matrices(self.chain.form, pushed))
+        return self.may_reach(SE3(pushed))
 
     def solves(self, T_base_hand: SE3, *, rng: Rng) -> BoolArray:
         """Tell which palm poses (k,) have a posture at all, collision aside, (k,)."""

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, bounded
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, bounded, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
@@ -67,12 +67,7 @@ class ReachMapConfig:
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
-            if getattr(self, name) < 1:
-                raise ConfigError(
-                    f"ReachMapConfig.{name}",
-                    got=getattr(self, name),
-                    expected="1 or more",
-                )
+            require_range(f"ReachMapConfig.{name}", getattr(self, name), 1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,6 +99,11 @@ class ReachMap:
     between first and last, and the last frame's turn while the last joint stands at
     zero [rad or m]; shape (cells, n_seeds, d). Cells with fewer seeds repeat them."""
 
+    @staticmethod
+    def suits(chain: KinematicChain) -> bool:
+        """Whether a map can tell of a chain: two joints of it turn at its ends."""
+        return bool(chain.n_joints > 1 and chain.is_revolute[[0, -1]].all())
+
     @classmethod
     def build(
         cls, chain: KinematicChain, config: ReachMapConfig | None = None
@@ -113,14 +113,14 @@ class ReachMap:
         Raises
         ------
         ConfigError
-            If the first or last joint is prismatic: then the map needs more numbers.
+            If the chain doesn't suit: then the map needs more numbers.
         """
         config = config or ReachMapConfig()
-        if not (chain.is_revolute[0] and chain.is_revolute[-1]):
+        if not cls.suits(chain):
             raise ConfigError(
                 "reachability map",
-                got="a chain whose first or last joint is prismatic",
-                expected="revolute or continuous joints at both ends",
+                got=", ".join(np.where(chain.is_revolute, "revolute", "prismatic")),
+                expected="two joints or more, revolute or continuous at both ends",
                 mend="Solve without a map.",
             )
         # The map is a property of the chain, so its generator is a constant.

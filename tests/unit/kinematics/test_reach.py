@@ -59,6 +59,32 @@ def test_what_is_reached_may_be_reached_and_far_poses_may_not(
     assert not right_reach.may_reach(far).any()
 
 
+def test_single_poses_and_grids_of_them_are_answered_like_a_list(
+    right_reach: ArmReach, rng: np.random.Generator
+) -> None:
+    near = right_reach.chain.fk(right_reach.chain.sampled(12, rng=rng))
+    far = SE3.from_parts(p=(3.0, 0.0, 0.0)) @ near
+    T = SE3(np.concatenate([near.matrix, far.matrix]))
+    for ask in (right_reach.may_reach, right_reach.may_yield):
+        answers = ask(T)
+        assert 0 < answers.sum() < len(answers)
+        assert [bool(ask(pose)) for pose in T] == answers.tolist()
+        grid = SE3(T.matrix.reshape(4, 6, 4, 4))
+        np.testing.assert_array_equal(ask(grid), answers.reshape(4, 6))
+
+
+def test_an_arm_of_one_joint_is_answered_without_a_map(
+    roman: RobotModel, rng: np.random.Generator
+) -> None:
+    names = ArmReach(roman, "right").joint_names
+    arm = ArmReach(roman, "right", locked=dict.fromkeys(names[:-1], 0.0))
+    assert arm.reach_map is None
+    T = arm.chain.fk(arm.chain.sampled(5, rng=rng))
+    assert arm.may_reach(T).all()
+    assert arm.may_yield(T).all()
+    assert arm.solves(T, rng=rng).all()
+
+
 def test_at_the_edge_of_its_reach_an_arm_can_not_give_way(
     right_reach: ArmReach, rng: np.random.Generator
 ) -> None:

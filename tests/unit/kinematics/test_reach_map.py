@@ -110,6 +110,12 @@ def test_a_chain_with_a_prismatic_end_has_no_map(tmp_path: Path) -> None:
         ReachMap.build(chain)
 
 
+def test_a_chain_of_one_joint_has_no_map(tmp_path: Path) -> None:
+    path = written(tmp_path, [JointText()])
+    with pytest.raises(ConfigError, match="got revolute, expected two joints"):
+        ReachMap.build(KinematicChain.from_urdf(path, "link0", "link1"))
+
+
 def test_sizes_below_one_are_refused() -> None:
     with pytest.raises(ConfigError, match="n_seeds"):
         ReachMapConfig(n_seeds=0)
