@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, require_finite, require_trailing
+from debrisgrasp._arrays import FloatArray, as_floats, require_finite, require_trailing
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import CaptureError
 
@@ -56,8 +56,7 @@ class Intrinsics:
                 expected="at least 2 x 2",
                 mend="Is the file empty, or has it been cropped away?",
             )
-        K = np.asarray(K, dtype=np.float64)
-        require_trailing(K, "K", (3, 3))
+        K = as_floats(K, "K", (3, 3))
         require_finite(K, "K")
         fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
         is_pinhole = fx > 0 and fy > 0 and np.allclose(K[2], (0, 0, 1))
@@ -135,8 +134,7 @@ class Intrinsics:
         uv, depth
             Shapes (..., 2) in pixels and (...) in metres.
         """
-        points = np.asarray(points_cam, dtype=np.float64)
-        require_trailing(points, "points", (3,))
+        points = as_floats(points_cam, "points", (3,))
         z = points[..., 2]
         safe = np.where(z > 1e-9, z, np.nan)
         u = self.fx * points[..., 0] / safe + self.cx

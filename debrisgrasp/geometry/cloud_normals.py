@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from debrisgrasp._arrays import FloatArray, require_finite, require_trailing
+from debrisgrasp._arrays import FloatArray, as_floats, require_finite
 
 from .neighbors import by_place, cell_means, voxel_cells
 
@@ -52,8 +52,7 @@ def neighborhood_normals(
     FloatArray
         Normals, shape (n, 3); NaN where the neighbours form a line or a ball.
     """
-    points = np.asarray(points, dtype=np.float64)
-    require_trailing(points, "points", (3,))
+    points = as_floats(points, "points", (3,))
     require_finite(points, "points")
     sight = np.asarray(viewpoint, dtype=np.float64)
     first = by_place(points)[1]

@@ -13,13 +13,7 @@ import math
 
 import numpy as np
 
-from debrisgrasp._arrays import (
-    Float32Array,
-    FloatArray,
-    IntArray,
-    bounded,
-    require_trailing,
-)
+from debrisgrasp._arrays import Float32Array, FloatArray, IntArray, as_floats, bounded
 
 from .camera import Intrinsics
 
@@ -77,8 +71,7 @@ def depth_normals(
         Normals in the camera frame, shape (height, width, 3); NaN where nothing was
         measured and where too few neighbours share a surface.
     """
-    depth = np.asarray(depth, dtype=np.float64)
-    require_trailing(depth, "depth", (intrinsics.height, intrinsics.width))
+    depth = as_floats(depth, "depth", (intrinsics.height, intrinsics.width))
     cell = max(1, round(intrinsics.width / _CELLS_ACROSS))
     pixels = _padded_inverse(depth, cell)
     step_limit = math.tan(max_incidence) * cell / intrinsics.fx

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import (
     FloatArray,
+    as_floats,
     frozen,
     require_finite,
-    require_trailing,
     sealed,
 )
 from debrisgrasp.errors import InputError
@@ -56,10 +56,8 @@ class SE3:
     @classmethod
     def from_parts(cls, R: ArrayLike | None = None, p: ArrayLike | None = None) -> SE3:
         """Build from rotations (..., 3, 3) and translations (..., 3) [m]."""
-        rotation = np.eye(3) if R is None else np.asarray(R, dtype=np.float64)
-        translation = np.zeros(3) if p is None else np.asarray(p, dtype=np.float64)
-        require_trailing(rotation, "rotation", (3, 3))
-        require_trailing(translation, "translation", (3,))
+        rotation = as_floats(np.eye(3) if R is None else R, "rotation", (3, 3))
+        translation = as_floats(np.zeros(3) if p is None else p, "translation", (3,))
         batch = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
         matrix = np.zeros((*batch, 4, 4))
         matrix[..., :3, :3] = rotation
@@ -85,8 +83,7 @@ class SE3:
         InputError
             If it is not finite, not rigid, mirrored, or its last row isn't 0 0 0 1.
         """
-        array = np.asarray(matrix, dtype=np.float64)
-        require_trailing(array, name, (4, 4))
+        array = as_floats(matrix, name, (4, 4))
         require_finite(array, name)
         if not np.allclose(array[..., 3, :], (0, 0, 0, 1), atol=1e-6):
             raise InputError(
@@ -119,8 +116,7 @@ class SE3:
     @classmethod
     def exp(cls, twist: ArrayLike) -> SE3:
         """Transform reached after unit time at body twist (v, omega), (..., 6)."""
-        twist = np.asarray(twist, dtype=np.float64)
-        require_trailing(twist, "twist", (6,))
+        twist = as_floats(twist, "twist", (6,))
         v, omega = twist[..., :3], twist[..., 3:]
         p = (so3.left_jacobian(omega) @ v[..., None])[..., 0]
         return cls.from_parts(so3.exp(omega), p)
@@ -162,14 +158,12 @@ class SE3:
 
         To put every pose on every point write ``Ts[:, None].apply(points)``.
         """
-        points = np.asarray(points, dtype=np.float64)
-        require_trailing(points, "points", (3,))
+        points = as_floats(points, "points", (3,))
         return _turned(self.R, points) + self.p
 
     def rotate(self, vectors: ArrayLike) -> FloatArray:
         """Turn directions (..., 3) without moving them."""
-        vectors = np.asarray(vectors, dtype=np.float64)
-        require_trailing(vectors, "vectors", (3,))
+        vectors = as_floats(vectors, "vectors", (3,))
         return _turned(self.R, vectors)
 
     def adjoint(self) -> FloatArray:
@@ -181,8 +175,7 @@ class SE3:
 
     def map_twist(self, twist: ArrayLike) -> FloatArray:
         """Twist (v, omega) in frame a of one in frame b, for ``T_a_b``."""
-        twist = np.asarray(twist, dtype=np.float64)
-        require_trailing(twist, "twist", (6,))
+        twist = as_floats(twist, "twist", (6,))
         return _times(self.adjoint(), twist)
 
     def map_wrench(self, wrench: ArrayLike) -> FloatArray:
@@ -191,8 +184,7 @@ class SE3:
         The inverse transpose of the adjoint, which keeps power the same in every frame;
         the equation printed as (7) in the paper lacks the inverse.
         """
-        wrench = np.asarray(wrench, dtype=np.float64)
-        require_trailing(wrench, "wrench", (6,))
+        wrench = as_floats(wrench, "wrench", (6,))
         dual = np.swapaxes(self.inverse().adjoint(), -1, -2)
         return _times(dual, wrench)
 

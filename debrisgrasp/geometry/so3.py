@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, require_trailing
+from debrisgrasp._arrays import FloatArray, as_floats
 from debrisgrasp.errors import InputError
 
 __all__ = [
@@ -76,8 +76,7 @@ def exp(rotvec: FloatArray) -> FloatArray:
     ShapeError
         If the last axis is not of size 3.
     """
-    rotvec = np.asarray(rotvec, dtype=np.float64)
-    require_trailing(rotvec, "rotation vector", (3,))
+    rotvec = as_floats(rotvec, "rotation vector", (3,))
     a, b, _ = _angle_coefficients(np.linalg.norm(rotvec, axis=-1))
     k = hat(rotvec)
     return np.eye(3) + a[..., None, None] * k + b[..., None, None] * (k @ k)
@@ -132,8 +131,7 @@ def to_quat_wxyz(R: FloatArray) -> FloatArray:
     ShapeError
         If the last axes are not 3 by 3.
     """
-    R = np.asarray(R, dtype=np.float64)
-    require_trailing(R, "rotation matrix", (3, 3))
+    R = as_floats(R, "rotation matrix", (3, 3))
     d0, d1, d2 = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
     # Row i is the quaternion times four times its i-th component; the longest is safe.
     rows = np.empty((*R.shape[:-2], 4, 4))
@@ -164,8 +162,7 @@ def from_quat_wxyz(quat_wxyz: FloatArray) -> FloatArray:
     InputError
         If a quaternion is zero, or not finite.
     """
-    quat = np.asarray(quat_wxyz, dtype=np.float64)
-    require_trailing(quat, "quaternion (w, x, y, z)", (4,))
+    quat = as_floats(quat_wxyz, "quaternion (w, x, y, z)", (4,))
     norm = np.linalg.norm(quat, axis=-1, keepdims=True)
     if not ((norm > 0.0) & np.isfinite(norm)).all():
         raise InputError(
@@ -193,7 +190,6 @@ def from_rpy(rpy: FloatArray) -> FloatArray:
     ShapeError
         If the last axis is not of size 3.
     """
-    rpy = np.asarray(rpy, dtype=np.float64)
-    require_trailing(rpy, "roll, pitch, yaw", (3,))
+    rpy = as_floats(rpy, "roll, pitch, yaw", (3,))
     x, y, z = np.eye(3)
     return exp(rpy[..., 2:3] * z) @ exp(rpy[..., 1:2] * y) @ exp(rpy[..., 0:1] * x)

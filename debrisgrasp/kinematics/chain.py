@@ -15,12 +15,12 @@ from debrisgrasp._arrays import (
     BoolArray,
     FloatArray,
     Rng,
+    as_floats,
     bounded,
     frozen,
     require_finite,
-    require_trailing,
 )
-from debrisgrasp.errors import ConfigError, UnknownNameError
+from debrisgrasp.errors import ConfigError, ShapeError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
 from .formulas import ChainFormulas
@@ -62,12 +62,8 @@ class KinematicChain:
 
     def __post_init__(self) -> None:
         d = len(self.joint_names)
-        for name, trailing in (
-            ("lower", (d,)),
-            ("upper", (d,)),
-            ("axes", (d, 3)),
-            ("points", (d, 3)),
-        ):
+        shapes = {"lower": (d,), "upper": (d,), "axes": (d, 3), "points": (d, 3)}
+        for name, trailing in shapes.items():
             array = frozen(getattr(self, name), name, trailing)
             if len(trailing) == 2:
                 require_finite(array, f"{name} of a chain")
@@ -281,8 +277,7 @@ class KinematicChain:
 
     def wrapped(self, q: ArrayLike) -> FloatArray:
         """Return the same postures (..., d), turns near the middle of their ranges."""
-        q = np.asarray(q, dtype=np.float64)
-        require_trailing(q, "joint values", (self.n_joints,))
+        q = self._postures(q)
         turns = np.round((q - self.middle) / (2.0 * np.pi))
         return np.asarray(q - 2.0 * np.pi * np.where(self.is_revolute, turns, 0.0))
 
@@ -292,9 +287,8 @@ class KinematicChain:
         As near as the limits allow, and as they are where no turn leads within them;
         postures (..., d) of which leading axes broadcast.
         """
-        q, tau = np.asarray(q, dtype=np.float64), 2.0 * np.pi
-        gap = np.asarray(q_near, dtype=np.float64) - q
-        require_trailing(gap, "joint values", (self.n_joints,))
+        q, tau = self._postures(q), 2.0 * np.pi
+        gap = self._postures(q_near) - q
         least, most = np.ceil((self.lower - q) / tau), np.floor((self.upper - q) / tau)
         fits, turns = (least <= most) & self.is_revolute, np.round(gap / tau)
         return q + tau * np.where(fits, bounded(turns, least, most), 0.0)
@@ -305,7 +299,7 @@ class KinematicChain:
         A joint with limits goes the way that lies within them, an endless one the
         shorter way.
         """
-        gap = np.asarray(q_to, dtype=np.float64) - np.asarray(q_from, dtype=np.float64)
+        gap = self._postures(q_to) - self._postures(q_from)
         is_endless = ~np.isfinite(self.lower) & self.is_revolute
         return np.where(is_endless, self.difference(q_to, q_from), gap)
 
@@ -315,14 +309,13 @@ class KinematicChain:
 
     def clipped(self, q: ArrayLike) -> FloatArray:
         """Return the nearest postures (..., d) within limits; cyclic joints wrap."""
-        q = np.asarray(q, dtype=np.float64)
+        q = self._postures(q)
         nearest = np.where(self.is_cyclic, self.wrapped(q), q)
         return bounded(nearest, self.lower, self.upper)
 
     def difference(self, q_a: ArrayLike, q_b: ArrayLike) -> FloatArray:
         """``q_a - q_b`` the short way round for cyclic joints, shape (..., d)."""
-        gap = np.asarray(q_a, dtype=np.float64) - np.asarray(q_b, dtype=np.float64)
-        require_trailing(gap, "joint values", (self.n_joints,))
+        gap = self._postures(q_a) - self._postures(q_b)
         wrapped = gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
         return np.where(self.is_cyclic, wrapped, gap)
 
@@ -338,11 +331,17 @@ class KinematicChain:
 
     def named(self, q: Sequence[float] | FloatArray) -> dict[str, float]:
         """Joint values by name, of one posture (d,)."""
-        return dict(zip(self.joint_names, map(float, q), strict=True))
+        values = self._postures(q)
+        if values.ndim != 1:
+            expected = f"({self.n_joints},)"
+            raise ShapeError("shape of posture", got=values.shape, expected=expected)
+        return dict(zip(self.joint_names, values.tolist(), strict=True))
+
+    def _postures(self, q: ArrayLike) -> FloatArray:
+        return as_floats(q, "joint values", (self.n_joints,))
 
     def _lanes(self, q: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
-        q = np.asarray(q, dtype=np.float64)
-        require_trailing(q, "joint values", (self.n_joints,))
+        q = self._postures(q)
         return np.ascontiguousarray(q.reshape(-1, self.n_joints).T), q.shape[:-1]
 
     def _tip(self, frames: LaneFrames) -> FloatArray:

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from debrisgrasp._arrays import (
     BoolArray,
     FloatArray,
+    as_floats,
     require_finite,
-    require_trailing,
 )
 from debrisgrasp.errors import ShapeError
 
@@ -339,8 +339,7 @@ class ArmCollision:
         return rows
 
     def _rows(self, q: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
-        q = np.asarray(q, dtype=np.float64)
         d = self.body.chain.n_joints
-        require_trailing(q, "joint values", (d,))
+        q = as_floats(q, "joint values", (d,))
         require_finite(q, "joint values")
         return q.reshape(-1, d), q.shape[:-1]

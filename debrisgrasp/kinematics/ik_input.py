@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, require_finite, require_trailing
+from debrisgrasp._arrays import FloatArray, as_floats, require_finite
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3
 
@@ -65,8 +65,7 @@ def checked_postures(
     chain: KinematicChain, q: ArrayLike, name: str, batch: tuple[int, ...]
 ) -> FloatArray:
     """Postures, one for each pose of a batch, shape (n, d)."""
-    postures = np.asarray(q, dtype=np.float64)
-    require_trailing(postures, name, (chain.n_joints,))
+    postures = as_floats(q, name, (chain.n_joints,))
     require_finite(postures, name)
     try:
         whole = np.broadcast_to(postures, (*batch, chain.n_joints))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, as_floats, require_finite
 
 from .chain import KinematicChain
 
@@ -65,7 +65,14 @@ def dexterity(chain: KinematicChain, q: FloatArray) -> FloatArray:
 
     The slowest motion of the tip [m] that joints at unit speed can make in its worst
     direction; zero where the posture (..., d) is singular. Shape (...).
+
+    Raises
+    ------
+    InputError
+        If a joint value is not finite.
     """
+    q = as_floats(q, "joint values", (chain.n_joints,))
+    require_finite(q, "joint values")
     J = chain.jacobian(q)
     J[..., 3:, :] *= _LENGTH
     square = J @ np.swapaxes(J, -1, -2)

@@ -13,9 +13,9 @@ from debrisgrasp._arrays import (
     FloatArray,
     IntArray,
     Rng,
+    as_floats,
     require_finite,
     require_range,
-    require_trailing,
 )
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Bounds
@@ -143,8 +143,7 @@ def survey_reach(
     rng
         Source of the random seeds.
     """
-    at = np.asarray(places, dtype=np.float64)
-    require_trailing(at, "places", (None, 3))
+    at = as_floats(places, "places", (None, 3))
     require_finite(at, "places")
     directions = np.concatenate([a.directions for a in approaches])
     counts = [len(a.directions) for a in approaches]

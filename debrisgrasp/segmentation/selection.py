@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import (
     FloatArray,
+    as_floats,
     frozen,
     require_finite,
     require_metres,
-    require_trailing,
 )
 from debrisgrasp._checked import checked_fields
 from debrisgrasp._words import shortened
@@ -316,8 +316,7 @@ def region_of_interest(
         raise InputError("margin", got=margin, expected="0 or more metres")
     if not 0 <= outliers < 0.5:
         raise InputError("outliers", got=outliers, expected="0 or more, below 0.5")
-    points = np.asarray(points, dtype=np.float64)
-    require_trailing(points, "points", (3,))
+    points = as_floats(points, "points", (3,))
     if not len(points):
         raise InputError("points of the object", got="none", expected="at least one")
     require_finite(points, "points of the object")

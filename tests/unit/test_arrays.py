@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp._arrays import frozen, sealed
+from debrisgrasp._arrays import as_floats, frozen, sealed
+from debrisgrasp.errors import ShapeError
 
 
 def test_what_is_sealed_already_is_not_copied():
@@ -46,3 +47,15 @@ def test_what_others_can_write_to_is_copied_and_read_only(made):
     assert (copy == 1.0).all()
     assert copy.dtype == np.float64
     assert not copy.flags.writeable
+
+
+def test_floats_are_not_copied_and_lists_become_some():
+    array = np.ones((4, 3))
+    assert as_floats(array, "points", (3,)) is array
+    assert as_floats([[1, 2, 3]], "points", (3,)).dtype == np.float64
+
+
+@pytest.mark.parametrize("array", ["abc", [[1.0, 2.0], [3.0]], {"x": 1.0}, np.ones(4)])
+def test_what_is_no_array_of_numbers_is_named(array):
+    with pytest.raises(ShapeError, match="points"):
+        as_floats(array, "points", (3,))

@@ -8,7 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from debrisgrasp.errors import ConfigError, DebrisGraspError, UnknownNameError
+from debrisgrasp.errors import (
+    ConfigError,
+    DebrisGraspError,
+    ShapeError,
+    UnknownNameError,
+)
 from debrisgrasp.kinematics import KinematicChain, RobotModel
 
 from .robots import ROMAN_URDF, JointText, PinocchioOracle, written
@@ -25,6 +30,24 @@ MIXED = (
     JointText("revolute", xyz=(0.2, 0, 0), rpy=(1e-6, 0, 0), axis=(0, 0, 1)),
     JointText("continuous", axis=(1, 0, 0)),
 )
+
+
+@pytest.mark.parametrize("q", ["abc", [["a"] * 7], np.zeros(3), None])
+def test_what_is_no_posture_is_refused_by_name(q: object) -> None:
+    zero = np.zeros(ARM.n_joints)
+    for ask in (ARM.fk, ARM.jacobian, ARM.named, ARM.wrapped, ARM.clipped):
+        with pytest.raises(ShapeError, match="joint values"):
+            ask(q)
+    for compare in (ARM.difference, ARM.way, ARM.travel, ARM.unwound):
+        with pytest.raises(ShapeError, match="joint values"):
+            compare(zero, q)
+
+
+def test_only_one_posture_has_names(rng: np.random.Generator) -> None:
+    q = ARM.sampled(2, rng=rng)
+    assert list(ARM.named(q[0]).values()) == q[0].tolist()
+    with pytest.raises(ShapeError, match="shape of posture"):
+        ARM.named(q)
 
 
 @pytest.mark.parametrize("tip", ["right_hand", "left_hand", "right_arm_link5"])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.kinematics import (
     ArmReach,
     KinematicChain,
@@ -29,6 +29,14 @@ def test_dexterity_is_the_slowest_motion_of_the_tip(
     J[:, 3:] *= 0.3
     least = np.linalg.svd(J, compute_uv=False)[:, -1]
     np.testing.assert_allclose(dexterity(arm, q), least, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_postures_that_are_not_finite_have_no_dexterity(
+    arm: KinematicChain, bad: float
+) -> None:
+    with pytest.raises(InputError, match="joint values"):
+        dexterity(arm, np.full((2, arm.n_joints), bad))
 
 
 def test_self_motions_leave_the_tip_in_place_to_first_order(
