@@ -132,6 +132,8 @@ class Fields:
         if default is not None and name not in self:
             return np.array(list(default), dtype=np.float64)
         value = self.raw(name)
+        if isinstance(value, np.ndarray | tuple):
+            value = list(value)
         if not isinstance(value, list) or (count is not None and len(value) != count):
             wanted = "a list" if count is None else f"a list of {count}"
             raise ConfigError(
@@ -195,6 +197,8 @@ class Fields:
 
 def is_number(value: object) -> bool:
     """Whether a value is a number that a float can be, and finite."""
+    if isinstance(value, np.number):
+        value = value.item()
     # No float is as large as an integer can be.
     return (
         isinstance(value, int | float)

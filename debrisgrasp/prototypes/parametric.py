@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import ConfigError, UnknownNameError
 
 from .gripper import GripperModel
@@ -17,6 +18,7 @@ from .prototype_file import definition_from
 __all__ = ["prototype_of_shape"]
 
 
+@checked
 def prototype_of_shape(
     name: str,
     shape: Mapping[str, Any],
@@ -47,6 +49,8 @@ def prototype_of_shape(
 
     Raises
     ------
+    InputError
+        If an argument is not what its annotation says.
     ConfigError, UnknownNameError
         As a file of this content would.
     """

@@ -146,6 +146,26 @@ def test_a_given_place_is_kept():
     assert definition.T_hand_shape.p.tolist() == [0.0, 0.01, 0.09]
 
 
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
+def test_sizes_and_places_may_be_numbers_of_numpy(kind):
+    # Halves of halves, which every kind of number holds.
+    shape = {"type": "cylinder", "diameter": 0.0625, "length": 0.125}
+    shape["position"] = [0.0, 0.0, 0.125]
+    own = shape | {name: kind(shape[name]) for name in ("diameter", "length")}
+    own["position"] = np.array(shape["position"], dtype=kind)
+    of_numpy, plain = (
+        prototype_of_shape("new", each, HAND, "basic") for each in (own, shape)
+    )
+    assert of_numpy.width == plain.width
+    assert of_numpy.T_hand_shape.p.tolist() == plain.T_hand_shape.p.tolist()
+
+
+@pytest.mark.parametrize("shape", [None, "cylinder", [0.065, 0.14]])
+def test_a_shape_that_is_no_mapping_is_named(shape):
+    with pytest.raises(InputError, match="shape"):
+        prototype_of_shape("new", shape, HAND, "basic")
+
+
 @pytest.mark.parametrize(
     ("shape", "said"),
     [
