@@ -128,7 +128,12 @@ class GripperModel:
         return float(np.interp(-opening, -shape.openings, shape.commands))
 
     def command_to_opening(self, preshape: str, command: float) -> float:
-        """Distance between the pads [m] at a command; negative when they cross."""
+        """Distance between the pads [m] at a command; negative when they cross.
+
+        A driver's readings become openings by it, so it never raises for a number: one
+        beyond the commands of the preshape, as sensors overshoot, counts as the nearest
+        of them, and NaN, as they fail, stays NaN.
+        """
         shape = self.preshape(preshape)
         return float(np.interp(command, shape.commands, shape.openings))
 

@@ -180,6 +180,19 @@ def test_opening_survives_the_way_through_the_command(gripper: GripperModel) -> 
             assert back == pytest.approx(opening, abs=2e-6)
 
 
+def test_readings_beyond_the_commands_count_as_the_nearest(
+    gripper: GripperModel,
+) -> None:
+    for name, shape in gripper.preshapes.items():
+        for command, opening in (
+            (shape.commands[0] - 1.0, shape.openings[0]),
+            (shape.commands[-1] + 1.0, shape.openings[-1]),
+            (np.inf, shape.openings[-1]),
+        ):
+            assert gripper.command_to_opening(name, command) == opening
+        assert np.isnan(gripper.command_to_opening(name, np.nan))
+
+
 def test_pads_are_as_far_apart_as_the_opening_says(gripper: GripperModel) -> None:
     sides = np.array([finger.side for finger in gripper.fingers])
     for opening in (0.0, 0.031, 0.12):
