@@ -8,7 +8,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
@@ -102,6 +102,9 @@ class IkConfig:
                 raise ConfigError(
                     f"IkConfig.{name}", got=getattr(self, name), expected="above zero"
                 )
+        # Beyond these the descent no longer sees one error beside the other, or stands.
+        require_range("IkConfig.rotation_weight [m]", self.rotation_weight, 1e-3, 100.0)
+        require_range("IkConfig.damping", self.damping, 0.0, 10.0)
 
     @property
     def weighted_tolerance(self) -> float:

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_range
 from debrisgrasp._checked import checked_fields
-from debrisgrasp.errors import ConfigError
 
 from .ik_types import IkConfig, IkStatus
 
@@ -24,6 +23,8 @@ WORDS = {
 """Why a pose is not reached, empty where it is."""
 HITS_SCENE = "arm hits the scene"
 HITS_ITSELF = "arm hits itself"
+_MOST = 1e6
+"""Weight beside which no other counts; infinite ones of nothing would cost NaN."""
 
 
 @checked_fields
@@ -57,28 +58,18 @@ class ReachConfig:
     """Solver settings; seeds of the map make further attempts pointless."""
 
     def __post_init__(self) -> None:
-        for name in ("n_postures", "rounds"):
-            if getattr(self, name) < 1:
-                raise ConfigError(
-                    f"ReachConfig.{name}", got=getattr(self, name), expected="1 or more"
-                )
-        if self.slides < 0 or not self.free_dexterity > 0:
-            raise ConfigError(
-                "ReachConfig.slides, free_dexterity",
-                got=(self.slides, self.free_dexterity),
-                expected="0 or more, above zero",
-            )
-        for name in (
-            "margin",
-            "self_margin",
-            "limit_weight",
-            "singularity_weight",
-            "scene_weight",
+        for name, least, most in (
+            ("n_postures", 1, np.inf),
+            ("rounds", 1, np.inf),
+            ("slides", 0, np.inf),
+            ("free_dexterity", 1e-9, np.inf),
+            ("margin", 0.0, 1.0),
+            ("self_margin", 0.0, 1.0),
+            ("limit_weight", 0.0, _MOST),
+            ("singularity_weight", 0.0, _MOST),
+            ("scene_weight", 0.0, _MOST),
         ):
-            if not getattr(self, name) >= 0:
-                raise ConfigError(
-                    f"ReachConfig.{name}", got=getattr(self, name), expected="0 or more"
-                )
+            require_range(f"ReachConfig.{name}", getattr(self, name), least, most)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

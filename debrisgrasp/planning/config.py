@@ -139,6 +139,19 @@ class PlannerConfig:
                     got=getattr(self, name),
                     expected=f"{seen} or more, which is similarity.minimum_seen",
                 )
+        # Farther back than the grid goes, nothing would be in the way.
+        for name, way in (
+            ("clearance.approach", self.clearance.approach),
+            ("approach.longest", self.approach.longest),
+        ):
+            if way > self.scene.hand_reach:
+                raise ConfigError(
+                    f"PlannerConfig.{name}",
+                    got=f"{way:g} m",
+                    expected=f"at most {self.scene.hand_reach:g}, which is "
+                    "scene.hand_reach",
+                    mend="Shorten the way, or raise scene.hand_reach too.",
+                )
         require_range("PlannerConfig.doubtful_sweeps", self.doubtful_sweeps, 0)
         require_range("PlannerConfig.doubtful_share", self.doubtful_share, 1)
         require_range("PlannerConfig.region_size", self.region_size, 0.0)

@@ -58,7 +58,8 @@ class SceneConfig:
     """Distances saturate here [m]: at no less than the radius of the hand's spheres,
     which would touch something everywhere, and at no more than seven cells."""
     hand_reach: float = 0.30
-    """How far around V the hand and its approach may be [m]."""
+    """How far around V the hand and its approach may be [m]; no less than the longest
+    approach."""
     tangent_radius: float = 0.06
     """Neighbourhood that tells along which direction the object runs [m]."""
     ground_roughness: float = 0.02
@@ -74,7 +75,7 @@ class SceneConfig:
         require_range("SceneConfig.truncation", self.truncation, least, most)
         require_range("SceneConfig.hand_reach", self.hand_reach, 0.0, 2.0)
         require_range("SceneConfig.tangent_radius", self.tangent_radius, self.spacing)
-        require_range("SceneConfig.ground_roughness", self.ground_roughness, 0.0)
+        require_range("SceneConfig.ground_roughness", self.ground_roughness, 0.0, 1.0)
         require_range("SceneConfig.max_target_points", self.max_target_points, 1)
 
 

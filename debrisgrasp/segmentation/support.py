@@ -74,7 +74,7 @@ class SupportConfig:
         require_range("cell", self.cell, 1e-3, 0.1)
         require_range("reach", self.reach, self.cell, 0.2)
         require_range("noise", self.noise, 0.0, 0.1)
-        require_range("gravity", self.gravity, 1e-3)
+        require_range("gravity", self.gravity, 1e-3, 100.0)
         for name in ("density", "thickness"):
             low, high = getattr(self, name)
             if not 0 < low <= high < np.inf:

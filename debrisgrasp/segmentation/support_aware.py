@@ -29,6 +29,8 @@ __all__ = ["SupportAware"]
 
 _HEAVY = 100.0
 """Load [N] from which on more makes no difference to the cost."""
+_MOST = 1e6
+"""Weight beside which no other counts; infinite ones of nothing would cost NaN."""
 _WORTH_SAYING = 0.2
 """Probability, or share of the way out, from which on it is spoken of at all."""
 
@@ -63,7 +65,7 @@ class SupportAware:
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", require_point(self.point))
         for name in ("encumbrance", "load", "blocked", "too_wide", "distance"):
-            require_range(name, getattr(self, name), 0.0)
+            require_range(name, getattr(self, name), 0.0, _MOST)
         if not self.openings or not all(0 < width < np.inf for width in self.openings):
             raise ConfigError(
                 "openings", got=self.openings, expected="at least one, each above 0 m"

@@ -38,6 +38,9 @@ right marks in 10 drawn piles it doubts 6; 0.3 would doubt 21."""
 _COUNTED = 0.3
 """From such a one on, parts count as one object where a mark covers several: in those
 piles that came nearest to their number."""
+_LARGEST_MIN_PATCH = 1000
+"""Cells of the whole face of an object: were no patch as large, none would take in the
+smaller ones, and nothing would be merged."""
 _SPECK = 10
 """Cells of the smallest object."""
 
@@ -57,7 +60,8 @@ class SingulationConfig:
     sweeps: int = 2
     """Rounds in which cells at borders choose their patch."""
     min_patch: int = 10
-    """Cells of the smallest patch; smaller ones go to their neighbours."""
+    """Cells of the smallest patch, at most 1000; smaller ones go to their
+    neighbours."""
     min_score: float = 0.75
     """Probability of being one object from which regions are joined. Larger splits
     objects, smaller joins several; for grasping the second is worse."""
@@ -71,9 +75,9 @@ class SingulationConfig:
             if not 0 < getattr(self, name) < np.inf:
                 raise ConfigError(name, got=getattr(self, name), expected="above 0")
         require_range("sweeps", self.sweeps, 0)
-        require_range("min_patch", self.min_patch, 0)
+        require_range("min_patch", self.min_patch, 0, _LARGEST_MIN_PATCH)
         require_range("min_score", self.min_score, 0.0, 1.0)
-        require_range("color_weight", self.color_weight, 0.0)
+        require_range("color_weight", self.color_weight, 0.0, 1e6)
 
 
 def singulate(

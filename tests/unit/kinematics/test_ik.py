@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import DebrisGraspError, InputError, ShapeError
+from debrisgrasp.errors import ConfigError, DebrisGraspError, InputError, ShapeError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import (
     IkConfig,
@@ -206,6 +206,23 @@ def test_bad_seeds_are_refused(arm: KinematicChain, rng: np.random.Generator) ->
             solve(arm, T, q_seed=seed, rng=rng)
     with pytest.raises(InputError, match="q_seed"):
         solve(arm, T, q_seed=np.full(8, np.nan), rng=rng)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        {"rotation_weight": 1e9},
+        {"rotation_weight": 1e-9},
+        {"rotation_weight": np.inf},
+        {"damping": 1e9},
+        {"damping": np.inf},
+    ],
+)
+def test_weights_by_which_nothing_is_solved_are_refused(
+    setting: dict[str, float],
+) -> None:
+    with pytest.raises(ConfigError, match=f"IkConfig.{next(iter(setting))}"):
+        IkConfig(**setting)
 
 
 def test_settings_out_of_range_are_refused() -> None:

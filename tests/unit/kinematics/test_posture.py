@@ -108,3 +108,7 @@ def test_settings_are_checked() -> None:
         ReachConfig(slides=-1)
     with pytest.raises(ConfigError, match="singularity_weight"):
         ReachConfig(singularity_weight=-1.0)
+    with pytest.raises(ConfigError, match="scene_weight"):
+        ReachConfig(scene_weight=np.inf)
+    with pytest.raises(ConfigError, match="margin"):
+        ReachConfig(margin=10.0)

@@ -11,6 +11,7 @@ from debrisgrasp.errors import CaptureError, ConfigError, FrameMismatchError, Sh
 from debrisgrasp.geometry import SE3, Bounds, Box, DepthSight, PointCloud, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.planning import PlannerConfig
+from debrisgrasp.planning.approach import ApproachConfig
 from debrisgrasp.planning.clearance import ClearanceConfig, HandClearance
 from debrisgrasp.planning.hand_space import HandSpace
 from debrisgrasp.planning.hands import PackedHands
@@ -334,6 +335,25 @@ def test_distances_known_less_far_than_the_hands_spheres_reach_are_refused(
     with pytest.raises(ConfigError, match=said):
         SceneConfig(**fields)
     SceneConfig(spacing=0.005, truncation=0.035)
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("clearance.approach", {"clearance": ClearanceConfig(approach=0.31)}),
+        ("approach.longest", {"approach": ApproachConfig(longest=0.31)}),
+        ("clearance.approach", {"scene": SceneConfig(hand_reach=0.1)}),
+    ],
+)
+def test_ways_that_lead_out_of_the_scene_are_refused(name, fields):
+    with pytest.raises(ConfigError, match=rf"{name}: got .*scene\.hand_reach"):
+        PlannerConfig(**fields)
+    PlannerConfig(**fields | {"scene": SceneConfig(hand_reach=0.4)})
+
+
+def test_ground_of_endless_roughness_is_refused():
+    with pytest.raises(ConfigError, match=r"SceneConfig\.ground_roughness"):
+        SceneConfig(ground_roughness=np.inf)
 
 
 @pytest.mark.parametrize(

@@ -219,7 +219,14 @@ def test_an_object_wider_than_the_hands_costs_more_and_says_so():
 
 
 @pytest.mark.parametrize(
-    "setting", [{"openings": ()}, {"openings": (0.0,)}, {"load": -1.0}]
+    "setting",
+    [
+        {"openings": ()},
+        {"openings": (0.0,)},
+        {"load": -1.0},
+        {"encumbrance": float("inf")},
+        {"distance": 1e7},
+    ],
 )
 def test_costs_that_make_no_sense_are_refused(setting):
     with pytest.raises(ConfigError):

@@ -202,8 +202,10 @@ def test_pixels_that_no_pinhole_camera_made_go_to_the_fallback(rng):
         {"max_gap": 0.0},
         {"max_increase": np.nan},
         {"sweeps": -1},
+        {"min_patch": 1001},
         {"min_score": 1.5},
         {"color_weight": -0.1},
+        {"color_weight": np.inf},
     ],
 )
 def test_settings_out_of_range_are_refused(out_of_range):

@@ -255,6 +255,7 @@ def _with_label(segmentation: Segmentation, label: int) -> Segmentation:
         {"density": (900.0, 80.0)},
         {"thickness": (0.0, 0.05)},
         {"gravity": 0.0},
+        {"gravity": np.inf},
     ],
 )
 def test_settings_out_of_range_are_refused(setting):
