@@ -117,7 +117,7 @@ class DistanceField:
                 "region",
                 got=f"{bounds.size.round(2).tolist()} m in cells of {spacing} m",
                 expected=f"at most {MAX_CELLS} cells",
-                mend="Take a smaller region or a coarser spacing.",
+                mend="Take a smaller region, less room around it or a coarser spacing.",
             )
         origin = bounds.lower - spacing
         nearest = _nearest_points(cloud.points, origin, spacing, shape, truncation)

@@ -53,7 +53,12 @@ def too_large(region: Bounds, config: SceneConfig) -> str | None:
     cells = float(np.prod(size / config.spacing + 3))
     if cells <= MAX_CELLS:
         return None
-    return f"too large: {cells / 1e6:.0f} million cells, at most {MAX_CELLS / 1e6:.0f}"
+    sides = " x ".join(f"{side:.2f}" for side in region.size)
+    return (
+        f"too large: {cells / 1e6:.0f} million cells, at most {MAX_CELLS / 1e6:.0f}, "
+        f"in a region of {sides} m and {config.hand_reach:g} m around it: lower "
+        "region_margin or scene.hand_reach, or raise scene.spacing"
+    )
 
 
 def too_far(points: FloatArray, chains: Sequence[KinematicChain]) -> str | None:

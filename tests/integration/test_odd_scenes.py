@@ -81,7 +81,7 @@ def test_points_and_lines_offer_no_grasp(floating, extent):
 
 def test_a_region_larger_than_memory_is_refused_with_the_figure(floating, pipe_capture):
     everywhere = Bounds(np.full(3, -20.0), np.full(3, 20.0))
-    with pytest.raises(InputError, match=r"region.*40000000 cells.*coarser"):
+    with pytest.raises(InputError, match=r"region.*40000000 cells.*less room.*coarser"):
         floating.plan(pipe_capture, region=everywhere)
 
 
@@ -95,6 +95,7 @@ def test_an_object_larger_than_memory_is_passed_over_with_the_figure(dictionary)
     plan = hand.plan(capture_of([lying_pipe()])).plan
     assert not plan.grasps
     assert "million cells" in plan.why_empty
+    assert "and 2 m around it: lower region_margin or scene.hand" in plan.why_empty
 
 
 def test_a_prototype_larger_than_the_scene_matches_nothing_and_that_is_said(tmp_path):
