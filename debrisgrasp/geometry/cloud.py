@@ -132,10 +132,8 @@ class PointCloud:
         if not is_sealed(self.normals):
             _require_unit(normals)
         require_finite(viewpoint, "viewpoint")
-        if self.pixels is not None and np.shape(self.pixels) != (len(points),):
-            raise ShapeError(
-                "pixels", got=np.shape(self.pixels), expected=f"({len(points)},)"
-            )
+        if self.pixels is not None:
+            object.__setattr__(self, "pixels", _own_pixels(self.pixels, len(points)))
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "normals", normals)
         object.__setattr__(self, "viewpoint", viewpoint)
@@ -147,7 +145,7 @@ class PointCloud:
         """Keep the points that a mask (n,) or an array of indices (m,) names."""
         # Taking rows by number is several times faster than by mask.
         rows = np.arange(len(self))[index]
-        pixels = None if self.pixels is None else self.pixels.take(rows)
+        pixels = None if self.pixels is None else sealed(self.pixels.take(rows))
         return replace(
             self,
             points=sealed(self.points.take(rows, axis=0)),
@@ -199,6 +197,16 @@ class PointCloud:
             raise FrameMismatchError(
                 "cloud", expected_frame=frame, got_frame=self.frame
             )
+
+
+def _own_pixels(pixels: ArrayLike, n: int) -> IntArray:
+    """Freeze the pixels of n points, or raise if they are none."""
+    given = np.asarray(pixels)
+    if given.shape != (n,):
+        raise ShapeError("pixels", got=given.shape, expected=f"({n},)")
+    if not np.issubdtype(given.dtype, np.integer):
+        raise InputError("pixels", got=given.dtype, expected="integers")
+    return frozen(pixels, "pixels", (n,), np.int64)
 
 
 def _require_unit(normals: FloatArray) -> None:

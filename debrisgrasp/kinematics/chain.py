@@ -62,6 +62,8 @@ class KinematicChain:
 
     def __post_init__(self) -> None:
         d = len(self.joint_names)
+        is_revolute = frozen(self.is_revolute, "is_revolute", (d,), np.bool_)
+        object.__setattr__(self, "is_revolute", is_revolute)
         shapes = {"lower": (d,), "upper": (d,), "axes": (d, 3), "points": (d, 3)}
         for name, trailing in shapes.items():
             array = frozen(getattr(self, name), name, trailing)
@@ -333,8 +335,7 @@ class KinematicChain:
         """Joint values by name, of one posture (d,)."""
         values = self._postures(q)
         if values.ndim != 1:
-            expected = f"({self.n_joints},)"
-            raise ShapeError("shape of posture", got=values.shape, expected=expected)
+            raise ShapeError("joint values", got=values.shape, expected="one posture")
         return dict(zip(self.joint_names, values.tolist(), strict=True))
 
     def _postures(self, q: ArrayLike) -> FloatArray:

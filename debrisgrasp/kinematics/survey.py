@@ -13,7 +13,7 @@ from debrisgrasp._arrays import (
     FloatArray,
     IntArray,
     Rng,
-    as_floats,
+    frozen,
     require_finite,
     require_range,
 )
@@ -143,7 +143,7 @@ def survey_reach(
     rng
         Source of the random seeds.
     """
-    at = as_floats(places, "places", (None, 3))
+    at = frozen(places, "places", (None, 3))
     require_finite(at, "places")
     directions = np.concatenate([a.directions for a in approaches])
     counts = [len(a.directions) for a in approaches]

@@ -49,6 +49,21 @@ def test_a_mask_and_its_row_numbers_select_the_same_points(cloud, is_organised):
         cloud.selected(mask[:-1])
 
 
+def test_pixels_are_the_clouds_own(cloud):
+    pixels = np.arange(50)
+    own = replace(cloud, pixels=pixels)
+    pixels[:] = 0
+    assert_array_equal(own.pixels, np.arange(50))
+    assert not own.pixels.flags.writeable
+    assert not own.cropped(Bounds.around(own.points)).pixels.flags.writeable
+    assert_array_equal(replace(cloud, pixels=list(range(50))).pixels, np.arange(50))
+
+
+def test_pixels_are_integers(cloud):
+    with pytest.raises(InputError, match=r"pixels.*float64.*integers"):
+        replace(cloud, pixels=np.arange(50.0))
+
+
 def test_a_change_of_frame_moves_points_and_turns_normals(cloud, rng):
     T_base_camera = SE3.from_parts(so3.exp(rng.normal(size=3)), rng.normal(size=3))
     moved = cloud.in_frame(T_base_camera, "base")

@@ -43,10 +43,18 @@ def test_what_is_no_posture_is_refused_by_name(q: object) -> None:
             compare(zero, q)
 
 
+def test_a_chain_keeps_no_array_of_others(rng: np.random.Generator) -> None:
+    is_revolute = ARM.is_revolute.copy()
+    chain = replace(ARM, is_revolute=is_revolute)
+    is_revolute[:] = False
+    q = ARM.sampled(3, rng=rng)
+    np.testing.assert_array_equal(chain.fk(q).matrix, ARM.fk(q).matrix)
+
+
 def test_only_one_posture_has_names(rng: np.random.Generator) -> None:
     q = ARM.sampled(2, rng=rng)
     assert list(ARM.named(q[0]).values()) == q[0].tolist()
-    with pytest.raises(ShapeError, match="shape of posture"):
+    with pytest.raises(ShapeError, match="one posture"):
         ARM.named(q)
 
 
