@@ -25,6 +25,7 @@ __all__ = [
     "require_range",
     "require_trailing",
     "sealed",
+    "unmasked",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -48,17 +49,34 @@ def as_floats(
 ) -> FloatArray:
     """Give an array as float64, not copied if it is one, and check its trailing shape.
 
+    What is masked becomes NaN.
+
     Raises
     ------
     ShapeError
         If it holds anything but numbers, or in another shape.
     """
     try:
-        floats = np.asarray(array, dtype=np.float64)
+        floats = np.asarray(unmasked(array), dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise _no_array(array, name, np.float64) from error
     require_trailing(floats, name, trailing)
     return floats
+
+
+def unmasked(array: Any) -> Any:
+    """Put NaN where an array is masked: NumPy takes what lies behind the mask.
+
+    Raises
+    ------
+    TypeError
+        If no NaN fits in, or the array is complex, of which NumPy takes a half.
+    """
+    if isinstance(array, np.ndarray) and array.dtype.kind == "c":
+        raise TypeError
+    if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
+        return array.filled(np.nan)
+    return array
 
 
 def _no_array(array: ArrayLike, name: str, dtype: Any) -> ShapeError:
@@ -148,7 +166,7 @@ def frozen(
         if isinstance(array, _Sealed) and array.dtype == dtype:
             copy = array.view(np.ndarray)
         else:
-            copy = np.array(array, dtype=dtype)
+            copy = np.array(unmasked(array), dtype=dtype)
     except (TypeError, ValueError, OverflowError) as error:
         raise _no_array(array, name, dtype) from error
     require_trailing(copy, name, trailing)

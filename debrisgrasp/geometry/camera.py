@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, as_floats, require_finite, require_trailing
+from debrisgrasp._arrays import FloatArray, as_floats, require_finite
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import CaptureError
 
@@ -115,7 +115,7 @@ class Intrinsics:
         FloatArray
             Points [m], shape (height, width, 3); NaN depth gives NaN points.
         """
-        require_trailing(np.asarray(depth), "depth", (self.height, self.width))
+        depth = as_floats(depth, "depth", (self.height, self.width))
         x = (np.arange(self.width) - self.cx) / self.fx
         y = (np.arange(self.height) - self.cy) / self.fy
         points = np.empty((self.height, self.width, 3))

@@ -11,6 +11,7 @@ from debrisgrasp._arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    as_floats,
     frozen,
     is_sealed,
     require_finite,
@@ -71,7 +72,7 @@ class Bounds:
         InputError
             If there are no points.
         """
-        points = np.asarray(points, dtype=np.float64)
+        points = as_floats(points, "points to bound", (3,))
         if not len(points):
             raise InputError("points to bound", got="none", expected="at least one")
         pad = max(margin, 1e-6)

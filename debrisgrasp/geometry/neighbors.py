@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, IntArray, require_finite, require_trailing
+from debrisgrasp._arrays import FloatArray, IntArray, as_floats, require_finite
 from debrisgrasp.errors import InputError
 
 __all__ = ["by_place", "cell_means", "voxel_cells", "voxel_count", "voxel_downsample"]
@@ -65,7 +65,7 @@ def voxel_cells(points: FloatArray, size: float) -> tuple[IntArray, int]:
     InputError
         If the size is none, or too small for the extent of the points.
     """
-    require_trailing(points, "points", (3,))
+    points = as_floats(points, "points", (3,))
     require_finite(points, "points")
     if not size > 0:
         raise InputError("voxel size", got=size, expected="a length > 0 [m]")
@@ -112,6 +112,7 @@ def voxel_downsample(points: FloatArray, size: float) -> IntArray:
         Ascending indices of the points nearest to the means of their cells, one for
         each occupied cell.
     """
+    points = as_floats(points, "points", (3,))
     columns = np.array(points.T, order="C")
     cell_index, n_cells = _any_cells(points, columns, size)
     counts = np.bincount(cell_index, minlength=n_cells)
@@ -132,6 +133,7 @@ def voxel_downsample(points: FloatArray, size: float) -> IntArray:
 
 def voxel_count(points: FloatArray, size: float) -> int:
     """How many voxels with edges ``size`` [m] the points (n, 3) occupy."""
+    points = as_floats(points, "points", (3,))
     return _any_cells(points, points.T, size)[1]
 
 

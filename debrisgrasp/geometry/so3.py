@@ -34,7 +34,7 @@ def hat(v: FloatArray) -> FloatArray:
     FloatArray
         Skew-symmetric matrices, shape (..., 3, 3).
     """
-    v = np.asarray(v, dtype=np.float64)
+    v = as_floats(v, "vectors", (3,))
     out = np.zeros((*v.shape, 3))
     out[..., 0, 1], out[..., 0, 2] = -v[..., 2], v[..., 1]
     out[..., 1, 0], out[..., 1, 2] = v[..., 2], -v[..., 0]
@@ -84,7 +84,7 @@ def exp(rotvec: FloatArray) -> FloatArray:
 
 def left_jacobian(rotvec: FloatArray) -> FloatArray:
     """Matrix ``V`` with ``exp6(v, w) = (exp(w), V(w) v)``, shape (..., 3, 3)."""
-    rotvec = np.asarray(rotvec, dtype=np.float64)
+    rotvec = as_floats(rotvec, "rotation vector", (3,))
     _, b, c = _angle_coefficients(np.linalg.norm(rotvec, axis=-1))
     k = hat(rotvec)
     return np.eye(3) + b[..., None, None] * k + c[..., None, None] * (k @ k)

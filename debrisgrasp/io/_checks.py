@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, unmasked
 from debrisgrasp._words import counted
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Intrinsics
@@ -29,9 +29,10 @@ _FEWEST_POINTS = 3
 
 
 def checked_depth(depth: object, intrinsics: Intrinsics | None) -> FloatArray:
-    """Depth in metres, NaN where nothing was measured; read-only."""
+    """Depth in metres, NaN where nothing was measured, or masked; read-only."""
     array = np.asarray(depth)
     _require_floats(array, "depth")
+    array = np.asarray(unmasked(depth))
     if array.ndim != 2:
         raise CaptureError(
             "depth", got=f"shape {array.shape}", expected="an image (height, width)"
@@ -70,10 +71,12 @@ def checked_depth(depth: object, intrinsics: Intrinsics | None) -> FloatArray:
 def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, FloatArray]:
     """Points (n, 3) and their viewpoint (3,), both read-only.
 
-    Points at the viewpoint become NaN, as a depth of 0 does: nothing was measured.
+    Points at the viewpoint become NaN, as a depth of 0 does: nothing was measured. So
+    do masked ones.
     """
     array = np.asarray(points)
     _require_floats(array, "points")
+    array = np.asarray(unmasked(points))
     if array.ndim != 2 or array.shape[1] != 3:
         raise CaptureError("points", got=f"shape {array.shape}", expected="(n, 3)")
     if viewpoint is None:
@@ -115,6 +118,13 @@ def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, Float
 
 def checked_image(image: object, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     """Check ``rgb``, ``mask`` or ``labels`` against the pixels or points; read-only."""
+    if np.ma.is_masked(image):
+        raise CaptureError(
+            name,
+            got="a masked array",
+            expected="one without a mask",
+            mend="Fill what is masked: array.filled(0).",
+        )
     array = np.asarray(image)
     wanted = (*shape, 3) if name == "rgb" else shape
     if array.shape != wanted:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp._arrays import FloatArray, Rng, as_floats
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
@@ -62,6 +62,7 @@ def follow(
     """
     config = config or IkConfig()
     targets = checked_poses(T_base_tip)
+    q_before = as_floats(q_before, "q_before", (chain.n_joints,))
     if q_before.shape != (len(targets), chain.n_joints):
         raise InputError(
             "q_before",

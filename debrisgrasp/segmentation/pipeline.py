@@ -8,7 +8,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_finite
+from debrisgrasp._arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    as_floats,
+    frozen,
+    require_finite,
+)
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import Bounds, PointCloud, by_place
@@ -150,7 +157,7 @@ def segment_cloud(
 
 def _checked_colors(colors: ArrayLike, n: int) -> FloatArray:
     """Colours as an array (n, 3) of numbers in [0, 1]."""
-    array = np.asarray(colors, dtype=np.float64)
+    array = as_floats(colors, "colors", (3,))
     if array.shape != (n, 3):
         raise ShapeError("colors", got=array.shape, expected=f"one per point, {(n, 3)}")
     if not ((array >= 0.0) & (array <= 1.0)).all():

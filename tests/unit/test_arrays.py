@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp._arrays import as_floats, frozen, sealed
+from debrisgrasp._arrays import as_floats, frozen, sealed, unmasked
 from debrisgrasp.errors import ShapeError
 
 
@@ -55,7 +55,27 @@ def test_floats_are_not_copied_and_lists_become_some():
     assert as_floats([[1, 2, 3]], "points", (3,)).dtype == np.float64
 
 
-@pytest.mark.parametrize("array", ["abc", [[1.0, 2.0], [3.0]], {"x": 1.0}, np.ones(4)])
+@pytest.mark.parametrize("convert", [as_floats, frozen])
+def test_what_is_masked_becomes_nan(convert):
+    array = np.ma.array(np.ones((2, 3)), mask=[[True, False, False], [False] * 3])
+    found = convert(array, "points", (3,))
+    assert type(found) is np.ndarray
+    np.testing.assert_array_equal(found, [[np.nan, 1.0, 1.0], [1.0] * 3])
+    assert unmasked(np.ones(3)).tolist() == [1.0] * 3
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "array",
+    [
+        "abc",
+        [[1.0, 2.0], [3.0]],
+        {"x": 1.0},
+        np.ones(4),
+        np.ones(3, dtype=complex),
+        np.ma.array([1, 2, 3], mask=[True, False, False]),
+    ],
+)
 def test_what_is_no_array_of_numbers_is_named(array):
     with pytest.raises(ShapeError, match="points"):
         as_floats(array, "points", (3,))

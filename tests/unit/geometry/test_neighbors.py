@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from debrisgrasp.errors import InputError
-from debrisgrasp.geometry import voxel_count, voxel_downsample
+from debrisgrasp.geometry import voxel_cells, voxel_count, voxel_downsample
 from debrisgrasp.geometry.neighbors import by_place
 
 
@@ -76,3 +76,15 @@ def test_points_that_repeat_none_are_their_own_first(rng):
     np.testing.assert_array_equal(order, np.argsort(points[:, 0]))
     np.testing.assert_array_equal(first, np.arange(50))
     assert [part.shape for part in by_place(points[:0])] == [(0,), (0,)]
+
+
+@pytest.mark.parametrize("kind", [np.float32, ">f8", list])
+def test_points_of_any_kind_of_number_share_the_same_cells(rng, kind):
+    points = rng.uniform(0.0, 1.0, (4000, 3)).astype(np.float32)
+    given = points.tolist() if kind is list else points.astype(kind)
+    plain = points.astype(np.float64)
+    assert voxel_count(given, 0.01) == voxel_count(plain, 0.01)
+    for divide in (voxel_cells, voxel_downsample):
+        np.testing.assert_array_equal(
+            np.hstack(divide(given, 0.01)), np.hstack(divide(plain, 0.01))
+        )

@@ -39,6 +39,25 @@ def test_nothing_measured_becomes_nan(depth, camera, nothing):
     assert np.isnan(capture.depth).sum() == 25
 
 
+def test_what_is_masked_was_not_measured(depth, camera):
+    behind = np.zeros(depth.shape, dtype=bool)
+    behind[10:14, 20:30] = True
+    taken = Capture(depth=np.ma.array(depth, mask=behind), intrinsics=camera).depth
+    plain = Capture(depth=np.where(behind, np.nan, depth), intrinsics=camera).depth
+    assert_array_equal(taken, plain)
+    cloud = np.random.default_rng(0).uniform(1.0, 2.0, (50, 3))
+    masked = np.ma.array(cloud, mask=np.arange(50)[:, None].repeat(3, axis=1) < 10)
+    points = Capture(points=masked, viewpoint=np.zeros(3)).points
+    assert_array_equal(np.isnan(points).all(axis=1), np.arange(50) < 10)
+
+
+@pytest.mark.parametrize("name", ["mask", "labels"])
+def test_masked_labels_are_refused(depth, camera, name):
+    image = np.ma.array(np.ones(depth.shape, dtype=int), mask=depth == 0)
+    with pytest.raises(CaptureError, match=rf"{name}: got a masked array.*filled"):
+        Capture(depth=depth, intrinsics=camera, **{name: image})
+
+
 def test_arrays_are_copied_and_read_only(depth, camera):
     capture = Capture(depth=depth, intrinsics=camera)
     depth[20, 20] = 9.0
