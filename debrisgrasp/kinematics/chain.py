@@ -332,7 +332,7 @@ class KinematicChain:
         return np.array([values.get(name, 0.0) for name in self.joint_names])
 
     def named(self, q: Sequence[float] | FloatArray) -> dict[str, float]:
-        """Joint values by name, of one posture (d,)."""
+        """Joint values by name, of one posture (d,); others raise `ShapeError`."""
         values = self._postures(q)
         if values.ndim != 1:
             raise ShapeError("joint values", got=values.shape, expected="one posture")
