@@ -10,6 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import ChoiceError
 from debrisgrasp.geometry import SE3
 
@@ -46,6 +47,7 @@ class Adaptation:
     """Prototypes whose shapes the hand can't take, and why."""
 
 
+@checked
 def adapt(
     source: PrototypeLibrary,
     gripper: GripperModel,
@@ -71,6 +73,8 @@ def adapt(
     ------
     ChoiceError
         If the source has no prototype.
+    InputError
+        If an argument is not what its annotation says.
     """
     if not len(source):
         raise ChoiceError("prototypes", got="none", expected="at least one")
