@@ -45,7 +45,7 @@ class Passage:
     grippers
         The hands that grasps name.
     along
-        Points of what is likely one with the object, and is no obstacle to its lift
+        Points of what may well be one with the object, no obstacles to its lift
         [m], shape (k, 3); None: nothing is.
     """
 

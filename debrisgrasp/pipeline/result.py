@@ -18,6 +18,8 @@ from debrisgrasp.segmentation import Candidate, Segmentation
 
 __all__ = ["PlanningResult"]
 
+_MAY_WELL = 1 / 3
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PlanningResult:
@@ -47,14 +49,15 @@ class PlanningResult:
 
     @property
     def kin_points(self) -> FloatArray:
-        """Points of what is more likely than not one with that [m], shape (k, 3).
+        """Points of what may well be one with that [m], shape (k, 3).
 
         A frame, or what is divided by something before it, may fall apart in parts.
+        What is lifted with care may touch something; what is not can't be taken at all.
         """
         label = self.plan.object_label
         if not label:
             return self.cloud.points[:0]
-        is_kin = self.segmentation.belonging(label) > 0.5
+        is_kin = self.segmentation.belonging(label) > _MAY_WELL
         kin: FloatArray = self.cloud.points[
             is_kin[self.segmentation.labels] & ~self.is_own
         ]
