@@ -107,6 +107,8 @@ def _heights(
     steps = np.arange(-np.ceil(reach / _STEP), np.ceil(reach / _STEP) + 1)
     heights = wanted + _STEP * steps
     heights = heights[(heights >= nearest - 1e-9) & (heights <= reach + nearest)]
+    if not len(heights):  # no finger is before the palm, which `check` tells
+        return np.array([wanted])
     heights = heights[np.argsort(np.abs(heights - wanted), kind="stable")]
     # Whether the shape is farther out, or the hand farther back, is the same.
     hand = gripper.solids(preshape.name, widest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from debrisgrasp.prototypes.shapes import BoxShape, CylinderShape, Shape
 from debrisgrasp.prototypes.surfaces import sample
 
 HAND = GripperModel.load("robotiq_3f")
+JAW = Path(__file__).parents[3] / "examples" / "grippers" / "jaw_140.yaml"
 PIPE = CylinderShape(diameter=0.06, length=0.4, ends="closed")
 
 
@@ -177,3 +179,15 @@ def test_a_shape_that_is_no_mapping_is_named(shape):
 def test_sizes_that_make_no_shape_are_refused(shape, said):
     with pytest.raises(ConfigError, match=said):
         prototype_of_shape("new", shape, HAND, "basic")
+
+
+def test_a_hand_turned_away_gets_a_prototype_that_check_refuses(tmp_path):
+    text = JAW.read_text(encoding="utf-8")
+    turned = "base: {position: [0, 0, 0], rpy: [3.14159265, 0, 0]}"
+    file = tmp_path / "jaw.yaml"
+    file.write_text(text.replace("base: {position: [0, 0, 0]}", turned))
+    hand = GripperModel.load(file)
+    shape = {"type": "cylinder", "diameter": 0.05, "length": 0.14}
+    definition = prototype_of_shape("new", shape, hand, "parallel", grip="deep")
+    findings = check(GraspPrototype.build(definition, fibonacci_sphere(1)), hand)
+    assert "palm frame" in str(findings[0])
