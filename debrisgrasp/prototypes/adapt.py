@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from debrisgrasp._checked import checked
-from debrisgrasp.errors import ChoiceError
+from debrisgrasp.errors import ChoiceError, ConfigError
 from debrisgrasp.geometry import SE3
 
 from .check import Finding
@@ -73,11 +73,19 @@ def adapt(
     ------
     ChoiceError
         If the source has no prototype.
+    ConfigError
+        If the palm frame of the hand can't be where its file has it.
     InputError
         If an argument is not what its annotation says.
     """
     if not len(source):
         raise ChoiceError("prototypes", got="none", expected="at least one")
+    if gripper.palm_doubt:
+        raise ConfigError(
+            f"base of {gripper.name}",
+            got=f"a doubtful palm frame ({gripper.palm_doubt})",
+            expected="one in which shapes can be placed before the palm",
+        )
     made: dict[str, PrototypeDefinition] = {}
     left_out, seen = [], set()
     # A shape that is generic in one prototype is, whatever it is in others.

@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from debrisgrasp.errors import ChoiceError
+from debrisgrasp.errors import ChoiceError, ConfigError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import (
     GripperModel,
@@ -180,6 +180,16 @@ def test_measured_points_are_left_out():
 def test_no_shapes_are_refused():
     with pytest.raises(ChoiceError, match="at least one"):
         adapt(PrototypeLibrary((), SHIPPED.grippers), GripperModel.load(JAW))
+
+
+@pytest.mark.parametrize("base", [{"rpy": [3.14159265, 0, 0]}, {"position": [0, 0, 1]}])
+def test_a_palm_frame_that_is_elsewhere_is_told_once(tmp_path, base):
+    content = yaml.safe_load(JAW.read_text())
+    content["base"] = {"position": [0, 0, 0], **base}
+    (tmp_path / "jaw.yaml").write_text(yaml.safe_dump(content))
+    hand = GripperModel.load(tmp_path / "jaw.yaml")
+    with pytest.raises(ConfigError, match=r"base of jaw_140.*palm frame"):
+        adapt(FEW, hand)
 
 
 def test_progress_tells_each_prototype():
