@@ -185,7 +185,8 @@ def _name(definition: PrototypeDefinition, grip: Grip) -> str:
     """Hand, shape, what the fingers close on [mm], and how."""
     shape, R = definition.shape, definition.T_hand_shape.R
     kind, sizes = _sizes(shape)
-    words = [re.sub("[^a-z0-9]+", "_", definition.gripper.lower()).strip("_"), kind]
+    hand = re.sub("[^a-z0-9]+", "_", definition.gripper.lower()).strip("_")
+    words = [hand or "hand", kind]
     words.append("x".join(f"{1e3 * size:03.0f}" for size in sizes))
     ends = getattr(shape, "ends", "open")
     if abs(R[2, 1]) > np.cos(np.pi / 4):

@@ -147,6 +147,13 @@ def test_a_saved_dictionary_reads_back(made, tmp_path):
         )
 
 
+@pytest.mark.parametrize("name", ["手", "Ü-110 (new)", "__"])
+def test_a_hand_of_any_name_gets_files_that_can_be_read(tmp_path, name):
+    hand = replace(GripperModel.load(JAW), name=name)
+    adapt(FEW, hand).library.save(tmp_path)
+    assert len(PrototypeLibrary.load(tmp_path, grippers={name: hand})) > len(FEW)
+
+
 def test_one_shape_in_two_prototypes_is_made_once():
     twice = SHIPPED.select(names=["bar_2x4_flat", "bar_2x4_flat_tip"])
     made = adapt(twice, GripperModel.load(JAW))
