@@ -119,15 +119,17 @@ def adapt(
 def _taken(
     definition: PrototypeDefinition, gripper: GripperModel
 ) -> tuple[dict[Grip, PrototypeDefinition], str]:
-    """Prototypes of one shape by grip, or what the last preshape lacks."""
+    """Prototypes of one shape by grip, or what a preshape of about its size lacks."""
     problem = ""
     for name in gripper.preshapes:
-        most = gripper.preshape(name).widths[1]
+        least, most = gripper.preshape(name).widths
         thickness = _sizes(definition.shape)[1][0]
-        if thickness > most:
-            problem = (
-                f"{1e3 * thickness:.0f} mm thick, and preshape {name} takes "
-                f"{1e3 * most:.0f} mm at most"
+        if not least <= thickness <= most:
+            bound = f"{1e3 * most:.0f} mm at most"
+            if thickness < least:
+                bound = f"{1e3 * least:.0f} mm at least"
+            problem = problem or (
+                f"{1e3 * thickness:.0f} mm thick, and preshape {name} takes {bound}"
             )
             continue
         own = _in_hand(definition, gripper, name)

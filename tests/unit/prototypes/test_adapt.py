@@ -154,6 +154,40 @@ def test_a_hand_of_any_name_gets_files_that_can_be_read(tmp_path, name):
     assert len(PrototypeLibrary.load(tmp_path, grippers={name: hand})) > len(FEW)
 
 
+def test_what_is_thinner_than_a_hand_takes_is_left_out(tmp_path):
+    content = yaml.safe_load(JAW.read_text())
+    content["preshapes"]["parallel"]["widths"] = [0.045, 0.13]
+    (tmp_path / "jaw.yaml").write_text(yaml.safe_dump(content))
+    made = adapt(FEW, GripperModel.load(tmp_path / "jaw.yaml"))
+    (bar,) = {prototype.definition.shape for prototype in made.library}
+    assert isinstance(bar, BarShape)
+    left_out = {finding.prototype: str(finding) for finding in made.left_out}
+    assert left_out == {
+        name: f"{thickness} mm thick, and preshape parallel takes 45 mm at least"
+        for name, thickness in (
+            ("cylinder_040_tip", 40),
+            ("edge_019", 19),
+            ("handle_025", 25),
+        )
+    }
+
+
+@pytest.mark.parametrize("widths", [[0.1, 0.13], [0.005, 0.015]])
+def test_the_reason_is_that_of_a_preshape_of_the_right_size(tmp_path, widths):
+    content = yaml.safe_load(JAW.read_text())
+    # Jaws that hardly stand out of the palm take nothing.
+    content["chains"]["jaw"][0]["pad"] = [0, 0, 0.001]
+    content["chains"]["jaw"][0]["solids"][0].update(
+        size=[0.016, 0.026, 0.002], position=[-0.008, 0, 0.001]
+    )
+    parallel = content["preshapes"]["parallel"]
+    content["preshapes"]["second"] = {**parallel, "widths": widths}
+    (tmp_path / "jaw.yaml").write_text(yaml.safe_dump(content))
+    made = adapt(FEW, GripperModel.load(tmp_path / "jaw.yaml"))
+    assert len(made.left_out) == len(FEW)
+    assert not any("mm thick" in str(finding) for finding in made.left_out)
+
+
 def test_one_shape_in_two_prototypes_is_made_once():
     twice = SHIPPED.select(names=["bar_2x4_flat", "bar_2x4_flat_tip"])
     made = adapt(twice, GripperModel.load(JAW))
