@@ -91,7 +91,8 @@ class GripperModel:
     def palm_doubt(self) -> str:
         """What speaks against the palm frame, in words; empty if nothing does.
 
-        The palm ends where that frame is, and the pads are in front of it.
+        The palm ends where that frame is, the pads are in front of it, and the fingers
+        of both sides close on its middle.
         """
         out = max((float(solid.bounds.upper[2]) for solid in self.palm), default=0.0)
         ahead = max(
@@ -101,11 +102,15 @@ class GripperModel:
         found = [f"all pads lie {-1e3 * ahead:.0f} mm behind"] if ahead < 0.0 else []
         if out > _OUT:
             found.append(f"the palm reaches {1e3 * out:.0f} mm in front of")
+        beside = max(map(self._beside, self.preshapes), key=abs)
+        if abs(beside) > _OUT:
+            found.append(f"the fingers close {1e3 * abs(beside):.0f} mm beside")
         if not found:
             return ""
         return (
             f"{' and '.join(found)} the palm frame of {self.name}: is that turned, or "
-            "elsewhere? Its origin lies on the palm face, z points out of the palm"
+            "elsewhere? Its origin lies on the palm face, midway between the pads, z "
+            "points out of the palm"
         )
 
     def opening_to_command(self, preshape: str, opening: float) -> float:
@@ -234,6 +239,13 @@ class GripperModel:
         half = np.array([opening / 2, (upper - lower) / 2, reach / 2])
         center = SE3.from_parts(None, [0.0, (upper + lower) / 2, reach / 2])
         return Box(np.maximum(half, 1e-4), center)
+
+    def _beside(self, preshape: str) -> float:
+        """Middle of the half closed pads, along x of the palm frame [m]."""
+        pads = self.pad_positions(preshape, sum(self.preshape(preshape).widths) / 2)
+        sides = np.array([finger.side for finger in self.fingers])
+        middles = [pads[sides == side, 0].mean() for side in np.unique(sides)]
+        return float(np.mean(middles)) if len(middles) == 2 else 0.0
 
     def _values(self, preshape: str, opening: float) -> dict[str, float]:
         command = self.opening_to_command(preshape, opening)

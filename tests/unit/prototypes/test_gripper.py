@@ -267,6 +267,7 @@ def moved(root, turned):
         (SE3.exp(np.array([0.0, 0.0, 0.0, np.pi, 0.0, 0.0])), "111 mm in front of"),
         (SE3.from_parts(p=[0.0, 0.0, 0.05]), "the palm reaches 50 mm in front of"),
         (SE3.from_parts(p=[0.0, 0.0, -0.2]), "all pads lie 85 mm behind"),
+        (SE3.from_parts(p=[-0.03, 0.0, 0.0]), "the fingers close 30 mm beside"),
     ],
 )
 def test_a_palm_frame_that_is_turned_or_elsewhere_is_doubted(robotiq, turned, said):
