@@ -38,7 +38,7 @@ _ENGAGED = 0.01
 def placed(
     definition: PrototypeDefinition, gripper: GripperModel, grip: Grip
 ) -> tuple[PrototypeDefinition, tuple[Finding, ...]]:
-    """Move a shape straight ahead of the palm, and let the fingers close on it.
+    """Move a shape ahead of the palm to the fingers, and let them close on it.
 
     Parameters
     ----------
@@ -53,8 +53,10 @@ def placed(
         at all, the one at which it gets least into it.
     """
     best: tuple[PrototypeDefinition, tuple[Finding, ...]] | None = None
+    y = _across(definition, gripper)
     for z in _heights(definition, gripper, grip):
-        T = SE3.from_parts(definition.T_hand_shape.R, [0.0, 0.0, round(float(z), 3)])
+        place = [0.0, y, round(float(z), 3)]
+        T = SE3.from_parts(definition.T_hand_shape.R, place)
         closed = settled(replace(definition, T_hand_shape=T), gripper)
         findings = check(_built(closed), gripper)
         if best is None or len(findings) < len(best[1]):
@@ -100,7 +102,9 @@ def _heights(
     preshape = gripper.preshape(definition.preshape)
     reach = gripper.fingertip_reach(preshape.name, sum(preshape.widths) / 2)
     widest = float(preshape.openings[0])
-    turned = replace(definition, T_hand_shape=_turn(definition), opening=widest)
+    beside = SE3.from_parts(p=(0.0, _across(definition, gripper), 0.0))
+    T_hand_shape = beside @ _turn(definition)
+    turned = replace(definition, T_hand_shape=T_hand_shape, opening=widest)
     wide = _built(turned)
     nearest = -float(wide.points[:, 2].min())
     wanted = grip_depths(definition, gripper)[grip]
@@ -123,6 +127,13 @@ def _heights(
     away = np.abs(free - wanted)
     near: FloatArray = free[away <= away[0] + _FARTHEST]
     return near
+
+
+def _across(definition: PrototypeDefinition, gripper: GripperModel) -> float:
+    """Where along y the fingers stand about [m]: in their middle, to a millimetre."""
+    preshape = gripper.preshape(definition.preshape)
+    region = gripper.closing_region(preshape.name, sum(preshape.widths) / 2)
+    return round(float(region.T_frame_solid.p[1]), 3) + 0.0
 
 
 def _turn(definition: PrototypeDefinition) -> SE3:

@@ -188,6 +188,20 @@ def test_the_reason_is_that_of_a_preshape_of_the_right_size(tmp_path, widths):
     assert not any("mm thick" in str(finding) for finding in made.left_out)
 
 
+def test_fingers_beside_the_middle_of_the_palm_take_the_middle_of_shapes(tmp_path):
+    content = yaml.safe_load(JAW.read_text())
+    for finger in content["fingers"]:
+        finger["position"][1] = 0.05
+    (tmp_path / "jaw.yaml").write_text(yaml.safe_dump(content))
+    made = adapt(FEW, GripperModel.load(tmp_path / "jaw.yaml")).library
+    usual = adapt(FEW, GripperModel.load(JAW)).library
+    assert made.names == usual.names
+    for prototype in made:
+        beside = prototype.definition.T_hand_shape.p
+        beside = beside - usual[prototype.name].definition.T_hand_shape.p
+        assert beside == pytest.approx([0.0, 0.05, 0.0], abs=2e-3)
+
+
 def test_one_shape_in_two_prototypes_is_made_once():
     twice = SHIPPED.select(names=["bar_2x4_flat", "bar_2x4_flat_tip"])
     made = adapt(twice, GripperModel.load(JAW))
