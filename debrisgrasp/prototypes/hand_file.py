@@ -16,6 +16,7 @@ from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.solids import Box, Capsule, Cylinder, Solid, Sphere
 
+from .hand_joints import require_joints, require_units
 from .hand_kinematics import Finger, HandJoint, HandLink, Preshape
 from .pose_fields import read_pose
 
@@ -36,7 +37,6 @@ _NEWTONS = (
     "It is what the fingers of one side press with together, in newtons; a data sheet "
     "calls it grip force."
 )
-_FULL_TURN = 2.0 * np.pi + 1e-9
 
 
 class HandContent(TypedDict):
@@ -272,8 +272,8 @@ def _preshape(name: str, fields: Fields, fingers: tuple[Finger, ...]) -> Preshap
                     expected="each joint among closing or fixed",
                 )
             joints[joint] = np.full_like(commands, value)
-    _require_joints(fields, fingers, joints)
-    _require_units(fields, fingers, joints)
+    require_joints(fields, fingers, joints)
+    require_units(fields, fingers, joints)
     openings = _openings(fingers, joints)
     if not (np.diff(openings) <= _OPENING_SLACK).all():
         raise ConfigError(
@@ -323,57 +323,6 @@ def _closing_table(fields: Fields) -> tuple[FloatArray, dict[str, FloatArray]]:
         if name != "command"
     }
     return commands, joints
-
-
-def _require_joints(
-    fields: Fields, fingers: tuple[Finger, ...], joints: Mapping[str, FloatArray]
-) -> None:
-    driven = {
-        link.joint.variable
-        for finger in fingers
-        for link in finger.links
-        if link.joint is not None
-    }
-    for name in joints:
-        if name not in driven:
-            raise UnknownNameError(f"joint in {fields.where()}", name, sorted(driven))
-    if missing := sorted(driven - set(joints)):
-        raise ConfigError(
-            fields.where(),
-            got=f"no values of {', '.join(missing)}",
-            expected="every joint among closing or fixed",
-        )
-
-
-def _require_units(
-    fields: Fields, fingers: tuple[Finger, ...], joints: Mapping[str, FloatArray]
-) -> None:
-    """Refuse joint values that can only be millimetres or degrees."""
-    slides = {
-        link.joint.variable
-        for finger in fingers
-        for link in finger.links
-        if link.joint is not None and link.joint.is_prismatic
-    }
-    for name, table in joints.items():
-        value = float(table[np.abs(table).argmax()])
-        if abs(value) <= (MAX_LENGTH if name in slides else _FULL_TURN):
-            continue
-        is_fixed = "fixed" in fields and name in fields.child("fixed")
-        where = fields.where(f"{'fixed' if is_fixed else 'closing'}.{name}")
-        if name in slides:
-            raise ConfigError(
-                where,
-                got=value,
-                expected=f"metres, for a prismatic joint at most {MAX_LENGTH:g}",
-                mend=f"If these are millimetres, {value:g} mm is {value / 1e3:g}.",
-            )
-        raise ConfigError(
-            where,
-            got=value,
-            expected="radians, for a revolute joint at most 2 pi = 6.28",
-            mend=f"If these are degrees, {value:g} degrees is {np.deg2rad(value):.4g}.",
-        )
 
 
 def _openings(
