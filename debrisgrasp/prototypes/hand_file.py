@@ -16,7 +16,7 @@ from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.solids import Box, Capsule, Cylinder, Solid, Sphere
 
-from .hand_joints import require_joints, require_units
+from .hand_joints import require_joints, require_pads, require_units
 from .hand_kinematics import Finger, HandJoint, HandLink, Preshape
 from .pose_fields import read_pose
 
@@ -274,6 +274,7 @@ def _preshape(name: str, fields: Fields, fingers: tuple[Finger, ...]) -> Preshap
             joints[joint] = np.full_like(commands, value)
     require_joints(fields, fingers, joints)
     require_units(fields, fingers, joints)
+    require_pads(fields, fingers, joints)
     openings = _openings(fingers, joints)
     if not (np.diff(openings) <= _OPENING_SLACK).all():
         raise ConfigError(

@@ -12,8 +12,10 @@ from debrisgrasp.errors import ConfigError, UnknownNameError
 
 from .hand_kinematics import Finger
 
-__all__ = ["require_joints", "require_units"]
+__all__ = ["require_joints", "require_pads", "require_units"]
 
+_PAD_GAP = 0.02
+"""A pad farther from its finger than this meets no object that the finger meets [m]."""
 _FULL_TURN = 2.0 * np.pi + 1e-9
 
 
@@ -67,3 +69,20 @@ def require_units(
             expected="radians, for a revolute joint at most 2 pi = 6.28",
             mend=f"If these are degrees, {value:g} degrees is {np.deg2rad(value):.4g}.",
         )
+
+
+def require_pads(
+    fields: Fields, fingers: tuple[Finger, ...], joints: Mapping[str, FloatArray]
+) -> None:
+    """Refuse a pad in the air: shapes are placed at the pads, and solids meet them."""
+    opened = {name: float(table[0]) for name, table in joints.items()}
+    for finger in fingers:
+        gap = finger.pad_gap(opened)
+        if gap > _PAD_GAP:
+            raise ConfigError(
+                fields.where("closing"),
+                got=f"a pad of finger {finger.name} that is {1e3 * gap:.0f} mm from "
+                "all solids of the finger",
+                expected="one on the face that meets objects",
+                mend="Check the pad, in the frame of the last link, and the solids.",
+            )

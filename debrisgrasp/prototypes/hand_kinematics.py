@@ -76,6 +76,11 @@ class Finger:
         """Where the pad is in the hand frame [m], shape (..., 3)."""
         return self.link_poses(values)[-1].apply(self.pad)
 
+    def pad_gap(self, values: Mapping[str, float]) -> float:
+        """How far the pad is from what the finger is made of [m]; negative within."""
+        pad = self.pad_position(values)
+        return min(float(s.signed_distance(pad)) for s in self.solids(values))
+
     def solids(self, values: Mapping[str, float]) -> tuple[Solid, ...]:
         """Solids of all links in the hand frame."""
         return tuple(

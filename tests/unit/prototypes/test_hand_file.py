@@ -77,6 +77,7 @@ def test_round_solids_are_understood(tmp_path: Path) -> None:
         ("side: pair", "side: thumb", r"fingers.*each side"),
         ("side: pair", "side: left", r"side.*thumb, pair"),
         ("      pad: [0, 0, 0.07]\n", "", r"chains.jaw.*no pad"),
+        ("pad: [0, 0, 0.07]", "pad: [0, 0, 0.12]", r"pad of finger left.* 40 mm from"),
         ("[0.04, 0]", "[0, 0.04]", r"parallel.closing.*move apart"),
         ("[0.04, 0]", "[0.04, 0, 0]", r"closing.slide.*list of 2"),
         ("[0, 255]", "[255, 0]", r"closing.command.*rising"),
@@ -145,7 +146,7 @@ def test_a_finger_without_joint_takes_its_solids_from_anywhere(tmp_path: Path) -
     jaw = jaw.replace("[0.001, 0.08]", "[0.001, 0.04]")
     with pytest.raises(ConfigError, match=r"fingers\[1\]\.solids.*chains\.anvil"):
         load_text(tmp_path, jaw)
-    solid = "solids: [{type: sphere, radius: 0.01, position: [0.05, 0, 0.07]}]}"
+    solid = "solids: [{type: sphere, radius: 0.01, position: [0.01, 0, 0.07]}]}"
     fixed = jaw.replace("position: [0.0, 0, 0]}", solid)
     assert len(load_text(tmp_path, fixed).finger_solids("parallel", 0.03, 1)) == 1
 
