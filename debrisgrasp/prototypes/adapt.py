@@ -29,6 +29,8 @@ _BESIDE = 0.04
 """How far a shape that goes on reaches beyond the fingers on each side [m]."""
 _ANOTHER = 0.02
 """Two depths of one shape in the hand are two prototypes from here on [m]."""
+_LONGEST_NAME = 60
+"""So much of a hand's name goes into those of its prototypes, which name files."""
 _TOLD = {"bar": ("width", "height"), "box": ("width", "length", "height")}
 """Sizes that a name tells; of other shapes the first that they have."""
 _WORDS: dict[Grip, str] = {
@@ -188,7 +190,7 @@ def _name(definition: PrototypeDefinition, grip: Grip) -> str:
     shape, R = definition.shape, definition.T_hand_shape.R
     kind, sizes = _sizes(shape)
     hand = re.sub("[^a-z0-9]+", "_", definition.gripper.lower()).strip("_")
-    words = [hand or "hand", kind]
+    words = [hand[:_LONGEST_NAME].rstrip("_") or "hand", kind]
     words.append("x".join(f"{1e3 * size:03.0f}" for size in sizes))
     ends = getattr(shape, "ends", "open")
     if abs(R[2, 1]) > np.cos(np.pi / 4):

@@ -147,7 +147,7 @@ def test_a_saved_dictionary_reads_back(made, tmp_path):
         )
 
 
-@pytest.mark.parametrize("name", ["手", "Ü-110 (new)", "__"])
+@pytest.mark.parametrize("name", ["手", "Ü-110 (new)", "__", "a long name" * 30])
 def test_a_hand_of_any_name_gets_files_that_can_be_read(tmp_path, name):
     hand = replace(GripperModel.load(JAW), name=name)
     adapt(FEW, hand).library.save(tmp_path)
