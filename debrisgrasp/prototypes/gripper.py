@@ -306,9 +306,9 @@ def load_grippers(
         hand = GripperModel.load(path)
         if hand.name in hands:
             raise ConfigError(
-                f"{path.name}, field name",
+                f"{path}, field name",
                 got=repr(hand.name),
-                expected="a name that no other hand has",
+                expected="a name that no other hand has, of the folder or shipped",
             )
         hands[hand.name] = hand
     return hands

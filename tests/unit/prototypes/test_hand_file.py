@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import ConfigError, DebrisGraspError
-from debrisgrasp.prototypes import GripperModel, known_grippers
+from debrisgrasp.prototypes import GripperModel, known_grippers, load_grippers
 
 JAW = """\
 name: jaw
@@ -227,3 +227,10 @@ def test_shipped_and_example_hands_can_be() -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
         GripperModel.load(tmp_path / "nowhere.yaml")
+
+
+def test_a_name_that_ships_is_refused_with_the_whole_path(tmp_path: Path) -> None:
+    (tmp_path / "own.yaml").write_text(JAW.replace("name: jaw", "name: camhand"))
+    with pytest.raises(ConfigError, match=r"camhand.*shipped") as refused:
+        load_grippers(tmp_path)
+    assert str(tmp_path / "own.yaml") in str(refused.value)
