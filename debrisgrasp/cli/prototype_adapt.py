@@ -29,6 +29,9 @@ def add_adapt(actions: Any) -> None:
     )
     parser.add_argument("--gripper", help="the hand (default: the site's)")
     parser.add_argument(
+        "--preshape", help="of the fingers; default: the first that fits"
+    )
+    parser.add_argument(
         "--out", required=True, type=some_path, metavar="DIR", help="a new folder"
     )
     parser.add_argument(
@@ -56,7 +59,12 @@ def run_adapt(arguments: argparse.Namespace) -> int:
     if name not in hands:
         raise UnknownNameError("--gripper", name, hands, mend=FURTHER_HANDS)
     source = PrototypeLibrary.load(arguments.shapes, grippers=hands)
-    made = adapt(source, hands[name], progress=progress(arguments))
+    made = adapt(
+        source,
+        hands[name],
+        preshape=arguments.preshape,
+        progress=progress(arguments),
+    )
     library = made.library
     if len(library):
         library.save(arguments.out)

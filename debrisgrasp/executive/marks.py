@@ -115,7 +115,8 @@ class Marks:
             mark.searches = 0
         mark.centroid = np.array(centroid, dtype=np.float64)
         mark.n_changes = n_changes
-        mark.reason, mark.fault = found.message, found.fault
+        if not mark.is_heavy:  # whatever comes of pushing it, that is why it is left
+            mark.reason, mark.fault = found.message, found.fault
         if is_search:
             mark.searches += 1
             mark.is_hopeless = found.values.get("candidates") == 0.0

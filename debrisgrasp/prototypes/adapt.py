@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, fields, replace
 from itertools import chain, count
 from typing import Any, cast
@@ -54,6 +54,7 @@ def adapt(
     source: PrototypeLibrary,
     gripper: GripperModel,
     *,
+    preshape: str | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Adaptation:
     """Make prototypes of a hand from the shapes of those of others.
@@ -68,6 +69,8 @@ def adapt(
     ----------
     source
         Whose shapes, for instance ``PrototypeLibrary.load()``: those that ship.
+    preshape
+        Only this one, whose name that of each prototype then has.
     progress
         Called with the name of a prototype of the source and the share done.
 
@@ -79,6 +82,8 @@ def adapt(
         If the palm frame of the hand can't be where its file has it.
     InputError
         If an argument is not what its annotation says.
+    UnknownNameError
+        If the hand has no such preshape.
     """
     if not len(source):
         raise ChoiceError("prototypes", got="none", expected="at least one")
@@ -88,6 +93,8 @@ def adapt(
             got=f"a doubtful palm frame ({gripper.palm_doubt})",
             expected="one in which shapes can be placed before the palm",
         )
+    preshapes = [gripper.preshape(preshape).name] if preshape else gripper.preshapes
+    hand = gripper.name if preshape is None else f"{gripper.name}_{preshape}"
     made: dict[str, PrototypeDefinition] = {}
     left_out, seen = [], set()
     # A shape that is generic in one prototype is, whatever it is in others.
@@ -104,11 +111,11 @@ def adapt(
         if key in seen:
             continue
         seen.add(key)
-        taken, problem = _taken(definition, gripper)
+        taken, problem = _taken(definition, gripper, preshapes)
         if not taken:
             left_out.append(Finding(prototype.name, problem))
         for grip, each in taken.items():
-            name = _free_name(_name(each, grip), made)
+            name = _free_name(_name(hand, each, grip), made)
             text = f"the shape of {prototype.name}, {_WORDS[grip]}"
             made[name] = replace(each, name=name, tags=(grip,), description=text)
     if progress is not None:
@@ -119,11 +126,11 @@ def adapt(
 
 
 def _taken(
-    definition: PrototypeDefinition, gripper: GripperModel
+    definition: PrototypeDefinition, gripper: GripperModel, preshapes: Iterable[str]
 ) -> tuple[dict[Grip, PrototypeDefinition], str]:
     """Prototypes of one shape by grip, or what a preshape of about its size lacks."""
     problem = ""
-    for name in gripper.preshapes:
+    for name in preshapes:
         least, most = gripper.preshape(name).widths
         thickness = _sizes(definition.shape)[1][0]
         if not least <= thickness <= most:
@@ -185,11 +192,11 @@ def _sizes(shape: Shape) -> tuple[str, list[float]]:
     return kind, [getattr(shape, name) for name in _TOLD.get(kind, (first,))]
 
 
-def _name(definition: PrototypeDefinition, grip: Grip) -> str:
+def _name(hand: str, definition: PrototypeDefinition, grip: Grip) -> str:
     """Hand, shape, what the fingers close on [mm], and how."""
     shape, R = definition.shape, definition.T_hand_shape.R
     kind, sizes = _sizes(shape)
-    hand = re.sub("[^a-z0-9]+", "_", definition.gripper.lower()).strip("_")
+    hand = re.sub("[^a-z0-9]+", "_", hand.lower()).strip("_")
     words = [hand[:_LONGEST_NAME].rstrip("_") or "hand", kind]
     words.append("x".join(f"{1e3 * size:03.0f}" for size in sizes))
     ends = getattr(shape, "ends", "open")

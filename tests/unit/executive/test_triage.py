@@ -120,6 +120,13 @@ def test_what_is_caught_once_is_not_heavy_but_what_was_weighed_is():
     assert Marks().add(place, weighed, n_changes=0).is_heavy
 
 
+def test_what_is_too_heavy_is_left_for_that_and_not_for_how_a_push_ended():
+    marks, place = Marks(), [1.0, 0.0, 0.1]
+    marks.add(place, FaultFound("too_heavy", "12 kg", None, {"mass": 12.0}), 0)
+    marks.add(place, FaultFound("plan_collision", "touched something"), 0)
+    assert marks.why_left(place, 0, tries=2).startswith("12 kg (2 tries in vain)")
+
+
 def test_marks_of_other_places_do_not_count():
     marks = Marks()
     weighed = FaultFound("too_heavy", "12 kg", None, {"mass": 12.0})

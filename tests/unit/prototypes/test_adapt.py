@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from debrisgrasp.errors import ChoiceError, ConfigError
+from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import (
     GripperModel,
@@ -230,6 +230,15 @@ def test_measured_points_are_left_out():
     made = adapt(source, GripperModel.load(JAW))
     assert len(made.library) == 0
     assert "record" in str(made.left_out[0])
+
+
+def test_a_preshape_of_ones_choice_is_used_and_named():
+    hand = GripperModel.load("robotiq_3f")
+    made = adapt(FEW, hand, preshape="wide").library
+    assert {prototype.preshape for prototype in made} == {"wide"}
+    assert all(name.startswith("robotiq_3f_wide_") for name in made.names)
+    with pytest.raises(UnknownNameError, match="pinch"):
+        adapt(FEW, hand, preshape="fist")
 
 
 def test_no_shapes_are_refused():
