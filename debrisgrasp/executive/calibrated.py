@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp._words import arm_called
 from debrisgrasp.calibration import DriftMonitor, DriftReport, Head, Observations
 from debrisgrasp.errors import CaptureError, InputError
-from debrisgrasp.geometry import DepthSight, Solid
+from debrisgrasp.geometry import Solid
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import KinematicChain, Trajectory
 from debrisgrasp.motion import MotionSpace, UnknownSpace
+from debrisgrasp.pipeline.self_filter import body_at, own_pixels
 from debrisgrasp.robot import DepthFrame
 
 from .context import Context, LimbState
@@ -22,9 +25,12 @@ from .drive import Drive
 from .gaze import look_of, turn_head
 from .moves import planned, reversed_motion
 from .obstacles import BARE
+from .perceive import sight_of
 from .result import Done, FaultFound, StepResult
 
 __all__ = ["calib_check"]
+
+logger = logging.getLogger(__name__)
 
 _ASIDE = 0.12
 """How far the head turns between the two looks [rad]."""
@@ -32,6 +38,8 @@ _TURNED = 0.03
 """A head that is farther than this from where it was sent does not turn [rad]."""
 _NEARER = 0.05
 """A pixel that shows something so much nearer than before shows the arm [m]."""
+_ALONE = 2
+"""Pixels that show about the same side by side: no more are flying ones."""
 _REACH = 0.12
 """Points of the arm lie within this of where it must be [m]."""
 _LEAST = 60
@@ -78,6 +86,15 @@ class _AsBuilt:
         return cls(head=head, head_covariance=covariance, fiducial=np.zeros(3))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Look:
+    """An image before the hand is held into it."""
+
+    taken: DepthFrame
+    depth: FloatArray
+    """The same [m], infinite where it shows the robot itself, shape (h, w)."""
+
+
 def calib_check(context: Context) -> StepResult:
     """Hold a hand before the camera, and compare where it is seen with where it is.
 
@@ -90,9 +107,9 @@ def calib_check(context: Context) -> StepResult:
     empty = _looked(context)
     if isinstance(empty, FaultFound):
         return empty
-    motion = _way_into_view(context, limb, empty[-1])
+    motion = _way_into_view(context, limb, empty[-1].taken)
     if isinstance(motion, FaultFound):
-        return Done({"hand_seen": False, "why": motion.message})
+        return _left_out(motion.message)
     drive = Drive(context, limb.name)
     fault = drive.follow(motion)
     if fault is not None:
@@ -105,7 +122,7 @@ def calib_check(context: Context) -> StepResult:
     if isinstance(report, FaultFound):
         return report
     if report is None:
-        return Done({"hand_seen": False, "why": "hardly any of it is in the picture"})
+        return _left_out("hardly any of it is in the picture")
     size = float(np.linalg.norm(report.shift))
     facts = {
         "hand_seen": True,
@@ -120,6 +137,12 @@ def calib_check(context: Context) -> StepResult:
     return Done(facts)
 
 
+def _left_out(why: str) -> Done:
+    """Go on without the check, and say so: a camera that is off is not found."""
+    logger.warning("no hand was held before the camera to check it: %s", why)
+    return Done({"hand_seen": False, "why": why})
+
+
 def _looks(context: Context) -> list[Mapping[str, float]]:
     """Attitudes of the head: aside, and as for captures."""
     look, head = look_of(context), context.robot.head
@@ -128,15 +151,27 @@ def _looks(context: Context) -> list[Mapping[str, float]]:
     return [{n: look.get(n, 0.0) - _ASIDE for n in head.joint_names}, look]
 
 
-def _looked(context: Context) -> list[DepthFrame] | FaultFound:
+def _looked(context: Context) -> list[_Look] | FaultFound:
     """Take an image from each attitude; looks that are all alike tell nothing."""
-    frames = []
+    looks = []
     for target in _looks(context):
         fault = _turned(context, target)
         if fault is not None:
             return fault
-        frames.append(context.frame())
-    return frames
+        frame, values = context.frame(), context.joint_values()
+        T, body = context.model.T_base_camera(values), _body(context, values, _REACH)
+        depth = np.nan_to_num(frame.depth)
+        is_own = own_pixels(depth, frame.intrinsics, T, body)
+        looks.append(_Look(frame, np.where(is_own, np.inf, depth)))
+    return looks
+
+
+def _body(
+    context: Context, values: Mapping[str, float], beside: float
+) -> list[tuple[Solid, float]]:
+    """Solids of the robot, and how far what is it may be seen from each, at least."""
+    body = body_at(context.model, values)
+    return [(solid, max(near, beside)) for solid, near in body]
 
 
 def _turned(context: Context, target: Mapping[str, float]) -> FaultFound | None:
@@ -152,7 +187,7 @@ def _turned(context: Context, target: Mapping[str, float]) -> FaultFound | None:
 
 
 def _compared(
-    context: Context, limb: LimbState, empty: Sequence[DepthFrame]
+    context: Context, limb: LimbState, empty: Sequence[_Look]
 ) -> DriftReport | FaultFound | None:
     """Judge where the hand is seen, by all looks of the run; None: it can't be."""
     head = context.robot.head
@@ -162,9 +197,9 @@ def _compared(
         fault = _turned(context, target)
         if fault is not None:
             return fault
-        if not _is_in_picture(context, limb, before):
+        if not _is_in_picture(context, limb, before.taken):
             continue
-        found = _seen_shift(context, limb, before)
+        found = _seen_shift(context, limb, before.depth)
         is_lost = found is None  # as captures are taken, if it can be seen then
         if found is not None:
             T_base_camera = context.model.T_base_camera(context.joint_values())
@@ -189,32 +224,61 @@ def _compared(
 def _way_into_view(
     context: Context, limb: LimbState, frame: DepthFrame
 ) -> Trajectory | FaultFound:
-    """Plan to the posture before the pile, around what the image shows."""
-    spec = context.model.arm(limb.name)
-    q = limb.reach.chain.vector(context.model.posture(limb.name, spec.present))
-    T_base_camera = context.model.T_base_camera(context.joint_values())
+    """Plan to the posture before the pile, around what the image shows.
+
+    The robot itself is left out. A camera that is off shows it beside where it is: what
+    lies as near as that to where it stands is left out where no way is found else.
+    """
+    name = context.model.arm(limb.name).present
+    q = limb.reach.chain.vector(context.model.posture(limb.name, name))
+    way = limb.pose(q).p - limb.pose(context.posture(limb)).p
+    if np.linalg.norm(way) < _REACH:
+        words = f"the {arm_called(limb.name)} rests where it would be held before the "
+        words += f"camera ({name!r}): `present` must lead its hand into view, `idle` "
+        return FaultFound("plan_collision", words + "out of it", limb.name)
+    values = context.joint_values()
+    T_base_camera = context.model.T_base_camera(values)
+    held = values | dict(zip(limb.reach.chain.joint_names, q.tolist(), strict=True))
+    turned = (T_base_camera.inverse() @ context.model.T_base_camera(held)).log()
+    if np.abs(turned).max() > _TURNED:
+        words = f"the way to where it would be held ({name!r}) turns the camera"
+        return FaultFound("plan_collision", words, limb.name)
     try:
-        capture = Capture(
+        taken = Capture(
             depth=frame.depth, intrinsics=frame.intrinsics, T_base_camera=T_base_camera
         )
     except (CaptureError, InputError) as error:  # the next capture tells
         return FaultFound("plan_collision", f"nothing was seen: {error}", limb.name)
-    assert capture.depth is not None
-    cloud = capture.cloud()
-    if len(cloud) < _LEAST:
-        return FaultFound("plan_collision", "nothing was seen around it", limb.name)
-    depth = np.asarray(capture.depth, dtype=np.float32)
-    sight = DepthSight(depth, frame.intrinsics, T_base_camera)
-    fault: FaultFound | None = None
-    for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
-        space = MotionSpace.build(cloud, sight, BARE, unknown=unknown)
-        found = planned(context, limb, q, space)
-        if not isinstance(found, FaultFound):
-            assert found.trajectory is not None
-            return found.trajectory
-        fault = found
-    assert fault is not None
+    fault = FaultFound("plan_collision", "nothing was seen around it", limb.name)
+    for beside in (0.0, _REACH):
+        around = _without(taken, _body(context, values, beside))
+        cloud = around.cloud()
+        if len(cloud) < _LEAST:
+            break
+        for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
+            space = MotionSpace.build(cloud, sight_of(around), BARE, unknown=unknown)
+            found = planned(context, limb, q, space)
+            if not isinstance(found, FaultFound):
+                assert found.trajectory is not None
+                return found.trajectory
+            fault = found
     return fault
+
+
+def _without(taken: Capture, body: Sequence[tuple[Solid, float]]) -> Capture:
+    """Leave out of an image what is as near to solids as is given with each [m].
+
+    So are flying pixels, which hang beside the edges of what is left out.
+    """
+    assert taken.intrinsics is not None
+    assert taken.T_base_camera is not None
+    depth = np.asarray(taken.depth)
+    is_own = own_pixels(depth, taken.intrinsics, taken.T_base_camera, body)
+    depth = np.where(is_own, np.nan, depth)
+    around = sliding_window_view(np.pad(depth, 1, constant_values=np.nan), (3, 3))
+    is_like = np.abs(around - depth[..., None, None]) < _NEARER  # itself, too
+    is_flying = np.count_nonzero(is_like, axis=(-2, -1)) <= _ALONE
+    return replace(taken, depth=np.where(is_flying, np.nan, depth))
 
 
 def _is_in_picture(context: Context, limb: LimbState, frame: DepthFrame) -> bool:
@@ -231,22 +295,29 @@ def _is_in_picture(context: Context, limb: LimbState, frame: DepthFrame) -> bool
 
 
 def _seen_shift(
-    context: Context, limb: LimbState, before: DepthFrame
+    context: Context, limb: LimbState, was: FloatArray
 ) -> FloatArray | None:
-    """How far the arm is seen from where it is, base frame (3,); None: not seen."""
+    """How far the arm is seen from where it is, base frame (3,); None: not seen.
+
+    Parameters
+    ----------
+    was
+        Depth of the `_Look` before.
+    """
     frame = context.frame()
     values = context.joint_values()
     T_base_camera = context.model.T_base_camera(values)
-    depth, was = np.nan_to_num(frame.depth), np.nan_to_num(before.depth)
+    depth = np.nan_to_num(frame.depth)
     if depth.shape != was.shape:
         return None
     is_arm: BoolArray = (depth > 0.0) & (was > 0.0) & (depth < was - _NEARER)
     seen = frame.intrinsics.deproject(depth)[is_arm]
     points = T_base_camera.apply(seen)
-    solids = _end_of_arm(context, limb, values)
-    points = points[_distance(points, solids) < _REACH]
+    points = points[_distance(points, _end_of_arm(context, limb, values)) < _REACH]
     if len(points) < _LEAST:
         return None
+    # Near the end of an arm is more of it, as the forearm.
+    solids = [solid for _, solid in _rigid(context, limb, values)]
     return _fitted_shift(points[:: max(1, len(points) // _MOST)], solids)
 
 
@@ -256,15 +327,22 @@ def _end_of_arm(
     """Solids beyond the third-last joint, fingers left out, base frame."""
     tree, names = context.model.tree, limb.reach.chain.joint_names
     end = tree.links_below(tree.joints[names[-3]].child)
-    rigid = {
-        link
-        for link in end
+    return [s for link, s in _rigid(context, limb, values) if link in end]
+
+
+def _rigid(
+    context: Context, limb: LimbState, values: Mapping[str, float]
+) -> list[tuple[str, Solid]]:
+    """Links of an arm and of what carries it, fingers left out: solids, base frame."""
+    tree, names = context.model.tree, limb.reach.chain.joint_names
+    return [
+        (link, solid)
+        for link, solid in context.model.links_solids(values)
         if all(
             joint.kind == "fixed" or joint.name in names
             for joint in tree.joints_above(link)
         )
-    }
-    return [s for link, s in context.model.links_solids(values) if link in rigid]
+    ]
 
 
 def _distance(points: FloatArray, solids: Sequence[Solid]) -> FloatArray:

@@ -44,9 +44,10 @@ class ArmSpec:
     postures: Mapping[str, Mapping[str, float]]
     """Named joint values [rad or m]; joints not named stand at zero."""
     present: str
-    """Posture the arm is taken to be in when a search starts."""
+    """Posture the arm is taken to be in when a search starts; the task holds its hand
+    before the camera in it."""
     idle: str
-    """Posture while another arm works."""
+    """Posture while another arm works, and while the camera looks."""
     limits: Mapping[str, float]
     """What a URDF can't say: ``acceleration`` [rad/s^2 or m/s^2] of every joint,
     ``force`` [N] and ``torque`` [N m] at the hand."""

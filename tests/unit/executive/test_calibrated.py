@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
+from debrisgrasp.executive import calibrated
 from debrisgrasp.executive.calibrated import calib_check
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3, Intrinsics
 from tests.unit.executive.rigs import before_a_brick
+
+BESIDE = 0.5
+"""Turn of the first joint that brings a hand from before the camera to beside that."""
 
 
 def test_a_camera_where_it_should_be_passes(pipeline):
@@ -44,3 +50,49 @@ def test_a_hand_at_the_edge_of_a_narrow_picture_blames_no_camera(pipeline, focal
     if not found.facts["hand_seen"]:
         assert "in the picture" in found.facts["why"]
     assert fake.truth().violations == ()
+
+
+def beside(pipeline):
+    """Where the right hand is in the picture, but not where it is compared."""
+    posture = pipeline.robot.posture("right", "ready")
+    turned = posture["right_arm_joint1"] + BESIDE
+    return {"right": {**posture, "right_arm_joint1": turned}}
+
+
+@pytest.mark.parametrize("off", [0.0, 0.05])
+def test_an_arm_in_the_picture_is_not_in_its_own_way(pipeline, off):
+    error = SE3.from_parts(p=[off, 0.0, 0.0])
+    start = beside(pipeline)
+    _, task = before_a_brick(pipeline, start=start, calibration_error=error)
+    found = calib_check(task.context)
+    if off:
+        assert isinstance(found, FaultFound)
+        assert found.fault == "calibration_off"
+        assert found.values["shift"] == pytest.approx(off, abs=0.01)
+    else:
+        assert isinstance(found, Done), found.message
+        assert np.linalg.norm(found.facts["shift_mm"]) < 10.0
+
+
+@pytest.mark.parametrize(
+    ("turn", "why"), [(0.0, "'ready'.*`idle` out of it"), (0.5, "turns the camera")]
+)
+def test_what_can_not_be_compared_is_left_out_with_a_note(pipeline, turn, why, caplog):
+    start = {**pipeline.robot.posture("right", "ready"), "torso_joint": turn}
+    _, task = before_a_brick(pipeline, start={"right": start})
+    found = calib_check(task.context)
+    assert isinstance(found, Done)
+    assert re.search(why, found.facts["why"])
+    assert re.search(f"no hand was held before the camera.*{why}", caplog.text)
+
+
+def test_a_forearm_near_the_hand_is_no_hand_elsewhere(pipeline, monkeypatch):
+    def end(context, limb, values):
+        rigid = calibrated._rigid(context, limb, values)
+        return [solid for link, solid in rigid if link == "right_arm_link7"]
+
+    monkeypatch.setattr(calibrated, "_end_of_arm", end)
+    _, task = before_a_brick(pipeline)
+    found = calib_check(task.context)
+    assert isinstance(found, Done), found.message
+    assert np.linalg.norm(found.facts["shift_mm"]) < 10.0
