@@ -15,7 +15,7 @@ from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_rang
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError
 
-from .loads import LoadModel
+from .loads import MOST_NOISE, LoadModel
 from .readings import BiasBound
 from .refusals import Refusal, RefusalCause, refusals_of
 
@@ -35,7 +35,9 @@ class BaselineConfig:
     duration: float = 1.0
     """Of each look [s]."""
     noise_force: float = 0.3
-    """Of the sensor at rest, one standard deviation [N]."""
+    """What looks may differ by for the noise of a usual sensor, one standard deviation
+    [N]. That of a noisier one (`LoadModel.sensor_noise`) allows no more, for looks are
+    means of many readings."""
     noise_torque: float = 0.01
     """[N m]."""
     angle: float = float(np.deg2rad(45.0))
@@ -121,7 +123,7 @@ def judge_baseline(
     if len(looks) == 0:
         raise InputError("looks for a baseline", got=0, expected="at least two")
     config, drift = config or BaselineConfig(), drift or BiasBound()
-    refusals = [one for look in looks for one in _unfit(look, config)]
+    refusals = [one for look in looks for one in _unfit(look, loads, config)]
     unbiased = loads.with_bias(np.zeros(6))
     biases = np.array(
         [unbiased.load_ft(look.raw.mean(axis=0), look.R_base_ft) for look in looks]
@@ -149,7 +151,9 @@ def judge_baseline(
     return BaselineVerdict(bias, ())
 
 
-def _unfit(look: BaselineLook, config: BaselineConfig) -> list[Refusal]:
+def _unfit(
+    look: BaselineLook, loads: LoadModel, config: BaselineConfig
+) -> list[Refusal]:
     """Why one look proves nothing."""
     words = []
     if not look.is_open_and_empty:
@@ -164,13 +168,15 @@ def _unfit(look: BaselineLook, config: BaselineConfig) -> list[Refusal]:
     if not look.duration >= config.duration:
         words.append(f"{look.duration:g} s of readings, expected {config.duration:g}")
     scatter = look.raw.std(axis=0)
-    noise = np.repeat([config.noise_force, config.noise_torque], 3)
+    noise = np.repeat(loads.sensor_noise, 3)
     if (scatter > 2.0 * noise).any():
         i = int((scatter / noise).argmax())
         words.append(
             f"noise of {scatter[i]:.3g} {'N' if i < 3 else 'N m'}, "
             f"expected at most {2.0 * noise[i]:.3g}: let the driver take the mean of "
-            "several readings"
+            "several readings, or give the noise of the data sheet to "
+            f"LoadModel(sensor_noise=...), up to {MOST_NOISE[0]:g} N and "
+            f"{MOST_NOISE[1]:g} N m"
         )
     return refusals_of(RefusalCause.NO_PROOF, words)
 

@@ -43,6 +43,8 @@ __all__ = [
     "identify_tool",
 ]
 
+MOST_NOISE = (1.0, 0.1)
+"""With more, a touch would be felt too late, or where there is none [N, N m]."""
 _DOWN = (0.0, 0.0, -GRAVITY)
 _LEAST_POSES = 4
 _LEAST_SPAN = np.deg2rad(60.0)
@@ -80,6 +82,9 @@ class LoadModel:
     """-1 for a driver that reports what the tool exerts on the environment."""
     sensor_range: tuple[float, float] = (660.0, 60.0)
     """Each axis ends there [N, N m], by the sensor's data sheet."""
+    sensor_noise: tuple[float, float] = (0.3, 0.01)
+    """Of each axis at rest, one standard deviation, up to 1 N and 0.1 N m. More than
+    twice that counts as movement; what counts as a touch depends not on it."""
     gravity: FloatArray = field(default_factory=lambda: np.array(_DOWN))
     """In base [m/s^2], shape (3,)."""
     _mount: tuple[Rotation, Vector] = field(init=False, repr=False)
@@ -98,6 +103,8 @@ class LoadModel:
             raise ConfigError("wrench_sign", got=self.wrench_sign, expected="1 or -1")
         for value in self.sensor_range:
             require_range("LoadModel.sensor_range [N, N m]", value, 1e-6, 1e6)
+        for value, most in zip(self.sensor_noise, MOST_NOISE, strict=True):
+            require_range("LoadModel.sensor_noise [N, N m]", value, 1e-6, most)
         object.__setattr__(self, "_mount", parts(self.T_ee_ft))
         # All that doesn't change is moved to the hand once.
         bias = tuple(self.T_ee_ft.map_wrench(self.bias).tolist())

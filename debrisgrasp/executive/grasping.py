@@ -109,7 +109,10 @@ def switch(context: Context) -> StepResult:
     try:
         # At the palm, noise of the force is noise of the torque by the lever between.
         lever = float(np.linalg.norm(limb.loads.T_ee_ft.p))
-        reference = reference_wrench(loads, max_sigma_torque=0.02 + 0.6 * lever)
+        force, torque = (2.0 * noise for noise in limb.loads.sensor_noise)
+        reference = reference_wrench(
+            loads, max_sigma_force=force, max_sigma_torque=torque + force * lever
+        )
     except InputError as error:
         return FaultFound("controller_refuses", str(error), limb.name)
     force = float(np.linalg.norm(reference[:3]))

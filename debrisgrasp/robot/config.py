@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked_fields
+from debrisgrasp.control.loads import MOST_NOISE
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, Intrinsics
 from debrisgrasp.worlds import RestConfig, StereoNoise
@@ -15,6 +18,7 @@ __all__ = ["FakeConfig"]
 
 _D435 = Intrinsics(fx=168.6, fy=168.6, cx=159.5, cy=89.5, width=320, height=180)
 """The depth imager of a D435 (87 by 56 degrees) at a quarter of its resolution."""
+_USUAL_NOISE = (0.3, 0.01)
 
 
 @checked_fields
@@ -46,8 +50,8 @@ class FakeConfig:
     """Reading of a wrist sensor without any force [N, N m]; the `LoadModel` knows."""
     drift: tuple[float, float] = (1.0, 0.05)
     """How fast the bias drifts from there, in a direction drawn once [N/h, N m/h]."""
-    sensor_noise: tuple[float, float] = (0.3, 0.01)
-    """Standard deviations [N, N m]."""
+    sensor_noise: tuple[float, float] = _USUAL_NOISE
+    """Standard deviations [N, N m]; the `LoadModel` knows, as far as it may be told."""
     sensor_lag: float = 0.012
     """Time constant of the wrist sensor and what carries it [s]."""
     wrench_sign: float = 1.0
@@ -114,6 +118,15 @@ class FakeConfig:
             for value in values:
                 least = -1e4 if name == "bias" else 0.0
                 require_range(f"FakeConfig.{name}", value, least, 1e4)
+
+    @property
+    def stated_noise(self) -> tuple[float, float]:
+        """What a `LoadModel` says of the noise of a wrist sensor [N, N m].
+
+        It is the usual one, or more, as far as that may be said.
+        """
+        force, torque = np.clip(self.sensor_noise, _USUAL_NOISE, MOST_NOISE).tolist()
+        return force, torque
 
     def stiffness_at(self, lever: float) -> float:
         """Of a contact so far beside a hand whose arm stands [m], in N/m."""

@@ -262,6 +262,7 @@ class FakeRobot:
             bias=np.array(config.bias),
             wrench_sign=config.wrench_sign,
             sensor_range=config.sensor_range,
+            sensor_noise=config.stated_noise,
         )
         sensor = self._sensor_type(arm, loads, timeline, config, rng)
         self.arms[name], self.hands[name], self.sensors[name] = arm, hand, sensor

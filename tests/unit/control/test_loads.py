@@ -26,6 +26,9 @@ from .rigs import LIMITS, T_EE_FT, rpy
 BIAS = np.array([6.0, -3.0, 12.0, 0.2, -0.1, 0.05])
 TOOL = Body(2.1, np.array([0.004, -0.006, 0.085]))
 LOADS = LoadModel(T_ee_ft=T_EE_FT, tool=TOOL, bias=BIAS)
+PUSH = np.array([2.5, 0, 0, 0, 0, 0])
+SCALE = np.repeat([1.0, 0.03], 3)
+"""Of a noisy sensor [N, N m]."""
 TILTS = np.stack([np.eye(3), rpy(0.9, 0, 0.3), rpy(-0.4, 1, 0), rpy(0.2, -0.8, 2)])
 
 
@@ -161,6 +164,26 @@ def test_noise_beyond_twice_the_usual_is_refused(rng):
     noisy = look(np.eye(3), raw=noisy.raw + rng.normal(0, 1.0, noisy.raw.shape))
     verdict = judged(noisy, look(TILTED))
     assert any("noise of" in refusal.words for refusal in verdict.refusals)
+
+
+def test_a_noisy_sensor_is_allowed_its_noise_but_no_contact(rng):
+    scattered = [
+        look(R, raw=look(R).raw + rng.normal(0, 1.0, look(R).raw.shape) * SCALE)
+        for R in (np.eye(3), TILTED)
+    ]
+    (refusal, *_) = judged(*scattered).refusals
+    assert "LoadModel(sensor_noise=...), up to 1 N and 0.1 N m" in refusal.words
+    noisy = replace(LOADS, sensor_noise=(1.0, 0.03))
+    assert judge_baseline(scattered, noisy, BIAS, age=600.0).is_accepted
+    pushed = replace(scattered[1], raw=scattered[1].raw + PUSH)
+    verdict = judge_baseline([scattered[0], pushed], noisy, BIAS, age=600.0)
+    assert RefusalCause.TOUCHED in {refusal.cause for refusal in verdict.refusals}
+
+
+@pytest.mark.parametrize("noise", [(1.1, 0.01), (0.3, 0.2), (0.0, 0.01), (np.nan, 0.1)])
+def test_more_noise_than_a_touch_is_told_from_is_refused(noise):
+    with pytest.raises(ConfigError, match="sensor_noise"):
+        replace(LOADS, sensor_noise=noise)
 
 
 def test_a_baseline_needs_looks():
