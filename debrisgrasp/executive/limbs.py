@@ -99,7 +99,8 @@ def limbs_of(
     UnknownNameError, InputError
         If an arm is not the robot's, has no drop-off beside the robot and within its
         reach, or that of another arm, no posture of the name at which it is to rest, or
-        limits too low to feel a touch by, or beyond the range of its sensor.
+        one below the ground, or limits too low to feel a touch by, or beyond the range
+        of its sensor.
     """
     names = settings.arms or tuple(robot.limbs)
     for name in names:
@@ -115,7 +116,7 @@ def limbs_of(
     limbs = {}
     for name in names:
         limb = robot.limbs[name]
-        model.posture(name, settings.rest or model.arm(name).idle)
+        _require_above_ground(model, name, settings.rest or model.arm(name).idle)
         reach = ArmReach(model, name)
         require_drop_off(reach, settings.drop_off[name])
         limits = model.limits(name, reach.chain)
@@ -134,6 +135,30 @@ def limbs_of(
         )
     require_own_sides({n: limb.reach for n, limb in limbs.items()}, settings.drop_off)
     return limbs
+
+
+def _require_above_ground(model: RobotModel, arm: str, rest: str) -> None:
+    """Raise `InputError` if an arm rests below z = 0, where the ground is taken to be.
+
+    There is nothing that it could be moved by: each way begins in the ground.
+    """
+    above = model.tree.joints_above
+    moved = frozenset(model.arm(arm).joints)
+    z, lowest = min(
+        (float(solid.mesh()[0][:, 2].min()), link)
+        for link, solid in model.links_solids(model.posture(arm, rest))
+        if not moved.isdisjoint(joint.name for joint in above(link))
+    )
+    if z < 0.0:
+        raise InputError(
+            f"base of {model.name}",
+            got=f"{model.base!r}, a frame {-z:.2f} m above {lowest} of the "
+            f"{arm_called(arm)} at rest ({rest!r})",
+            expected="one on the ground, x forward, y left, z up: there is z = 0",
+            mend="Name one as `base` in the robot's file, and add it under `frames` if "
+            "the URDF has none; captures and settings are in that frame. Or let the "
+            "arm rest higher.",
+        )
 
 
 def require_own_sides(

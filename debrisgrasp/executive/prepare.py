@@ -192,7 +192,10 @@ def _turn(context: Context, limb: LimbState) -> FaultFound | None:
     """Turn the hand so that gravity comes from another side."""
     q = context.posture(limb)
     down = limb.pose(q).R.T @ np.array([0.0, 0.0, -1.0])
-    limits = limb.limits.planner
+    limits, why = (
+        limb.limits.planner,
+        "joints are at their limits, or turn about gravity",
+    )
     for joint in range(len(q) - 1, 0, -1):
         for step in (_TURN, -_TURN):
             other = q.copy()
@@ -207,7 +210,9 @@ def _turn(context: Context, limb: LimbState) -> FaultFound | None:
             if not isinstance(found, FaultFound):
                 assert found.trajectory is not None
                 return Drive(context, limb.name).follow(found.trajectory)
-    words = "no free turn of the wrist shows the sensor gravity from another side"
+            why = found.message
+    words = "no free turn of the wrist shows the sensor gravity from another side: "
+    words += why
     return FaultFound("baseline_contact", words, limb.name)
 
 

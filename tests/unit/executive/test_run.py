@@ -19,9 +19,12 @@ from debrisgrasp.executive import (
 )
 from debrisgrasp.executive import run as module
 from debrisgrasp.executive.noticed import misplaced
+from debrisgrasp.executive.prepare import _turn
 from debrisgrasp.executive.recover import recover
 from debrisgrasp.executive.result import Done, FaultFound
-from tests.unit.executive.rigs import holding
+from debrisgrasp.io import data_path
+from debrisgrasp.kinematics import RobotModel
+from tests.unit.executive.rigs import POINTS, holding
 from tests.unit.executive.stepped import failing
 from tests.unit.robot.broken_robots import with_limb
 
@@ -101,6 +104,30 @@ def test_a_sensor_that_can_not_feel_the_limits_is_refused(fake, pipeline):
     robot = replace(fake.robot, limbs=limbs)
     with pytest.raises(InputError, match="got 150, expected below 98: the sensor ends"):
         Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+def test_a_base_above_the_ground_is_refused(fake, pipeline, tmp_path):
+    file = data_path("robots", "roman.yaml")
+    high = "frames: {high: {parent: base_link, position: [0, 0, 0.8]}}"
+    text = file.read_text("utf-8").replace("base: base_link", f"base: high\n{high}")
+    text = text.replace("urdf: roman.urdf", f"urdf: {file.with_name('roman.urdf')}")
+    (tmp_path / "roman.yaml").write_text(text, "utf-8")
+    model = RobotModel.load(tmp_path / "roman.yaml")
+    robot = replace(fake.robot, model=model)
+    words = "base of roman.*above .* of the right arm at rest .'travel'.*on the ground"
+    with pytest.raises(InputError, match=words):
+        Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+def test_a_wrist_that_can_not_be_turned_says_what_is_in_the_way(fake, pipeline):
+    task = Executive(fake.robot, pipeline=pipeline, rng=np.random.default_rng(0))
+    limb = task.context.limbs["right"]
+    hand = limb.pose(task.context.posture(limb)).p
+    task.context.lain.append(hand + POINTS)
+    found = _turn(task.context, limb)
+    assert isinstance(found, FaultFound)
+    assert "no free turn of the wrist" in found.message
+    assert "touches" in found.message
 
 
 def test_a_robot_without_a_camera_is_refused(fake, pipeline):
