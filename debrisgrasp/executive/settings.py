@@ -10,6 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, frozen, require_metres, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp._words import arm_called
+from debrisgrasp.control import ControllerConfig, StabilityBound, WrenchFilter
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
@@ -77,7 +78,8 @@ class TaskSettings:
     carry_speed: float = 0.6
     """Share of the planned speed while something is carried."""
     compliance: tuple[float, float] = (5e-5, 3e-4)
-    """How far the hand gives way while it lifts, [m/N] and [rad/(N m)]."""
+    """How far the hand gives way while it lifts, [m/N] and [rad/(N m)]. The first stays
+    below what would swing against the hardest thing: 1.2e-4 at a period of 0.004."""
     clamp: DeflectionLimits = DeflectionLimits(translation=0.015, rotation=0.03)
     """How far at most; planned for, and given to the controller. At the largest load
     that a hand bears, 150 N and 40 N m, half of it is used."""
@@ -149,12 +151,27 @@ class TaskSettings:
         require_range("TaskSettings.camera_shift [m]", self.camera_shift, 8e-3, 1.0)
         for part in self.compliance:
             require_range("TaskSettings.compliance", part, 0.0, 1.0)
+        self._require_calm()
         for arm, place in self.drop_off.items():
             if not isinstance(arm, str):
                 raise InputError(
                     "TaskSettings.drop_off", got=f"{arm!r}", expected="names of arms"
                 )
             self._require_place(arm, place)
+
+    def _require_calm(self) -> None:
+        """Refuse a compliance with which `LegController.engage` begins no lift."""
+        usual = ControllerConfig(period=self.period)
+        wrench = WrenchFilter(tau=usual.tau, period=self.period)
+        bound = StabilityBound(usual.arm, wrench)
+        most = bound.gain_safe / usual.contact.effective_stiffness
+        if self.compliance[0] > most:
+            raise ConfigError(
+                "TaskSettings.compliance [m/N]",
+                got=f"{self.compliance[0]:g}",
+                expected=f"{most:.2g} or less at a period of {self.period:g} s",
+                mend="A hand that gives way more swings against hard things.",
+            )
 
     def _require_place(self, arm: str, place: tuple[float, float]) -> None:
         what = f"drop-off of the {arm_called(arm)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 from weakref import ref
 
@@ -207,6 +208,16 @@ def test_a_height_in_millimetres_is_refused_with_its_unit():
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError):
         TaskSettings(**wrong)
+
+
+@pytest.mark.parametrize("period", [0.0005, 0.004, 0.01])
+def test_a_compliance_with_which_no_lift_would_begin_is_refused(period):
+    with pytest.raises(ConfigError, match=r"compliance .m/N.: got 0.001") as refused:
+        TaskSettings(compliance=(1e-3, 3e-4), period=period)
+    most = float(re.search(r"expected (\S+) or less", str(refused.value)).group(1))
+    TaskSettings(compliance=(0.99 * most, 3e-4), period=period)
+    with pytest.raises(ConfigError, match="compliance"):
+        TaskSettings(compliance=(1.05 * most, 3e-4), period=period)
 
 
 @pytest.mark.parametrize(
