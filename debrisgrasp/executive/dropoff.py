@@ -203,15 +203,16 @@ def no_place(
 ) -> str:
     """Say that no posture was found to put an object down, and whether it is full."""
     x, y = context.settings.drop_off[limb.name]
-    words = f"no posture holds it over the drop-off at ({x:g}, {y:g})"
+    high = context.settings.drop_height
+    words = f"no posture holds it {high:g} m over the drop-off at ({x:g}, {y:g})"
     points, _, R, _ = next(_attitudes(limb, points_hand, T_base_hand))
     goals = _poses(context, limb, points, R)
     bottom = (goals.R[:, 2] @ points.T).min(axis=1)
     raised = goals.p[:, 2] + bottom - context.settings.drop_height
     if raised.min() < _AS_LOW:
         return words
-    high = 100.0 * float(raised.min())
-    return f"{words}: it is full, {high:.0f} cm high or more wherever that could lie"
+    pile = 100.0 * float(raised.min())
+    return f"{words}: it is full, {pile:.0f} cm high or more wherever that could lie"
 
 
 def _attitudes(

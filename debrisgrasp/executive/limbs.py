@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import permutations
 
 import numpy as np
@@ -27,6 +27,8 @@ _BESIDE_ANOTHER = 0.2
 """What is so much nearer to another hand than to the own is on the other's side [m]."""
 _HEIGHT = 0.35
 """Of the palm over a drop-off at which it must be able to be [m]."""
+_HAND = 0.2
+"""Of the palm over the lowest of what it holds, about [m]."""
 _TILTS, _YAWS = (0.0, np.pi / 4.0), 8
 
 
@@ -118,7 +120,8 @@ def limbs_of(
         limb = robot.limbs[name]
         _require_above_ground(model, name, settings.rest or model.arm(name).idle)
         reach = ArmReach(model, name)
-        require_drop_off(reach, settings.drop_off[name])
+        require_drop_off(reach, settings.drop_off[name], settings.drop_height)
+        _require_lift(reach, settings)
         limits = model.limits(name, reach.chain)
         require_room(limits.controller, settings.load_share)
         require_sensor_range(limb.loads, limits.controller)
@@ -207,10 +210,17 @@ def _own_joints(robot: Robot, name: str) -> BoolArray:
     return np.array([joint not in others for joint in names])
 
 
-def require_drop_off(reach: ArmReach, place: tuple[float, float]) -> None:
+def require_drop_off(
+    reach: ArmReach, place: tuple[float, float], drop_height: float = 0.0
+) -> None:
     """Raise `InputError` unless an arm can put things down at a place, base frame [m].
 
     The robot may not stand there, and a palm that faces down must get above it.
+
+    Parameters
+    ----------
+    drop_height
+        Of what it holds, over the ground [m].
     """
     back = FARTHEST if reach.robot.drives else 0.0
     for way in np.linspace(0.0, back, 8):
@@ -222,16 +232,47 @@ def require_drop_off(reach: ArmReach, place: tuple[float, float]) -> None:
                 expected="a place beside the robot",
                 mend="Put things down on the side of the arm, clear of the robot.",
             )
-    poses = []
-    for tilt in _TILTS:
-        for yaw in np.linspace(0.0, 2.0 * np.pi, _YAWS, endpoint=False):
-            R = so3.from_rpy(np.array([np.pi, tilt, yaw]))
-            poses.append(SE3.from_parts(R, [*place, _HEIGHT]).matrix)
-    rng = np.random.default_rng(0)  # only whether there is a posture is asked
-    if not reach.solves(SE3(np.array(poses)), rng=rng).any():
+    height = max(_HEIGHT, drop_height + _HAND)
+    if not _reaches(reach, (*place, height), _TILTS):
+        mend = "Give one nearer to the robot, on the side of the arm"
+        if height > _HEIGHT:
+            mend += f", or lower drop_height, which is {drop_height:g} m"
         raise InputError(
             f"drop-off of the {arm_called(reach.name)}",
             got=f"({place[0]:g}, {place[1]:g})",
-            expected=f"a place that the hand reaches {_HEIGHT:g} m above the ground",
-            mend="Give one nearer to the robot, on the side of the arm.",
+            expected=f"a place that the hand reaches {height:g} m above the ground",
+            mend=f"{mend}.",
         )
+
+
+def _require_lift(reach: ArmReach, settings: TaskSettings) -> None:
+    """Raise `InputError` if nothing that lies in the way can be lifted so far."""
+    (x0, y0, _), (x1, y1, _) = settings.workspace
+    places = [(x, y) for x in np.linspace(x0, x1, 6) for y in np.linspace(y0, y1, 5)]
+    # Where an arm reaches farthest up is mostly near to it.
+    own = reach.chain.fk(reach.q_present).p[:2]
+    places.sort(key=lambda place: float(np.linalg.norm(own - place)))
+    tilts = (*_TILTS, np.pi / 2.0)
+    if any(_reaches(reach, (*place, settings.lift), tilts) for place in places):
+        return
+    raise InputError(
+        "TaskSettings.lift",
+        got=f"{settings.lift:g} m",
+        expected=f"a height at which the hand of the {arm_called(reach.name)} still "
+        "reaches a place in the workspace",
+        mend="Lower it, or give the arm a workspace nearer to it.",
+    )
+
+
+def _reaches(
+    reach: ArmReach, place: tuple[float, float, float], tilts: Sequence[float]
+) -> bool:
+    """Whether a palm that faces down, or is tilted by so much, gets to a place."""
+    Rs = [
+        so3.from_rpy(np.array([np.pi, tilt, yaw]))
+        for tilt in tilts
+        for yaw in np.linspace(0.0, 2.0 * np.pi, _YAWS, endpoint=False)
+    ]
+    poses = SE3.from_parts(np.array(Rs), np.tile(place, (len(Rs), 1)))
+    rng = np.random.default_rng(0)  # only whether there is a posture is asked
+    return bool(reach.solves(poses, rng=rng).any())

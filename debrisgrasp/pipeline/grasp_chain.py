@@ -251,7 +251,8 @@ class GraspChain:
             return approach
         way = _lift_of(grasp, self._config)
         T_base_lifted = CartesianLeg.along(approach.reached, way).goal
-        lift = self._leg("lift", approach.q[-1], T_base_lifted)
+        name = f"lift by {np.linalg.norm(way):.2g} m"
+        lift = self._leg(name, approach.q[-1], T_base_lifted)
         if isinstance(lift, str):
             return lift
         return approach, lift

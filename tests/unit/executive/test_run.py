@@ -119,6 +119,20 @@ def test_a_base_above_the_ground_is_refused(fake, pipeline, tmp_path):
         Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (TaskSettings(lift=2.0), "TaskSettings.lift: got 2 m, .* right arm .*Lower it"),
+        (TaskSettings(drop_height=1.0), "1.2 m above .* lower drop_height.* is 1 m"),
+    ],
+)
+def test_a_height_beyond_the_arm_is_refused_by_its_name(
+    fake, pipeline, settings, words
+):
+    with pytest.raises(InputError, match=words):
+        Executive(fake.robot, settings, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
 def test_a_wrist_that_can_not_be_turned_says_what_is_in_the_way(fake, pipeline):
     task = Executive(fake.robot, pipeline=pipeline, rng=np.random.default_rng(0))
     limb = task.context.limbs["right"]
