@@ -70,7 +70,8 @@ class TaskSettings:
     load_share: float = 0.8
     """Share of the limits of force and torque at which a motion is stopped. The rest is
     for what the load grows by until the arm stands: at 3e4 N/m, 30 mm/s and 30 ms it
-    is 27 N."""
+    is 27 N. Where a motion has nothing else to be stopped by, as before the sensor has
+    a zero, it goes as fast as the rest allows: at 1, at a fiftieth of its speed."""
     approach_speed: float = 0.0115
     """Of the hand, until it touches [m/s]."""
     lift_speed: float = 0.03
