@@ -178,7 +178,8 @@ def _wrong_image(
         return FaultFound("empty_cloud", words, None, values)
     if share < 1.0 - context.settings.max_dropout:
         words = f"{100 * share:.0f} % of the workspace was measured, expected "
-        words += f"{100 * (1.0 - context.settings.max_dropout):.0f} % or more"
+        words += f"{100 * (1.0 - context.settings.max_dropout):.0f} % or more "
+        words += "(max_dropout)"
         return FaultFound("depth_dropout", words, None, values)
     return None
 

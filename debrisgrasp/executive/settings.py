@@ -90,7 +90,8 @@ class TaskSettings:
     """A hand seen farther than this from where it must be means that the camera has
     moved [m]; no less than 0.008, for a look at it errs by half of that."""
     max_dropout: float = 0.4
-    """Share of the image of the workspace that may lack depth."""
+    """Share of the image of the workspace that may lack depth, 0.01 or more: at edges
+    every camera loses some."""
     mark: Marker | None = None
     """Object-specific task: only what this marks is gripped, with the prototypes for
     special objects."""
@@ -115,7 +116,7 @@ class TaskSettings:
             require_range("TaskSettings.max_removals", self.max_removals, 1, 10_000)
         for name in ("repositions", "pushes"):
             require_range(f"TaskSettings.{name}", getattr(self, name), 0, 100)
-        require_range("TaskSettings.max_dropout", self.max_dropout, 0.0, 1.0)
+        require_range("TaskSettings.max_dropout", self.max_dropout, 0.01, 1.0)
         for name in ("drive_over", "drop_height"):
             require_range(f"TaskSettings.{name} [m]", getattr(self, name), 0.0, 1.0)
         for name in ("lift", "drag_distance"):

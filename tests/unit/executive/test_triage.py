@@ -203,6 +203,7 @@ def test_a_height_in_millimetres_is_refused_with_its_unit():
         {"lift": -0.1},
         {"empty_load": 0.0},
         {"compliance": (-1e-5, 3e-4)},
+        {"max_dropout": 0.0},
     ],
 )
 def test_settings_out_of_range_are_refused(wrong):
