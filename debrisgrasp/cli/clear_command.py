@@ -249,7 +249,7 @@ def _summary(done: Simulated) -> str:
         lines.append("nothing was taken: nothing lies in the way")
     if result.is_all_driven_over:
         lines.append(
-            "nothing was taken: all that lies in the way may be driven over; with a "
+            "nothing was taken: all that lies in the way is low enough to stay; with a "
             "lower --drive-over, in metres, it is taken"
         )
     return "\n".join(lines)

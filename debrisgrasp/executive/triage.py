@@ -97,8 +97,9 @@ def judge(
     forecast = float(_DENSITY * _FILLED * np.prod(extents))
     seen = (height, thickness, forecast)
     if height < settings.drive_over - _DOUBT:
-        words = f"its top is {100 * height:.1f} cm above the ground: the tracks drive "
-        words += f"over what is below {100 * settings.drive_over:.3g} cm"
+        words = f"its top is {100 * height:.1f} cm above the ground: "
+        low = f"what is below {100 * settings.drive_over:.3g} cm"
+        words += f"the tracks drive over {low}" if can_drag else f"{low} may stay"
         return Triage(Way.DRIVE_OVER, words, (), *seen)
     if length > _LARGEST:
         words = f"{length:.1f} m long: part of a structure"

@@ -50,6 +50,13 @@ def test_the_tracks_drive_over_what_is_lower_than_ten_centimetres():
     assert way((0.5, 0.09, 0.04), height=0.11).way is not Way.DRIVE_OVER
 
 
+@pytest.mark.parametrize("can_drag", [False, True])
+def test_only_of_a_base_that_drives_tracks_are_told(can_drag):
+    triage = way((0.5, 0.09, 0.04), 0.04, can_drag=can_drag)
+    assert triage.way is Way.DRIVE_OVER
+    assert ("tracks" in triage.reason) == can_drag
+
+
 def test_height_counts_from_the_ground_below():
     low = judge(segment((0.5, 0.09, 0.04), 0.25), 0.2, HANDS, TaskSettings())
     assert low.way is Way.DRIVE_OVER
