@@ -40,6 +40,7 @@ __all__ = ["POLICIES", "Settings", "SiteLimits"]
 _SCHEMA = "debrisgrasp/site/1"
 _SAME = 0.002
 """Poses of a camera that differ by less [m, rad] are the same."""
+Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 POLICIES = ("support", "priority")
 """Names of the policies: `SupportAware`, and `PriorityPoint` (Eq. 1)."""
 
@@ -71,6 +72,9 @@ class Settings:
     """Objects near it are preferred, base frame [m], shape (3,)."""
     drop_off: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Where an arm puts things down, by its name: (x, y) in the base frame [m]."""
+    workspace: Corners | None = None
+    """Of the box of the way that is to be cleared, lower and upper corner, base frame
+    [m]; None: as `TaskSettings` has it."""
     limits: SiteLimits = SiteLimits()
     seed: int = 0
     deadline: float | None = None
@@ -84,6 +88,15 @@ class Settings:
         require_metres("priority_point", point)
         for arm, place in self.drop_off.items():
             require_metres(f"drop_off.{arm}", frozen(place, f"drop_off.{arm}", (2,)))
+        if self.workspace is not None:
+            low, high = frozen(self.workspace, "workspace", (2, 3))
+            require_metres("workspace", (low, high))
+            if not (low < high).all():
+                raise ConfigError(
+                    "workspace",
+                    got=self.workspace,
+                    expected="a lower corner x, y, z, and then an upper one",
+                )
         if self.policy not in POLICIES:
             raise UnknownNameError("selection.policy", self.policy, POLICIES)
         if self.seed < 0:
@@ -290,6 +303,9 @@ def _top(fields: Fields) -> dict[str, Any]:
         values["drop_off"] = {
             arm: tuple(places.numbers(arm, 2).tolist()) for arm in places.names()
         }
+    if "workspace" in fields:
+        box = fields.numbers("workspace", 6).tolist()
+        values["workspace"] = tuple(box[:3]), tuple(box[3:])
     if "deadline" in fields:
         values["deadline"] = fields.number("deadline", -np.inf, np.inf)
     if "seed" in fields:

@@ -6,7 +6,7 @@ import platform
 import re
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, requires, version
 
@@ -263,7 +263,8 @@ def _camera(settings: Settings) -> Iterator[Finding]:
 def _drop_offs(settings: Settings, arms: Mapping[str, ArmReach]) -> Iterable[Finding]:
     """Tell of each drop-off of the site, and of one beside another arm, in one row."""
     given = settings.drop_off
-    found = [_drop_off(name, place, arms) for name, place in given.items()]
+    task = TaskSettings(workspace=settings.workspace or TaskSettings().workspace)
+    found = [_drop_off(name, place, arms, task) for name, place in given.items()]
     rows = {finding.what: finding for finding in found}
     try:
         if given:
@@ -277,12 +278,15 @@ def _drop_offs(settings: Settings, arms: Mapping[str, ArmReach]) -> Iterable[Fin
 
 
 def _drop_off(
-    name: str, place: tuple[float, float], arms: Mapping[str, ArmReach]
+    name: str,
+    place: tuple[float, float],
+    arms: Mapping[str, ArmReach],
+    task: TaskSettings,
 ) -> Finding:
     """Tell whether `clear` takes it, and how high a palm that points down can be."""
     what, where = f"drop-off of {arm_called(name)}", ", ".join(f"{x:g}" for x in place)
     try:
-        TaskSettings(drop_off={name: place})
+        replace(task, drop_off={name: place})
         if name not in arms:
             return Finding(what, "note", "not looked at: that arm is not in use")
         require_drop_off(arms[name], place)

@@ -227,6 +227,7 @@ class SimulatedTask:
             If the file of the mask can't be read, or shows no marked object.
         """
         site, usual = self._site(), TaskSettings()
+        workspace = site.workspace or usual.workspace
         known = {} if pipeline.robot is None else pipeline.robot.arms
         for name in self.arms:
             if name not in known:
@@ -237,7 +238,7 @@ class SimulatedTask:
         names = self.arms or tuple(reaches)
         for name, place in site.drop_off.items():
             with site.in_field(f"drop_off.{name}"):
-                TaskSettings(drop_off={name: place})
+                TaskSettings(drop_off={name: place}, workspace=workspace)
                 if name in names and name in reaches:
                     require_drop_off(reaches[name], place)
         drop_off = {**usual.drop_off, **site.drop_off}
@@ -251,6 +252,7 @@ class SimulatedTask:
                     require_room(limits, usual.load_share)
         return TaskSettings(
             arms=names,
+            workspace=workspace,
             drop_off=drop_off,
             approach_speed=min(usual.approach_speed, site.limits.hand_speed),
             lift_speed=min(usual.lift_speed, site.limits.hand_speed),

@@ -224,6 +224,18 @@ limits: {force: 120, joint_speed: 0.5, hand_speed: 0.01}
 """
 
 
+def test_the_workspace_of_a_site_is_that_of_the_task(tmp_path):
+    site = tmp_path / "site.yaml"
+    box = "workspace: [0.7, -0.5, -0.1, 1.2, 0.5, 1]"
+    text = f"schema: debrisgrasp/site/1\nrobot: roman\n{box}\n"
+    # In the usual way, but not in that one.
+    site.write_text(text + "drop_off: {right: [0.55, -0.55]}\narm: right\n")
+    task = SimulatedTask(site=str(site))
+    settings = task.settings(task.pipeline())
+    assert settings.workspace == ((0.7, -0.5, -0.1), (1.2, 0.5, 1.0))
+    assert settings.drop_off["right"] == (0.55, -0.55)
+
+
 def test_the_settings_of_a_site_hold_for_the_task(tmp_path):
     site = tmp_path / "site.yaml"
     site.write_text(SITE)

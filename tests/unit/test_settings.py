@@ -45,8 +45,10 @@ def test_every_field_arrives(written, tmp_path):
             "selection: {policy: priority, priority_point: [1, 2, 3]}\n"
             "drop_off: {right: [0.6, -0.8]}\ndeadline: 3\nseed: 7\n"
             "limits: {force: 90, hand_speed: 0.05}\n"
+            "workspace: [0.5, -0.5, -0.1, 1.2, 0.5, 1]\n"
         )
     )
+    assert settings.workspace == ((0.5, -0.5, -0.1), (1.2, 0.5, 1.0))
     assert settings.grippers == tmp_path / "hands"
     np.testing.assert_allclose(settings.pose_of_camera().p, (0.2, 0, 1.2))
     policy = settings.selection()
@@ -104,6 +106,9 @@ def test_paths_are_relative_to_the_file(written, monkeypatch, tmp_path):
         ("drop_off: {left: [1]}", r"field drop_off.left.*a list of 2 numbers"),
         ("drop_off: {left: [600, 0]}", r"site.yaml, field drop_off.left.*metres"),
         ("drop_off: {left: [.nan, 0]}", r"field drop_off.left.*finite"),
+        ("workspace: [0, 1]", r"field workspace.*a list of 6 numbers"),
+        ("workspace: [1, 0, 0, 0, 1, 1]", r"field workspace.*a lower corner"),
+        ("workspace: [0, 0, 0, 900, 1, 1]", r"field workspace.*metres"),
         ("seed: 1.5", r"field seed.*an integer"),
         ("seed: -1", r"field seed.*0 or more"),
         ("seed: x", r"field seed: got 'x', expected an integer"),
