@@ -36,7 +36,7 @@ class PipelineConfig:
 
     def __post_init__(self) -> None:
         require_range("PipelineConfig.max_objects", self.max_objects, 1)
-        require_range("PipelineConfig.region_margin [m]", self.region_margin, 0.0, 2.0)
+        require_range("PipelineConfig.region_margin [m]", self.region_margin, 0.0, 1.0)
         require_range("PipelineConfig.doubtful", self.doubtful, 0.0, 1.0)
         require_range("PipelineConfig.max_further", self.max_further, 0)
         require_range("PipelineConfig.workers", self.workers, 1)

@@ -11,6 +11,7 @@ import debrisgrasp
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import data_path
+from debrisgrasp.pipeline import PipelineConfig
 from debrisgrasp.pipeline.targets import choose_targets, whole_of, with_crumbs
 
 
@@ -84,3 +85,9 @@ def test_a_region_in_millimetres_is_named():
             None, divided(None), [], region=region, object_label=None,
             is_marked=None, margin=0.05,
         )  # fmt: skip
+
+
+@pytest.mark.parametrize("margin", [-0.01, 5.0, np.inf, np.nan])
+def test_a_margin_with_which_every_region_is_too_large_is_refused(margin):
+    with pytest.raises(ConfigError, match="region_margin"):
+        PipelineConfig(region_margin=margin)
