@@ -200,6 +200,8 @@ class Drive(Senses):
 
         Parameters
         ----------
+        speed
+            Of the hand [m/s]; no more than `straight_speed`.
         limits
             That hold on this leg; None: the controller's.
         until
@@ -218,7 +220,7 @@ class Drive(Senses):
             tare=tare,
             limits=limits,
         )
-        found = _slow_enough(begin, speed)
+        found = _slow_enough(begin, min(speed, self.straight_speed))
         if isinstance(found, FaultFound):
             return found
         controller, state = found

@@ -41,6 +41,9 @@ leans, the torque changes by so much times the weight."""
 _TOUCH, _MORE = (25.0, 8.0), (15.0, 4.0)
 """An empty hand that is taken elsewhere touches something when it bears so much, or
 more than at first by so much, whichever is more [N, N m]."""
+_GROWTH, _SLOWEST = 900.0, 1e-3
+"""What a touch of the hardest thing grows by until the arm stands, for each m/s of a
+straight way [N s/m]: 3e4 N/m for 30 ms; and the least speed of one [m/s]."""
 _CLOSING = (State.CLOSE, State.VERIFY_GRASP)
 _SLACK = 10.0
 """With which fingers stay where they were stopped [N]."""
@@ -67,6 +70,9 @@ class Senses:
             load=context.settings.load_share
         )
         """At which a motion is stopped: what grows until the arm stands has room."""
+        room = self.limb.limits.controller.force - self.limits.force
+        self.straight_speed = max(room / _GROWTH, _SLOWEST)
+        """Of a straight way, at most: a touch stays below the limits [m/s]."""
         self.load: Wrench = _ZERO
         """Latest load at the hand, absolute, in its axes [N, N m]."""
 

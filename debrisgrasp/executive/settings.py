@@ -70,8 +70,8 @@ class TaskSettings:
     load_share: float = 0.8
     """Share of the limits of force and torque at which a motion is stopped. The rest is
     for what the load grows by until the arm stands: at 3e4 N/m, 30 mm/s and 30 ms it
-    is 27 N. Where a motion has nothing else to be stopped by, as before the sensor has
-    a zero, it goes as fast as the rest allows: at 1, at a fiftieth of its speed."""
+    is 27 N. With less, straight ways slow down, and much so what has nothing else to be
+    stopped by, as before the sensor has a zero."""
     approach_speed: float = 0.0115
     """Of the hand, until it touches [m/s]."""
     lift_speed: float = 0.03
@@ -124,7 +124,7 @@ class TaskSettings:
         for name in ("approach_speed", "lift_speed"):
             require_range(f"TaskSettings.{name} [m/s]", getattr(self, name), 1e-3, 2.0)
         require_range("TaskSettings.carry_speed", self.carry_speed, 0.05, 1.0)
-        require_range("TaskSettings.load_share", self.load_share, 0.1, 1.0)
+        require_range("TaskSettings.load_share", self.load_share, 0.1, 0.95)
         require_range("TaskSettings.period [s]", self.period, 5e-4, 0.01)
         require_range("TaskSettings.max_mass [kg]", self.max_mass, 0.1, 1e3)
         low, high = np.array(self.workspace)

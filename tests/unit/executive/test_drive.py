@@ -167,6 +167,27 @@ def test_a_hand_that_is_pressed_as_it_opens_opens_no_farther(pipeline):
     assert fake.truth().peak_force["right"] < 0.5 * drive.limb.limits.hardware.force
 
 
+@pytest.mark.parametrize(("share", "fastest"), [(0.8, 0.0334), (0.95, 0.0084)])
+def test_a_straight_way_is_as_slow_as_what_is_left_of_the_limits_asks(
+    pipeline, monkeypatch, share, fastest
+):
+    _, task = before_a_brick(pipeline)
+    settings = replace(task.context.settings, load_share=share)
+    monkeypatch.setattr(task.context, "settings", settings)
+    drive, places = Drive(task.context, "right"), []
+    send = Drive._send
+
+    def noted(self, q):
+        places.append(self.limb.kinematics.pose(np.asarray(q).tolist())[1])
+        send(self, q)
+
+    monkeypatch.setattr(Drive, "_send", noted)
+    assert drive.straight_speed == pytest.approx(fastest, rel=0.01)
+    assert isinstance(drive.leg([0.0, 0.0, -0.03], speed=0.05), LegEnd)
+    speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / drive.period
+    assert 0.7 * fastest < speed.max() < 1.02 * fastest
+
+
 def test_a_leg_begins_with_a_command_to_stay(pipeline, monkeypatch):
     fake, task = before_a_brick(pipeline)
     context, sent = task.context, []
