@@ -36,7 +36,7 @@ def test_a_hand_that_is_not_known_is_named_and_where_hands_are_given():
 def test_a_hand_without_prototypes_is_named_and_how_they_are_made(tmp_path):
     shipped = data_path("prototypes") / "cylinder_060_tip.yaml"
     (tmp_path / shipped.name).write_bytes(shipped.read_bytes())
-    with pytest.raises(ChoiceError, match=r"for camhand.*new --gripper camhand"):
+    with pytest.raises(ChoiceError, match=r"for camhand.*adapt --gripper camhand"):
         library_for("camhand", tmp_path)
 
 
