@@ -1,6 +1,7 @@
 """Bring a hand of your own: a parallel jaw as a text file, and prototypes made for it.
 
-The hand is examples/grippers/jaw_140.yaml, its prototypes lie in jaw_prototypes.
+The hand is examples/grippers/jaw_140.yaml, its prototypes lie in jaw_prototypes: ten
+that were written by hand. `adapt` makes a whole dictionary of the shapes that ship.
 
 Run: python examples/04_another_hand.py [PICTURE.png]
 """
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import debrisgrasp
 from debrisgrasp.io import data_path
-from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, check
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, adapt, check
 from debrisgrasp.viz import prototype_png
 
 HERE = Path(__file__).parent
@@ -26,6 +27,11 @@ def main() -> None:
     if len(sys.argv) > 1:
         prototype_png(sys.argv[1], library.prototypes, library.grippers)
         print(f"wrote {sys.argv[1]}")
+
+    made = adapt(PrototypeLibrary.load(), hand)
+    print(f"of the shapes that ship adapt makes {len(made.library)} prototypes")
+    for finding in made.left_out:
+        print(f"  not of {finding.prototype}: {finding}")
 
     pipeline = debrisgrasp.Pipeline(
         robot="none",  # the hand alone, which any arm may carry
