@@ -34,6 +34,7 @@ __all__ = [
     "read_text",
     "read_yaml",
     "require_folder",
+    "require_new_folder",
     "require_own",
     "require_picture",
     "require_suffix",
@@ -268,6 +269,13 @@ def require_folder(folder: PathLike, path: PathLike | None = None) -> None:
     except OSError as error:
         reason = error.strerror or str(error)
         raise OutputError(path or folder, reason, mend=_WRITABLE) from error
+
+
+def require_new_folder(folder: PathLike) -> None:
+    """Raise `OutputError` unless files can be put into a folder that has none yet."""
+    require_folder(folder)
+    if Path(folder).exists() and any(Path(folder).iterdir()):
+        raise OutputError(folder, "it is not empty; give a new folder")
 
 
 def require_suffix(path: PathLike, suffixes: Sequence[str], what: str) -> None:

@@ -6,9 +6,9 @@ import argparse
 import json
 from typing import Any
 
-from debrisgrasp._files import require_folder
+from debrisgrasp._files import require_new_folder
 from debrisgrasp._words import counted
-from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
+from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.prototypes import FURTHER_HANDS, PrototypeLibrary, adapt
 
 from .capture_arguments import progress
@@ -48,9 +48,7 @@ def add_adapt(actions: Any) -> None:
 
 def run_adapt(arguments: argparse.Namespace) -> int:
     """Make a dictionary for a hand; status 1 if it takes none of the shapes."""
-    require_folder(arguments.out)
-    if arguments.out.exists() and any(arguments.out.iterdir()):
-        raise OutputError(arguments.out, "it is not empty; give a new folder")
+    require_new_folder(arguments.out)
     hands, name = hands_of(arguments), site_of(arguments).gripper
     if name is None:
         raise ConfigError(

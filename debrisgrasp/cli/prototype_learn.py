@@ -6,8 +6,7 @@ import argparse
 import json
 from typing import Any
 
-from debrisgrasp._files import require_folder
-from debrisgrasp.errors import OutputError
+from debrisgrasp._files import require_new_folder
 from debrisgrasp.workbench import LearnConfig, learn, load_records
 
 from .site_arguments import add_grippers, add_site, hands_of
@@ -62,9 +61,7 @@ def add_learn(actions: Any) -> None:
 
 def run_learn(arguments: argparse.Namespace) -> int:
     """Learn a dictionary from recorded grasps."""
-    require_folder(arguments.out)
-    if arguments.out.exists() and any(arguments.out.iterdir()):
-        raise OutputError(arguments.out, "it is not empty; give a new folder")
+    require_new_folder(arguments.out)
     config = LearnConfig(
         radius=arguments.radius,
         least=arguments.least,
