@@ -5,30 +5,30 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from debrisgrasp._files import require_folder
 from debrisgrasp.errors import ConfigError, InputError, OutputError, UnknownNameError
-from debrisgrasp.geometry import SE3, fibonacci_sphere
+from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import (
     FURTHER_HANDS,
-    GraspPrototype,
+    Finding,
     GripperModel,
     HandPose,
     PrototypeDefinition,
     PrototypeLibrary,
     SurfaceShape,
     around_grip,
-    check,
     duplicates,
     propose_hand_poses,
     prototype_of_shape,
     require_name,
     settled,
+    soundest,
     surface_from_mesh,
     write_new_prototype,
 )
@@ -85,7 +85,7 @@ def run_new(arguments: argparse.Namespace) -> int:
         for preshape in _preshapes(arguments, gripper)
     )
     try:
-        chosen, findings = _soundest(made, gripper)
+        chosen, findings = soundest(made, gripper)
     except InputError as error:
         raise _about_option(error, arguments.shape) from None
     return _finish(arguments, chosen, findings)
@@ -149,7 +149,7 @@ def run_mesh(arguments: argparse.Namespace) -> int:
         if arguments.closed is not None:
             definition = replace(definition, width=arguments.closed)
         made.append(definition)
-    return _finish(arguments, *_soundest(made, gripper, whole), proposals)
+    return _finish(arguments, *soundest(made, gripper, whole), proposals)
 
 
 def run_record(arguments: argparse.Namespace) -> int:
@@ -207,31 +207,6 @@ def _preshapes(arguments: argparse.Namespace, gripper: GripperModel) -> list[str
     return [arguments.preshape] if arguments.preshape else list(gripper.preshapes)
 
 
-def _soundest(
-    made: Iterable[PrototypeDefinition],
-    gripper: GripperModel,
-    whole: SurfaceShape | None = None,
-) -> tuple[PrototypeDefinition, tuple[str, ...]]:
-    """Find the first definition without findings, or the one with the fewest.
-
-    Parameters
-    ----------
-    whole
-        As in `check`.
-    """
-    best: tuple[PrototypeDefinition, tuple[str, ...]] | None = None
-    for definition in made:
-        prototype = GraspPrototype.build(definition, fibonacci_sphere(1))
-        found = check(prototype, gripper, whole)
-        findings = tuple(str(finding) for finding in found)
-        if best is None or len(findings) < len(best[1]):
-            best = definition, findings
-        if not findings:
-            break
-    assert best is not None
-    return best
-
-
 def _joints(text: str) -> dict[str, float]:
     """Read ``name=value,name=value``."""
     pairs = []
@@ -249,7 +224,7 @@ def _joints(text: str) -> dict[str, float]:
 def _finish(
     arguments: argparse.Namespace,
     definition: PrototypeDefinition,
-    findings: Sequence[str],
+    findings: Sequence[Finding | str],
     proposals: Sequence[HandPose] = (),
 ) -> int:
     """Write a prototype, and say what it is.
@@ -273,7 +248,7 @@ def _finish(
             "width": definition.width,
             "opening": definition.opening,
             "points": len(own.points),
-            "findings": list(findings),
+            "findings": [str(finding) for finding in findings],
             "duplicates": twins,
             "proposals": [_proposal(pose) for pose in proposals],
         }

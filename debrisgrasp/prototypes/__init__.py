@@ -15,7 +15,7 @@ from .hand_poses import HandPose, around_grip, propose_hand_poses, settled
 from .library import PrototypeLibrary
 from .likeness import Likeness, duplicates, half_turns, shape_distance
 from .parametric import prototype_of_shape
-from .placing import Grip
+from .placing import Grip, soundest
 from .prototype import GraspPrototype, PackedPrototypes, PrototypeDefinition
 from .prototype_file import definition_from, require_name, write_new_prototype
 from .surface_shape import SurfaceShape
@@ -54,6 +54,7 @@ __all__ = [
     "require_name",
     "settled",
     "shape_distance",
+    "soundest",
     "surface_from_mesh",
     "with_shipped",
     "write_new_prototype",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Literal
 
@@ -14,8 +15,9 @@ from .check import PENETRATION_TOLERANCE, Finding, check, depth_in
 from .gripper import GripperModel
 from .hand_poses import PALM_GAP, settled
 from .prototype import GraspPrototype, PrototypeDefinition
+from .surface_shape import SurfaceShape
 
-__all__ = ["Grip", "grip_depths", "placed"]
+__all__ = ["Grip", "grip_depths", "placed", "soundest"]
 
 Grip = Literal["tip", "deep", "power"]
 """How deep a shape goes between the fingers: its near side between the fingertips, its
@@ -52,15 +54,33 @@ def placed(
         there is none, the one with the fewest. Where the hand can't go around the shape
         at all, the one at which it gets least into it.
     """
+    y, R = _across(definition, gripper), definition.T_hand_shape.R
+    places = ([0.0, y, round(float(z), 3)] for z in _heights(definition, gripper, grip))
+    moved = (
+        replace(definition, T_hand_shape=SE3.from_parts(R, place)) for place in places
+    )
+    return soundest((settled(each, gripper) for each in moved), gripper)
+
+
+def soundest(
+    made: Iterable[PrototypeDefinition],
+    gripper: GripperModel,
+    whole: SurfaceShape | None = None,
+) -> tuple[PrototypeDefinition, tuple[Finding, ...]]:
+    """Find the first definition without findings, or the one with the fewest.
+
+    Parameters
+    ----------
+    made
+        One definition or more.
+    whole
+        As in `check`.
+    """
     best: tuple[PrototypeDefinition, tuple[Finding, ...]] | None = None
-    y = _across(definition, gripper)
-    for z in _heights(definition, gripper, grip):
-        place = [0.0, y, round(float(z), 3)]
-        T = SE3.from_parts(definition.T_hand_shape.R, place)
-        closed = settled(replace(definition, T_hand_shape=T), gripper)
-        findings = check(_built(closed), gripper)
+    for definition in made:
+        findings = check(_built(definition), gripper, whole)
         if best is None or len(findings) < len(best[1]):
-            best = closed, findings
+            best = definition, findings
         if not findings:
             break
     assert best is not None
