@@ -56,7 +56,9 @@ class GroundConfig:
 
     Unless the caller names a region, it is the ground plan of what stands: the cells of
     4 cm that hold points above the ground. A floor seen around a small pile is outside
-    and doesn't count; a plane that eats what stands on it is found out."""
+    and doesn't count; a plane that eats what stands on it is found out. Where most of
+    the floor is seen outside, the share may be larger: a thin rod covers little of the
+    cells that it crosses."""
     min_left: int = 500
     """Fewest points that must be left over."""
     clearance: float = 0.012
@@ -149,15 +151,19 @@ def _weighed(
         inside = region.contains(cloud.points)
     n_inside = max(int(np.count_nonzero(inside)), 1)
     n_ground = int(np.count_nonzero(is_ground))
+    n_under = int(np.count_nonzero(is_ground & inside))
+    is_seen_around = region is None and n_under < 0.5 * n_ground
     report = replace(
         report,
         plane=frozen(plane, "plane", (4,)),
         tilt=float(np.arccos(np.clip(plane[2], -1, 1))),
         height=float(-(plane[0] * x + plane[1] * y + plane[3]) / plane[2]),
         inlier_share=inlier_share,
-        removed_share=float(np.count_nonzero(is_ground & inside) / n_inside),
+        removed_share=n_under / n_inside,
     )
     objection = _objection(report, len(cloud) - n_ground, config)
+    if not objection and not is_seen_around:
+        objection = _appetite(report, config)
     if objection:
         return is_ground, replace(report, reason=objection)
     return is_ground, replace(
@@ -192,12 +198,17 @@ def _objection(report: GroundReport, n_left: int, config: GroundConfig) -> str:
         )
     if n_left < config.min_left:
         return f"only {n_left} points would be left, fewer than {config.min_left}"
-    if report.removed_share > config.max_removed_share:
-        return (
-            f"{report.removed_share:.0%} of the points in the region of interest "
-            f"would go, more than {config.max_removed_share:.0%}"
-        )
     return ""
+
+
+def _appetite(report: GroundReport, config: GroundConfig) -> str:
+    """Whether the plane eats what stands on it, in words; empty if not."""
+    if report.removed_share <= config.max_removed_share:
+        return ""
+    return (
+        f"{report.removed_share:.0%} of the points in the region of interest "
+        f"would go, more than {config.max_removed_share:.0%}"
+    )
 
 
 def _near_ground(

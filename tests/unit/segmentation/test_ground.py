@@ -179,6 +179,26 @@ def test_a_lattice_of_thin_rods_does_not_keep_the_ground_under_it():
     assert not is_ground[is_rod].any()
 
 
+def test_a_thin_rod_alone_does_not_keep_the_floor_around_it():
+    floor = plate((0.4, 1.6), (-0.6, 0.6), z=0.0, spacing=0.004)
+    is_rod = (np.abs(floor[:, 1]) < 0.005) & (np.abs(floor[:, 0] - 1.0) < 0.4)
+    floor[is_rod, 2] = 0.018
+    cloud = cloud_of(floor, UP)
+    is_ground, report = find_ground(cloud, GroundConfig(min_left=100))
+    assert report.removed_share > 0.75
+    assert report.status == "removed"
+    np.testing.assert_array_equal(is_ground, ~is_rod)
+
+
+def test_specks_that_rise_all_over_keep_the_plane_that_they_rise_from(rng):
+    floor = plate((0.4, 1.6), (-0.6, 0.6), z=0.0, spacing=0.003)
+    is_speck = rng.random(len(floor)) < 0.1
+    floor[is_speck, 2] = 0.05
+    is_ground, report = find_ground(cloud_of(floor, UP), GroundConfig())
+    assert "region of interest" in report.reason
+    assert not is_ground.any()
+
+
 def box_points():
     """Top of something that stands beside."""
     return plate((0.4, 0.6), (-0.7, -0.5), z=0.2, spacing=0.005)
