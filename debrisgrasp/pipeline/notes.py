@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray
-from debrisgrasp.segmentation import WHOLE_SHARE, GroundReport, Segmentation
+from debrisgrasp.segmentation import (
+    WHOLE_SHARE,
+    Candidate,
+    GroundReport,
+    Segmentation,
+)
 
 from .second_look import BestSoFar
 
-__all__ = ["deadline_notes", "mask_notes", "mass_notes", "part_notes", "pose_notes"]
+__all__ = [
+    "deadline_notes",
+    "mask_notes",
+    "mass_notes",
+    "part_notes",
+    "pose_notes",
+    "warning_notes",
+]
 
 _LIGHT = 0.05
 """Debris is hardly ever lighter: a tenth of what most pieces weigh at least [kg]."""
@@ -116,4 +130,15 @@ def mask_notes(
     return (
         f"the mask covers {len(shares)} objects, with {told} of what stands in it; "
         "they are taken for one",
+    )
+
+
+def warning_notes(order: Iterable[Candidate], best: BestSoFar) -> tuple[str, ...]:
+    """Pass on what the policy warns of where the object chosen is pulled out."""
+    if best.target is None or not best.is_found:
+        return ()
+    return tuple(
+        candidate.warning
+        for candidate in order
+        if candidate.label == best.target.label and candidate.warning
     )

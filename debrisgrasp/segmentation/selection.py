@@ -54,6 +54,8 @@ class Candidate:
     """What the order ascends by; its meaning is the policy's."""
     reason: str
     """Why it stands where it does, in words."""
+    warning: str = ""
+    """What to beware of when it is pulled out, in words; empty if of nothing."""
 
 
 class SelectionPolicy(Protocol):
@@ -101,7 +103,7 @@ def ordered(
         raise InputError(what, got=f"labels {labels}", expected="each label once")
     # numpy's numbers are none to JSON.
     return tuple(
-        Candidate(int(item.label), float(item.cost), item.reason) for item in items
+        replace(item, label=int(item.label), cost=float(item.cost)) for item in items
     )
 
 

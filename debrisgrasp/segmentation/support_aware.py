@@ -102,7 +102,8 @@ class SupportAware:
                 )
             reasons.append(f"{distance[row]:.2f} m from the priority point")
             reason = "; ".join(text for text in reasons if text)
-            found.append(Candidate(segment.label, float(cost), reason))
+            warning = _warned(graph, segment.label)
+            found.append(Candidate(segment.label, float(cost), reason, warning))
         return _feasible(sorted(found, key=lambda c: (c.cost, c.label)), graph)
 
 
@@ -128,10 +129,19 @@ def _surely_on(graph: SupportGraph, label: int) -> IntArray:
     return above[confidence >= CLEAR]
 
 
+def _warned(graph: SupportGraph, label: int) -> str:
+    """Say what comes down when an object is pulled out."""
+    sure = _surely_on(graph, label)
+    if not len(sure):
+        return ""
+    lies = "it lies" if len(sure) == 1 else "they lie"
+    return f"{_named(sure)} may fall: {lies} on object {label}"
+
+
 def _carried(graph: SupportGraph, label: int, gravity: float) -> str:
     """Say what lies on an object."""
     above, confidence = graph.resting_on(label)
-    sure, likely = above[confidence >= CLEAR], confidence >= _WORTH_SAYING
+    sure, likely = _surely_on(graph, label), confidence >= _WORTH_SAYING
     if len(sure):
         low, high = graph.load[label - 1] / gravity
         first = min(sure, key=lambda k: np.flatnonzero(graph.removal_order == k)[0])

@@ -13,9 +13,15 @@ from debrisgrasp._files import data_path
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, measured
 from debrisgrasp.pipeline import Target
-from debrisgrasp.pipeline.notes import deadline_notes, mask_notes, mass_notes
+from debrisgrasp.pipeline.notes import (
+    deadline_notes,
+    mask_notes,
+    mass_notes,
+    warning_notes,
+)
 from debrisgrasp.pipeline.second_look import BestSoFar
 from debrisgrasp.planning import SearchResult
+from debrisgrasp.segmentation import Candidate
 
 BOX = Bounds(np.zeros(3), np.ones(3))
 GRASPS = SearchResult((SimpleNamespace(score=0.95),))
@@ -33,6 +39,25 @@ def test_a_deadline_is_told_of_where_it_cut_something_short():
     assert deadline_notes(0.5, is_cut=False) == ()
     (note,) = deadline_notes(0.5, is_cut=True)
     assert "0.5 s" in note
+
+
+def test_what_lies_on_the_object_chosen_is_warned_of():
+    order = (Candidate(4, 0.1, "why"), Candidate(7, 1.2, "why", "object 4 may fall"))
+    assert warning_notes(order, tried((4, GRASPS))) == ()
+    assert warning_notes(order, tried((7, SearchResult(())))) == ()
+    assert warning_notes(order, tried((7, GRASPS))) == ("object 4 may fall",)
+
+
+def test_a_plan_on_what_carries_another_object_says_so():
+    capture = Capture.load(data_path("captures", "pile.npz"))
+    pipeline = debrisgrasp.Pipeline(robot="none")
+    seen = pipeline.perceive(capture)
+    order = pipeline.plan(seen).order
+    warned = [c for c in order if c.warning]
+    assert warned
+    for candidate in (order[0], warned[0]):
+        notes = pipeline.plan(seen, object_label=candidate.label).plan.notes
+        assert (candidate.warning in notes) == bool(candidate.warning)
 
 
 def test_a_mass_that_was_meant_for_another_object_is_told_of():

@@ -129,9 +129,9 @@ def test_what_is_no_order_is_refused_with_the_name_of_the_policy(scene, given, w
 
 
 def test_an_order_may_be_a_list_with_numbers_of_numpy(scene):
-    given = [Candidate(np.int64(2), np.float32(0.5), "why")]
+    given = [Candidate(np.int64(2), np.float32(0.5), "why", "beware")]
     (candidate,) = ordered(Returning(given), *scene[::-1])
-    assert candidate == Candidate(2, 0.5, "why")
+    assert candidate == Candidate(2, 0.5, "why", "beware")
     assert (type(candidate.label), type(candidate.cost)) == (int, float)
 
 

@@ -137,6 +137,7 @@ def test_support_aware_takes_what_the_nearest_object_carries():
     assert aware[0].label == 2
     beam = next(item for item in aware if item.label == 1)
     assert "of object 2; take 2 first" in beam.reason
+    assert beam.warning == "object 2 may fall: it lies on object 1"
 
 
 def test_a_tower_carries_what_is_above_down_to_the_ground():
