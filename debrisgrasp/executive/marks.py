@@ -36,7 +36,6 @@ class Mark:
     centroid: FloatArray
     """[m], shape (3,)."""
     reason: str
-    fault: str
     tries: int = 0
     """By a hand, and in vain."""
     searches: int = 0
@@ -116,7 +115,7 @@ class Marks:
         mark.centroid = np.array(centroid, dtype=np.float64)
         mark.n_changes = n_changes
         if not mark.is_heavy:  # whatever comes of pushing it, that is why it is left
-            mark.reason, mark.fault = found.message, found.fault
+            mark.reason = found.message
         if is_search:
             mark.searches += 1
             mark.is_hopeless = found.values.get("candidates") == 0.0
@@ -137,7 +136,7 @@ class Marks:
         """Mark of the object at a place, or a new one."""
         mark = self.of(centroid)
         if mark is None:
-            mark = Mark(np.array(centroid, dtype=np.float64), "", "")
+            mark = Mark(np.array(centroid, dtype=np.float64), "")
             self.marks.append(mark)
         return mark
 

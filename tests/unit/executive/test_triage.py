@@ -280,7 +280,7 @@ class Look:
 def test_a_grasp_without_a_way_is_in_vain_until_the_pile_is_seen_again():
     look, later = Look(), Look()
     tried, unreached, other = (object() for _ in range(3))
-    mark = Mark(np.zeros(3), "no way", "plan_collision", failed=[tried])
+    mark = Mark(np.zeros(3), "no way", failed=[tried])
     mark.sought(look, (unreached,))
     mark.sought(look, (other,))
     assert mark.in_vain(look) == [tried, unreached, other]
