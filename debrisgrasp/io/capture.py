@@ -191,7 +191,7 @@ class Capture:
             raise CaptureError(
                 "file to save to", got=str(path), expected="a name that ends in .npz"
             )
-        arrays: dict[str, NDArray[Any]] = {}
+        arrays: dict[str, Any] = {}
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, SE3):
@@ -201,7 +201,7 @@ class Capture:
         if self.intrinsics is not None:
             arrays["K"] = self.intrinsics.matrix
         buffer = BytesIO()
-        np.savez_compressed(buffer, allow_pickle=False, **arrays)
+        np.savez_compressed(buffer, **arrays)
         write_atomic(path, buffer.getvalue())
 
     def cloud(self) -> PointCloud:

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from debrisgrasp._files import UNREADABLE_ARRAY, PathLike, write_atomic
 from debrisgrasp.errors import ConfigError, OutputError
@@ -107,14 +106,14 @@ def save_reach_map(built: ReachMap, path: PathLike) -> None:
         If it can't be written.
     """
     values = {field.name: getattr(built, field.name) for field in fields(ReachMap)}
-    arrays: dict[str, NDArray[Any]] = {
+    arrays: dict[str, Any] = {
         k: v for k, v in values.items() if isinstance(v, np.ndarray)
     }
     facts = {k: v for k, v in values.items() if k not in arrays and k != "config"}
     facts |= {"schema": _SCHEMA, "maker": _maker(), "config": asdict(built.config)}
     stream = io.BytesIO()
     arrays["facts"] = np.array(json.dumps(facts))
-    np.savez(stream, allow_pickle=False, **arrays)
+    np.savez(stream, **arrays)
     try:
         write_atomic(path, stream.getvalue())
     except FileNotFoundError as error:

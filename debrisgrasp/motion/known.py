@@ -46,7 +46,7 @@ def reached(
     pairs = _pairs(nodes, n_roots)
     free = edges.are_free(nodes[pairs[:, 0]], nodes[pairs[:, 1]])
     free &= edges.is_free(nodes)[pairs].all(axis=1)
-    one, other = pairs[free].T
+    one, other = pairs[free].T.astype(np.int32)  # older SciPy takes no wider rows
     # Of two that are the same, too, one comes before the other.
     length = np.maximum(np.abs(nodes[one] - nodes[other]).max(axis=1), _SHORTEST)
     graph = coo_array((length, (one, other)), shape=(len(nodes),) * 2)
