@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -211,7 +211,7 @@ def _smallest_that_fits(
     known: Known,
     config: CalibrationConfig,
 ) -> tuple[Fit, BoolArray, str, tuple[Attempt, ...], str]:
-    """Try models until one leaves no more than noise, and say why it was kept."""
+    """Try models until one explains all looks; say why the one kept was kept."""
     prior = Prior(
         head=known.head,
         mount_covariance=known.mount_covariance,
@@ -243,28 +243,34 @@ def _smallest_that_fits(
             p_value=p_value,
         )
         tried.append((fit, is_used, attempt))
-        if p_value >= config.significance and n - attempt.n_used <= config.spared(n):
-            why = _why(attempt, [t[2] for t in tried[:-1]])
-            return fit, is_used, model, tuple(t[2] for t in tried), why
-    fit, is_used, attempt = max(
-        tried,
-        key=lambda t: (
-            t[2].p_value >= config.significance,
-            t[2].n_used,
-            -t[2].chi_square / t[2].degrees_of_freedom,
-        ),
-    )
-    why = (
-        f"no model explains all but {config.spared(n)} of {n} observations; "
-        f"{attempt.model!r} comes nearest with {attempt.n_used}"
-    )
-    return fit, is_used, attempt.model, tuple(t[2] for t in tried), why
+        if p_value >= config.significance and attempt.n_used == n:
+            break
+
+    def nearness(candidate: tuple[Fit, BoolArray, Attempt]) -> tuple[bool, int, float]:
+        attempt = candidate[2]
+        is_noise = attempt.p_value >= config.significance
+        left = attempt.chi_square / attempt.degrees_of_freedom
+        return is_noise, attempt.n_used, 0.0 if is_noise else -left
+
+    # To a model that lacks a misplaced fiducial it looks like a few wrong picks, so one
+    # that uses more looks is preferred to a smaller one; of equals the first is kept.
+    fit, is_used, attempt = max(tried, key=nearness)
+    attempts = tuple(t[2] for t in tried)
+    if attempt.p_value < config.significance or n - attempt.n_used > config.spared(n):
+        why = (
+            f"no model explains all but {config.spared(n)} of {n} observations; "
+            f"{attempt.model!r} comes nearest with {attempt.n_used}"
+        )
+    else:
+        why = _why(attempt, attempts[: attempts.index(attempt)])
+    return fit, is_used, attempt.model, attempts, why
 
 
-def _why(kept: Attempt, smaller: list[Attempt]) -> str:
+def _why(kept: Attempt, smaller: Sequence[Attempt]) -> str:
     words = (
-        f"{kept.model!r} leaves no more than noise (chi-square {kept.chi_square:.1f} "
-        f"with {kept.degrees_of_freedom} degrees of freedom, p = {kept.p_value:.2g})"
+        f"{kept.model!r} leaves no more than noise in {kept.n_used} looks (chi-square "
+        f"{kept.chi_square:.1f} with {kept.degrees_of_freedom} degrees of freedom, "
+        f"p = {kept.p_value:.2g})"
     )
     if smaller:
         failed = ", ".join(

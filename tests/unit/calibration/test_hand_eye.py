@@ -233,6 +233,26 @@ class TestModels:
         assert found.model == "mount, fiducial"
         assert found.fiducial == pytest.approx(offset, abs=0.002)
 
+    def test_a_misplaced_fiducial_is_not_taken_for_wrong_picks(self, rng):
+        places = np.concatenate([PLACES, PLACES[:4] * [1, -0.9, 1]])
+        R = so3.exp(rng.normal(0.0, 0.7, places.shape))
+        for offset in rng.normal(0.0, 0.007, (40, 3)):
+            seen = CAMERA.inverse().apply(places + R @ offset)
+            seen = seen + rng.normal(0.0, 0.0025, seen.shape)
+            found = calibrate(Observations(places, seen, R_base_wrist=R))
+            assert not found.is_outlier.any()
+
+    def test_a_larger_model_does_not_take_in_a_wrong_pick(self, rng):
+        R = sampling.random_rotations(8, rng=rng)
+        given = looks(noise=0.0025, rng=rng, R_base_wrist=R)
+        picks = given.points_camera.copy()
+        picks[4] += (0.03, -0.02, 0.035)
+        wrong = Observations(given.points_base, picks, R_base_wrist=R)
+        found = calibrate(wrong)
+        assert [a.model for a in found.attempts] == ["mount", "mount, fiducial"]
+        assert (found.model, found.kept.n_used) == ("mount", 7)
+        assert "is the smallest model" in found.why_model
+
     def test_the_smallest_model_is_kept_when_it_fits(self, rng):
         R = sampling.random_rotations(8, rng=rng)
         found = calibrate(looks(noise=0.002, rng=rng, R_base_wrist=R))
