@@ -16,7 +16,11 @@ import numpy as np
 from debrisgrasp.calibration import MarkerConfig, MarkerMissing, find_marker
 from debrisgrasp.errors import CaptureError, ConfigError
 from debrisgrasp.io import Capture
-from debrisgrasp.io.observations_file import SCHEMA, load_observations
+from debrisgrasp.io.observations_file import (
+    SCHEMA,
+    load_observations,
+    observations_to_dict,
+)
 
 from .reports import PAGE_FORMS, require_places
 from .values import number, some_path
@@ -180,9 +184,8 @@ def run_pick(arguments: argparse.Namespace) -> int:
                 got=len(given.rows),
                 expected=f"one for each of {len(captures)} captures",
             )
-        names = {"robot": given.robot, "fiducial": given.fiducial}
-        header |= {k: v for k, v in names.items() if v is not None}
-        rows = [{"name": r.name, "joints": dict(r.joints)} for r in given.rows]
+        header = observations_to_dict(given)
+        rows = header.pop("observations")
     pick = import_module("debrisgrasp.viz.pick")
     views = [
         pick.PickView(capture=capture, observation=row)

@@ -27,6 +27,7 @@ __all__ = [
     "ObservationFile",
     "ObservationRow",
     "load_observations",
+    "observations_to_dict",
     "require_unfilled",
     "save_observations",
 ]
@@ -91,8 +92,8 @@ def load_observations(path: str | os.PathLike[str]) -> ObservationFile:
     )
 
 
-def save_observations(given: ObservationFile, path: str | os.PathLike[str]) -> None:
-    """Write observations as JSON, which YAML readers take too."""
+def observations_to_dict(given: ObservationFile) -> dict[str, Any]:
+    """Observations as JSON values; what isn't known is left out, but for points."""
     head = {
         "schema": SCHEMA,
         "robot": given.robot,
@@ -115,6 +116,12 @@ def save_observations(given: ObservationFile, path: str | os.PathLike[str]) -> N
         {k: v for k, v in row.items() if k == "point" or v not in (None, {})}
         for row in rows
     ]
+    return content
+
+
+def save_observations(given: ObservationFile, path: str | os.PathLike[str]) -> None:
+    """Write observations as JSON, which YAML readers take too."""
+    content = observations_to_dict(given)
     write_atomic(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 

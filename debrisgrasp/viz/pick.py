@@ -62,7 +62,7 @@ class PickView:
 
     capture: Seen
     observation: Mapping[str, Any]
-    """Fields of the observation that are known: its name, its joints."""
+    """Fields of the observation that are known, its name and its joints among them."""
 
 
 def pick_html(

@@ -309,16 +309,33 @@ def test_a_page_to_pick_in_is_written(run, tmp_path, pipe_file):
     replace(one, depth=one.depth + 0.001).save(other)
     ended = run("calibrate", "pick", pipe_file, other, "--into", todo, "--report", page)
     assert ended.status == 0
-    text = page.read_text()
-    assert "{{" not in text
-    start = text.index('id="data">') + len('id="data">')
-    content = json.loads(text[start : text.index("</script>", start)])
+    assert "{{" not in page.read_text()
+    content = _data_of(page)
     assert content["header"]["fiducial"] == LED
     assert [v["observation"]["name"] for v in content["views"]] == ["look_1", "look_2"]
     assert content["views"][0]["camera"][:2] == [240.0, 240.0]
     assert "no capture for" not in ended.out
     ended = run("calibrate", "pick", pipe_file, "--into", todo, "--report", page)
     assert "no capture for look_2" in ended.out
+
+
+def test_what_is_known_of_an_observation_stays_while_its_point_is_picked(
+    run, tmp_path, pipe_file
+):
+    row = {"name": "a", "position": [0.8, 0.1, 0.3], "sigma": [0.001, 0.001, 0.004]}
+    todo, page = tmp_path / "todo.json", tmp_path / "pick.html"
+    header = {"sigma": 0.005, "kinematic_sigma": 0.002}
+    todo.write_text(json.dumps({**header, "observations": [row]}))
+    run("calibrate", "pick", pipe_file, "--into", todo, "--report", page)
+    content = _data_of(page)
+    assert header.items() <= content["header"].items()
+    assert row.items() <= content["views"][0]["observation"].items()
+
+
+def _data_of(page):
+    text = page.read_text()
+    start = text.index('id="data">') + len('id="data">')
+    return json.loads(text[start : text.index("</script>", start)])
 
 
 def test_one_capture_is_no_look_at_two_postures(refused, tmp_path, pipe_file):
