@@ -81,6 +81,9 @@ class SafetyConfig:
     lead: float = 0.012
     """Time in which an arm that is stopped comes to stand [s]: the load must stay below
     its limit until then, if it grows on."""
+    trend: float = 0.004
+    """Over which its growth is measured [s]; over less, noise would look like growth to
+    a fast loop."""
     bias: BiasBound = BiasBound()
 
     def __post_init__(self) -> None:
@@ -110,6 +113,8 @@ class SafetyState(NamedTuple):
     """The two loads before the latest."""
     load: Wrench
     """Latest load, median of three."""
+    trend: tuple[float, Wrench]
+    """When growth was judged last [s], and the load then."""
     stop: Stop | None = None
 
 

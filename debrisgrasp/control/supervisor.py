@@ -138,8 +138,8 @@ class Supervisor:
         load = self.loads.load_ee(raw, R)
         now = float(reading.time)
         stamp = float(reading.wrench_time)
-        wrench = raw
-        return SafetyState(now, stamp, wrench, now, q, now, (load, load), load)
+        recent, trend = (load, load), (stamp, load)
+        return SafetyState(now, stamp, raw, now, q, now, recent, load, trend)
 
     def step(
         self,
@@ -252,9 +252,14 @@ class Supervisor:
         load = _median(older, last, latest)
         changed = state.changed if is_moving and raw == state.raw else now
         before, previous = state.raw, state.load
-        ahead = self.config.lead / max(self._period, stamp - state.wrench_time)
-        state = SafetyState(now, stamp, raw, changed, q, followed, (last, latest), load)
-        fault, words = self._judged_load(load, previous, reference, now, ahead)
+        (since, earlier), ahead, trend = state.trend, 0.0, state.trend
+        if stamp - since > self.config.trend - 0.5 * self._period:
+            ahead = self.config.lead / max(self._period, stamp - since)
+            trend = (stamp, load)
+        state = SafetyState(
+            now, stamp, raw, changed, q, followed, (last, latest), load, trend
+        )
+        fault, words = self._judged_load(load, previous, reference, now, earlier, ahead)
         if fault is None:
             fault, words = self._judged_sensor(raw, before, now - changed)
         if fault is not None:
@@ -289,9 +294,13 @@ class Supervisor:
         previous: Wrench,
         reference: Wrench,
         now: float,
+        earlier: Wrench,
         ahead: float,
     ) -> tuple[Fault | None, str]:
-        """Judge a load, and what it comes to after ``ahead`` more samples."""
+        """Judge a load, and what it comes to if it grows by ``ahead`` times so much.
+
+        So much as since the ``earlier`` load, at which growth was judged last.
+        """
         most_force, most_torque = self.load_limits(now)
         a, b, c, d, e, f = load
         force, torque = hypot(a, b, c), hypot(d, e, f)
@@ -306,6 +315,7 @@ class Supervisor:
         if not (jump <= config.jump_force and twist <= config.jump_torque):
             words = f"by {jump:.0f} N, {twist:.1f} N m between two samples"
             return Fault.WRENCH_JUMP, words
+        p, q, r, s, t, u = earlier
         grows, twists = force - hypot(p, q, r), torque - hypot(s, t, u)
         if config.motion_force is not None or config.motion_torque is not None:
             p, q, r, s, t, u = reference
