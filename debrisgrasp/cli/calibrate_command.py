@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib import import_module
@@ -20,7 +21,7 @@ from debrisgrasp._calibrating import (
     observations_of,
     rig_of,
 )
-from debrisgrasp._files import require_own
+from debrisgrasp._files import is_yaml, require_own
 from debrisgrasp._words import as_text
 from debrisgrasp.calibration import (
     Calibration,
@@ -221,7 +222,11 @@ def run_choose(arguments: argparse.Namespace) -> int:
         T_base_camera=None if stored is None else stored.T_base_camera,
     )
     if arguments.out:
-        save_observations(plan.to_file(str(robot), rig.fiducial), arguments.out)
+        named = str(robot)
+        if is_yaml(robot):
+            # Where the observations are read, a robot's file is sought beside them.
+            named = os.path.relpath(robot, arguments.out.parent)
+        save_observations(plan.to_file(named, rig.fiducial), arguments.out)
     if arguments.json:
         print(json.dumps(plan_to_list(plan), indent=1))
         return 0

@@ -176,6 +176,21 @@ def test_postures_are_chosen_into_a_file_to_be_filled_in(run, tmp_path, refused)
     assert "default" not in refused("calibrate", "choose")
 
 
+def test_a_robots_file_is_found_from_where_its_postures_were_written(
+    run, refused, tmp_path, monkeypatch
+):
+    robots, looks = tmp_path / "robots", tmp_path / "looks"
+    robots.mkdir()
+    looks.mkdir()
+    for suffix in (".yaml", ".urdf"):
+        shutil.copy(data_path("robots", f"roman{suffix}"), robots)
+    monkeypatch.chdir(robots)
+    todo = looks / "todo.json"
+    chosen = ("calibrate", "choose", "--robot", "roman.yaml", "--fiducial", LED)
+    assert run(*chosen, "-n", 4, "--out", todo).status == 0
+    assert "no point for look_1" in refused("calibrate", todo)
+
+
 def test_the_camera_sees_what_was_chosen_and_nothing_is_touched(rig, rng):
     view = View()
     plan = choose_postures(rig, 8, rng=rng)
