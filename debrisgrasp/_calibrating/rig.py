@@ -25,7 +25,10 @@ from debrisgrasp.kinematics.urdf import UrdfJoint
 __all__ = ["CalibrationRig", "observations_of", "rig_of"]
 
 _LIMIT_SLACK = 0.1
-"""How far a joint may read beyond its limit [rad]; more is another unit."""
+"""How far a joint may read beyond its limit [rad or m]; more is another unit."""
+_FARTHEST_WOUND = 4.0 * np.pi
+"""No joint without limits is wound up so far [rad]; most angles in degrees are."""
+_DEGREES = "degrees: multiply by pi / 180"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -179,15 +182,17 @@ class CalibrationRig:
             )
         for name, value in row.joints.items():
             joint = self.robot.tree.joints[name]
-            low, high = joint.lower - _LIMIT_SLACK, joint.upper + _LIMIT_SLACK
-            if joint.kind != "fixed" and not low <= value <= high:
+            low = max(joint.lower, -_FARTHEST_WOUND)
+            high = min(joint.upper, _FARTHEST_WOUND)
+            is_within = low - _LIMIT_SLACK <= value <= high + _LIMIT_SLACK
+            if joint.kind != "fixed" and not is_within:
+                slides = joint.kind == "prismatic"
+                mend = "millimetres: divide by 1000" if slides else _DEGREES
                 raise InputError(
                     f"joint {name} of observation {row.name}",
                     got=f"{value:g}",
-                    expected=f"{joint.lower:.4g} to {joint.upper:.4g}",
-                    mend="It looks like degrees: multiply by pi / 180."
-                    if abs(value) > 6.3
-                    else "",
+                    expected=f"{low:.4g} to {high:.4g} {'m' if slides else 'rad'}",
+                    mend=f"It looks like {mend}." if abs(value) > 6.3 else "",
                 )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 
@@ -270,6 +271,28 @@ def test_joints_that_can_not_be_are_refused(rig, joints, word):
     bad = type(row)(name="x", point=row.point, joints=merged)
     with pytest.raises(InputError, match=word):
         rig.observations(ObservationFile(rows=(bad,)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "word"),
+    [("prismatic", 120.0, "millimetres"), ("continuous", -40.0, "degrees")],
+)
+def test_joints_of_any_kind_are_refused_in_another_unit(tmp_path, kind, value, word):
+    text = data_path("robots", "roman.urdf").read_text()
+    joint = re.search(
+        r'<joint name="right_arm_joint1" type="revolute">.*?</joint>', text, re.S
+    )
+    changed = joint[0].replace("revolute", kind)
+    if kind == "continuous":
+        changed = re.sub(r' (lower|upper)="[^"]*"', "", changed)
+    (tmp_path / "roman.urdf").write_text(text.replace(joint[0], changed))
+    shutil.copy(data_path("robots", "roman.yaml"), tmp_path)
+    robot = RobotModel.load(tmp_path / "roman.yaml")
+    rig = CalibrationRig(robot=robot, fiducial=LED)
+    row = load_observations(LOOKS).rows[0]
+    row = replace(row, joints={**row.joints, "right_arm_joint1": value})
+    with pytest.raises(InputError, match=word):
+        rig.observations(ObservationFile(rows=(row,)))
 
 
 def test_what_carries_no_fiducial_is_refused(tmp_path):
