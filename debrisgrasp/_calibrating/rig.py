@@ -80,10 +80,16 @@ class CalibrationRig:
             moved = {j.name for j in self._joints(self.fiducial)}
             if moved & set(spec.joints) - set(self.shared):
                 return name
+        above = {joint.name for joint in self._joints(self.camera)}
+        is_on_arm = any(above >= set(spec.joints) for spec in self.robot.arms.values())
         raise ConfigError(
             "fiducial",
             got=f"link {self.fiducial!r}, which no arm moves",
             expected="a link on " + " or ".join(self.robot.arms),
+            mend="A camera that an arm carries is calibrated in Python "
+            "(docs/calibration.md, A camera on the wrist)."
+            if is_on_arm
+            else "",
         )
 
     @cached_property

@@ -211,19 +211,21 @@ def _looking_up(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _below_ground(evidence: Evidence) -> Iterator[Finding]:
-    height = float(evidence.T_base_camera.p[2])
+    height, nominal = float(evidence.T_base_camera.p[2]), evidence.nominal
+    # In the frame of a wrist z is no height, and a camera may well sit behind.
+    is_below = height < 0.0 and (nominal is None or float(nominal.p[2]) >= 0.0)
     # An upright camera's y axis points down, that of one that looks down is level.
     is_flipped = (
-        evidence.nominal is None  # else the distance from it tells
+        nominal is None  # else the distance from it tells
         and _is_flat(evidence)
         and float(evidence.T_base_camera.R[2, 1]) > 0.2
     )
-    if height >= 0.0 and not is_flipped:
+    if not is_below and not is_flipped:
         yield from _looking_up(evidence)
         return
     problem = (
         f"the camera comes out {-height:.2f} m below the ground"
-        if height < 0.0
+        if is_below
         else "the camera comes out upside down"
     )
     if _is_flat(evidence):

@@ -299,8 +299,12 @@ def test_what_carries_no_fiducial_is_refused(tmp_path):
     with pytest.raises(UnknownNameError, match="led_fram"):
         CalibrationRig(robot=RobotModel.load("roman"), fiducial="led_fram")
     still = CalibrationRig(robot=RobotModel.load("roman"), fiducial="chassis_link")
-    with pytest.raises(ConfigError, match="no arm moves"):
+    with pytest.raises(ConfigError, match="no arm moves") as refused:
         _ = still.arm
+    assert "wrist" not in str(refused.value)
+    on_wrist = replace(still.robot, camera="left_hand")
+    with pytest.raises(ConfigError, match="camera that an arm carries"):
+        _ = CalibrationRig(robot=on_wrist, fiducial="chassis_link").arm
     with pytest.raises(ConfigError, match="--fiducial"):
         rig_of(ObservationFile(rows=()), tmp_path, "roman")
 

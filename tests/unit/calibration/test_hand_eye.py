@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.calibration import (
+    Head,
     Known,
     Observations,
     WorkspaceError,
@@ -187,6 +188,30 @@ class TestHead:
         expected = moved.adjoint() @ found.covariance @ moved.adjoint().T
         assert found.covariance_at(q) == pytest.approx(expected, rel=1e-9)
         assert found.covariance_at(REST) == pytest.approx(found.covariance)
+
+
+class TestWrist:
+    """The camera rides on the wrist, which stands in for the base."""
+
+    BEHIND = SE3.from_parts(p=[0.05, 0.01, -0.03])
+    IN_WRIST = PLACES * [0.5, 0.5, 1.0] - [0.5, 0.0, -0.2]
+
+    def test_a_camera_behind_the_flange_is_not_below_ground(self):
+        nominal = SE3.from_parts(p=[0.06, 0.0, -0.02])
+        found = calibrate(
+            looks(self.IN_WRIST, T_base_camera=self.BEHIND),
+            Known(head=Head.fixed(nominal)),
+        )
+        assert "ground" not in str(found.decision)
+        assert found.T_base_camera.matrix == pytest.approx(self.BEHIND.matrix)
+
+    def test_a_camera_below_a_nominal_one_above_ground_is_refused(self):
+        nominal = SE3.from_parts(p=[0.06, 0.0, 0.02])
+        found = calibrate(
+            looks(self.IN_WRIST, T_base_camera=self.BEHIND),
+            Known(head=Head.fixed(nominal)),
+        )
+        assert "0.03 m below the ground" in str(found.decision)
 
 
 class TestModels:
