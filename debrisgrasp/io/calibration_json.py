@@ -218,6 +218,8 @@ def _stored(content: dict[str, Any], path: Path) -> StoredCalibration:
     names = tuple(map(str, head["joints"]))
     k = len(names)
     problems = tuple(str(f["problem"]) for f in content["findings"])
+    if content["accepted"] is not True:
+        problems = problems or ("no reason given",)
     return StoredCalibration(
         T_base_camera=SE3.from_matrix(content["T_base_camera"], "T_base_camera"),
         covariance=_covariance(content["covariance"], 6),
@@ -234,21 +236,25 @@ def _stored(content: dict[str, Any], path: Path) -> StoredCalibration:
         head_covariance=_covariance(head["covariance"], 6 + k),
         fiducial=frozen(content["fiducial_shift"], "fiducial_shift", (3,)),
         date=str(content["date"]),
-        problems=problems or (() if content["accepted"] else ("no reason given",)),
+        problems=problems,
         path=path,
     )
 
 
 def _covariance(rows: Any, size: int) -> FloatArray:
-    """Check a covariance: finite, symmetric, without negative variances."""
+    """Check a covariance: that of a pose is regular, offsets may have none."""
     matrix = frozen(rows, "covariance", (size, size))
     require_finite(matrix, "covariance")
+    least = np.linalg.eigvalsh(matrix)[0]
     if (
         not np.allclose(matrix, matrix.T, atol=1e-9)
-        or (np.diagonal(matrix) < 0.0).any()
+        or least < -1e-12
+        or np.linalg.eigvalsh(matrix[:6, :6])[0] <= 0.0
     ):
         raise ConfigError(
-            "covariance", got="no covariance", expected="a symmetric matrix, variances"
+            "covariance",
+            got="no covariance",
+            expected="a symmetric matrix with positive eigenvalues",
         )
     return matrix
 

@@ -201,6 +201,8 @@ def test_a_refused_calibration_is_not_used_unnoticed(tmp_path):
     [
         ("T_base_camera", [[1, 0], [0, 1]]),
         ("covariance", [[1.0]]),
+        ("covariance", np.zeros((6, 6)).tolist()),
+        ("covariance", (np.eye(6) - 0.9 * np.eye(6)[::-1] - np.ones(6)).tolist()),
         ("head", {}),
         ("findings", 3),
         ("fiducial_shift", "x"),
@@ -212,3 +214,21 @@ def test_a_damaged_calibration_is_refused(tmp_path, field, value):
     path.write_text(json.dumps({**content, field: value}))
     with pytest.raises(ConfigError, match=r"c\.json"):
         load_calibration(path)
+
+
+def test_a_head_without_uncertainty_is_refused(tmp_path):
+    content = calibration_to_dict(calibrate(looks()), date=NOON)
+    content["head"]["covariance"] = np.zeros((6, 6)).tolist()
+    path = tmp_path / "c.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(ConfigError, match="covariance"):
+        load_calibration(path)
+
+
+@pytest.mark.parametrize("accepted", ["no", 1, None])
+def test_only_what_says_so_is_accepted(tmp_path, accepted):
+    content = calibration_to_dict(calibrate(looks()), date=NOON)
+    path = tmp_path / "c.json"
+    path.write_text(json.dumps({**content, "accepted": accepted}))
+    with pytest.raises(ConfigError, match="no reason given"):
+        load_calibration(path).require_accepted()
