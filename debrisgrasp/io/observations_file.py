@@ -164,10 +164,10 @@ def _from_mapping(content: Any, path: Path) -> ObservationFile:
             else "no list of observations",
             expected="a mapping with the list `observations`",
         )
-    known = ("schema", "robot", "fiducial", "sigma", "kinematic_sigma", "observations")
-    _allow(content, known, str(path))
     if content.get("schema", SCHEMA) != SCHEMA:
         raise ConfigError(f"schema of {path}", got=content["schema"], expected=SCHEMA)
+    known = ("schema", "robot", "fiducial", "sigma", "kinematic_sigma", "observations")
+    _allow(content, known, str(path))
     rows = [
         _row(item, f"observation {number} of {path}", str(number))
         for number, item in enumerate(content["observations"], start=1)

@@ -232,3 +232,10 @@ def test_only_what_says_so_is_accepted(tmp_path, accepted):
     path.write_text(json.dumps({**content, "accepted": accepted}))
     with pytest.raises(ConfigError, match="no reason given"):
         load_calibration(path).require_accepted()
+
+
+def test_a_calibration_is_no_list_of_observations(tmp_path):
+    path = tmp_path / "c.json"
+    save_calibration(path, calibration_to_dict(calibrate(looks()), date=NOON))
+    with pytest.raises(ConfigError, match="schema of"):
+        load_observations(path)
