@@ -55,7 +55,7 @@ class ControllerConfig:
     """Settings of a leg."""
 
     period: float = 0.004
-    """Of the control loop [s]."""
+    """Of the control loop [s], up to `SafetyConfig.stop_after`."""
     speed: float = 0.03
     """Of the hand along the leg [m/s]."""
     turn_rate: float = 0.2
@@ -78,7 +78,9 @@ class ControllerConfig:
     """After waiting for so long the leg counts as blocked [s]."""
 
     def __post_init__(self) -> None:
-        require_range("ControllerConfig.period [s]", self.period, 1e-4, 0.1)
+        # A tick that comes later than that stops the arm.
+        longest = self.safety.stop_after
+        require_range("ControllerConfig.period [s]", self.period, 1e-4, longest)
         for name in (
             "speed",
             "turn_rate",
