@@ -161,7 +161,8 @@ def limits_are_true(robot: Robot) -> Iterator[str]:
         for what in ("lower", "upper", "velocity", "acceleration"):
             a, b = getattr(said, what), getattr(known, what)
             for joint, own, model in zip(said.joint_names, a, b, strict=True):
-                if abs(own - model) > 1e-3 * max(1.0, abs(model)) and own != model:
+                # A joint without limits has infinite ones, whose difference is NaN.
+                if own != model and abs(own - model) > 1e-3 * max(1.0, abs(model)):
                     factor = np.rad2deg(1.0)
                     is_degrees = np.isclose(own, factor * model, rtol=0.01)
                     hint = "; radians, not degrees?" if is_degrees else ""

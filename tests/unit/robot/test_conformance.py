@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.robot import CHECKS, MOVING_CHECKS, check_robot
+from debrisgrasp.robot.promises import limits_are_true
 from tests.unit.robot.broken_robots import (
     backward_clock,
     blind,
@@ -53,6 +58,17 @@ def test_our_robot_conforms_even_in_motion():
     report = check_robot(made(), motion=True)
     assert report.is_conformant, str(report)
     assert len(report.passed) == len(CHECKS) + len(MOVING_CHECKS)
+
+
+def test_joints_without_limits_are_those_of_the_model():
+    model = RobotModel.load("roman")
+    joint = model.tree.joints["left_arm_joint1"]
+    endless = replace(joint, kind="continuous", lower=-np.inf, upper=np.inf)
+    joints = {**model.tree.joints, joint.name: endless}
+    model = replace(model, tree=replace(model.tree, joints=joints))
+    arm = SimpleNamespace(limits=model.limits("left").hardware)
+    robot = SimpleNamespace(model=model, limbs={"left": SimpleNamespace(arm=arm)})
+    assert list(limits_are_true(robot)) == []
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=str)
