@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import inf, isfinite
 from numbers import Real
 from pathlib import Path
 
@@ -176,11 +176,25 @@ class RobotModel:
         """Limits of the joints of an arm's chain; None: those of `chain`.
 
         Speeds come from the URDF, the rest from the robot's file.
+
+        Raises
+        ------
+        ConfigError
+            If the URDF has no speed for a joint.
         """
         spec, chain = self.arm(arm), chain or self.chain(arm)
+        speeds = {name: self.tree.joints[name].velocity for name in chain.joint_names}
+        for name, speed in speeds.items():
+            if not 0.0 < speed < inf:
+                raise ConfigError(
+                    f"largest speed of joint {name} of robot {self.name}",
+                    got="none" if speed == inf else speed,
+                    expected="one above 0 [rad/s or m/s], from the data sheet",
+                    mend=f"Give `velocity` in its <limit> in {self.tree.path.name}.",
+                )
         hardware = LimitSet.of_chain(
             chain,
-            velocity=[self.tree.joints[name].velocity for name in chain.joint_names],
+            velocity=list(speeds.values()),
             acceleration=spec.limits["acceleration"],
             force=spec.limits["force"],
             torque=spec.limits["torque"],

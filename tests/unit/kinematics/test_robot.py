@@ -223,3 +223,13 @@ def test_a_posture_that_is_not_defined_is_refused(tmp_path: Path) -> None:
     arms["left"]["idle"] = "asleep"
     with pytest.raises(ConfigError, match="one of its postures: ready, travel, zero"):
         RobotModel.load(_changed(tmp_path, {"arms": arms}))
+
+
+@pytest.mark.parametrize(("speed", "told"), [(np.inf, "none"), (0.0, "0.0")])
+def test_a_joint_without_a_speed_is_named(
+    roman: RobotModel, speed: float, told: str
+) -> None:
+    joint = replace(roman.tree.joints["left_arm_joint3"], velocity=speed)
+    tree = replace(roman.tree, joints={**roman.tree.joints, joint.name: joint})
+    with pytest.raises(ConfigError, match=rf"left_arm_joint3.*{told}.*velocity.*urdf"):
+        replace(roman, tree=tree).limits("left")
