@@ -15,6 +15,8 @@ from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
+from ._rigid import floats_of
+
 __all__ = [
     "FingerReading",
     "GripCommand",
@@ -246,11 +248,11 @@ class GripController:
 
     def _is_usable(self, reading: FingerReading, n: int) -> bool:
         """Whether all fingers are there, with numbers that a hand can have."""
-        if not len(reading.openings) == len(reading.forces) == n:
-            return False
+        # Empty if any is no number, as from a hand that tells no forces.
+        openings, forces = floats_of(reading.openings), floats_of(reading.forces)
         least = -self.config.tolerance
-        return isfinite(sum(reading.forces)) and all(
-            least <= opening <= _WIDEST for opening in reading.openings
+        return len(openings) == len(forces) == n and all(
+            least <= opening <= _WIDEST for opening in openings
         )
 
     def _preshaping(self, state: GripState, reading: FingerReading) -> GripState:

@@ -235,6 +235,14 @@ def test_a_hand_of_other_fingers_is_no_usable_one(n):
     assert command.openings == (CONFIG.opening,) * 3
 
 
+@pytest.mark.parametrize("forces", [(None,) * 3, [None] * 3, None, ("a", "b", "c")])
+def test_a_hand_that_tells_no_forces_is_no_usable_one(forces):
+    grip = GripController(CONFIG)
+    state, command = grip.step(grip.preshape(), FingerReading((0.12,) * 3, forces))
+    assert state.phase is GripPhase.LOST
+    assert command.openings == (CONFIG.opening,) * 3
+
+
 def test_fingers_of_a_side_stop_at_their_share_of_the_resistance():
     grip = GripController(CONFIG)
     state = grip.preshape()
