@@ -118,7 +118,8 @@ class Evidence:
     places: FloatArray
     """Fiducial positions, base frame [m], shape (n, 3)."""
     has_prior: bool
-    has_fiducial: bool
+    fiducial: FloatArray | None
+    """Shift of the fiducial on its link [m], shape (3,); None if it was not fitted."""
     p_value: float
     noise_ratio: float
     """Size of the residuals in units of what the stated noise leaves."""
@@ -154,7 +155,7 @@ def _too_few(evidence: Evidence, config: CalibrationConfig) -> Iterator[Finding]
     wanted = config.min_places
     if evidence.has_prior:
         wanted = config.min_places_known
-    elif evidence.has_fiducial:
+    elif evidence.fiducial is not None:
         wanted = config.min_places_fiducial
     found = n_distinct(evidence.places[evidence.is_used], config.distinct)
     if found < wanted:
@@ -275,6 +276,15 @@ def _notes(evidence: Evidence, config: CalibrationConfig) -> Iterator[str]:
     if 0 < n - n_used <= config.spared(n):
         dropped = [evidence.names[i] for i in np.flatnonzero(~evidence.is_used)]
         yield f"left out as a wrong pick: {', '.join(dropped)}"
+    if evidence.fiducial is not None:
+        shift = float(np.linalg.norm(evidence.fiducial))
+        x, y, z = 1e3 * evidence.fiducial
+        doubt = "; is it on the link that was named?"
+        yield (
+            f"the fiducial sits {1e3 * shift:.0f} mm from where the model has it, by "
+            f"({x:.0f}, {y:.0f}, {z:.0f}) mm on its link"
+            + (doubt if shift > 2.0 * config.fiducial_sigma else "")
+        )
     if 1.0 - evidence.p_value < config.significance:
         yield (
             f"residuals are only {evidence.noise_ratio:.2f} times what the stated "

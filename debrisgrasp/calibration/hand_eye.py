@@ -308,7 +308,7 @@ def _described(
         is_used=is_used,
         places=observations.points_base,
         has_prior=fit.terms.keeps_mount,
-        has_fiducial=fit.terms.has_fiducial,
+        fiducial=fit.fiducial if fit.terms.has_fiducial else None,
         p_value=attempt.p_value,
         noise_ratio=float(np.sqrt(fit.chi_square / fit.degrees_of_freedom)),
         error=error,

@@ -258,6 +258,19 @@ class TestModels:
         assert found.model == "mount, fiducial"
         assert found.fiducial == pytest.approx(offset, abs=0.002)
 
+    @pytest.mark.parametrize(("times", "is_doubted"), [(1.0, False), (2.0, True)])
+    def test_how_far_a_fiducial_sits_from_the_model_is_said(
+        self, rng, times, is_doubted
+    ):
+        places = np.concatenate([PLACES, PLACES * [1, -0.9, 1]])
+        R = sampling.random_rotations(16, rng=rng)
+        offset = times * np.array([0.012, -0.02, 0.008])
+        seen = CAMERA.inverse().apply(places + R @ offset)
+        found = calibrate(Observations(places, seen, 0.0005, R_base_wrist=R))
+        (said,) = [note for note in found.decision.notes if "fiducial" in note]
+        assert f"{1e3 * np.linalg.norm(offset):.0f} mm from where" in said
+        assert ("is it on the link" in said) is is_doubted
+
     def test_a_misplaced_fiducial_is_not_taken_for_wrong_picks(self, rng):
         places = np.concatenate([PLACES, PLACES[:4] * [1, -0.9, 1]])
         R = so3.exp(rng.normal(0.0, 0.7, places.shape))
