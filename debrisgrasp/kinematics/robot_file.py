@@ -93,8 +93,8 @@ class RobotFile:
             camera=reader.text("camera") if reader.has("camera") else None,
             drives=reader.flag("drives") if reader.has("drives") else True,
             rest=reader.numbers("rest") if reader.has("rest") else {},
-            frames=tuple(_frame(str(name), frames[name], path) for name in frames),
-            arms={name: _arm(str(name), arms[name], path) for name in arms},
+            frames=tuple(_frame(name, frames[name], path) for name in frames),
+            arms={name: _arm(name, arms[name], path) for name in arms},
             ignored_collisions=reader.pairs("ignored_collisions"),
         )
 
@@ -214,7 +214,8 @@ class _Reader:
         return bool(self._get(field, bool, "true or false"))
 
     def mapping(self, field: str) -> dict[str, Any]:
-        return dict(self._get(field, dict, "a mapping"))
+        content = self._get(field, dict, "a mapping")
+        return {str(name): value for name, value in content.items()}
 
     def texts(self, field: str) -> tuple[str, ...]:
         values = self._get(field, list, "a list of names")
@@ -233,7 +234,7 @@ class _Reader:
                     got=repr(value),
                     expected="a finite number [rad or m]",
                 )
-        return {str(joint): float(value) for joint, value in values.items()}
+        return {joint: float(value) for joint, value in values.items()}
 
     def triple(self, field: str) -> tuple[float, ...]:
         values = self._get(field, list, "three numbers [m or rad]")

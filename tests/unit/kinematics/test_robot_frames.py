@@ -120,6 +120,18 @@ def test_a_wrong_arm_is_refused(described, change, message):
         RobotModel.load(described(frames(), arms={"arm": right | change}))
 
 
+def test_names_may_be_numbers(described):
+    """YAML reads 1 as a number; where names meet, each has to be text."""
+    arm = yaml.safe_load(described(frames()).read_text())["arms"]["arm"]
+    numbered = arm | {"postures": {0: {}, 1: {}}, "present": "0", "idle": "1"}
+    robot = RobotModel.load(described(frames(), arms={1: numbered, 2: numbered}))
+    assert tuple(robot.arms) == tuple(arm.name for arm in robot.arms.values())
+    with pytest.raises(UnknownNameError, match="one of 1, 2"):
+        robot.arm("port")
+    with pytest.raises(ConfigError, match="one of its postures: 0, 1"):
+        RobotModel.load(described(frames(), arms={1: numbered | {"idle": "2"}}))
+
+
 def test_a_joint_that_rests_beyond_its_limits_is_refused(described):
     with pytest.raises(ConfigError, match=r"joint1 in rest of robot row.*degrees"):
         RobotModel.load(described(frames(), rest={"joint1": 90.0}))
