@@ -100,7 +100,7 @@ class RobotModel:
             if not where.startswith("joints of"):
                 self._require_within_limits(where, values)
         for arm in self.arms.values():
-            self._require_hand_beyond_joints(arm)
+            self._require_own_joints(arm)
 
     def _require_within_limits(self, where: str, values: Mapping[str, float]) -> None:
         for name, value in values.items():
@@ -120,16 +120,39 @@ class RobotModel:
                 mend=f"If these are {mend}.",
             )
 
-    def _require_hand_beyond_joints(self, arm: ArmSpec) -> None:
-        """Refuse to leave a part of the arm out of the test against the scene."""
-        carried = self.tree.links_below(arm.hand) - {arm.hand}
-        for name in arm.joints:
-            if self.tree.joints[name].child in carried:
+    def _require_own_joints(self, arm: ArmSpec) -> None:
+        """Refuse joints, postures and a hand that are not of this arm."""
+        tree, what = self.tree, f"of arm {arm.name} of robot {self.name}"
+        above = {
+            link: {joint.name for joint in tree.joints_above(link)}
+            for link in (self.base, arm.tip, arm.hand)
+        }
+        moving = above[arm.tip] - above[self.base]
+        for k, name in enumerate(arm.joints):
+            if name not in moving or name in arm.joints[:k]:
                 raise ConfigError(
-                    f"hand of arm {arm.name} of robot {self.name}",
-                    got=f"{arm.hand!r}, which carries joint {name} of the arm",
+                    f"joints {what}",
+                    got=f"{name}, {'twice' if name in moving else 'not between them'}",
+                    expected=f"joints between base {self.base!r} and tip {arm.tip!r}",
+                )
+            # What hangs on the hand is left out of the test against the scene.
+            if name not in above[arm.hand]:
+                hangs = tree.joints[name].child in tree.links_below(arm.hand)
+                carries = "carries" if hangs else "is not carried by"
+                raise ConfigError(
+                    f"hand {what}",
+                    got=f"{arm.hand!r}, which {carries} joint {name} of the arm",
                     expected="the link at which the hand begins, beyond all its joints",
                 )
+        others = {name for other in self.arms.values() for name in other.joints}
+        for key, posture in arm.postures.items():
+            for name in posture:
+                if name in others.difference(arm.joints):
+                    raise ConfigError(
+                        f"posture {key!r} {what}",
+                        got=f"{name}, a joint of another arm",
+                        expected="joints of this arm: " + ", ".join(arm.joints),
+                    )
 
     def arm(self, name: str) -> ArmSpec:
         """Return an arm by name, or raise `UnknownNameError` listing the arms."""

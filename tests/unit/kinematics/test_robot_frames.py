@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from debrisgrasp._files import data_path
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
@@ -112,12 +113,42 @@ def test_a_wrong_frame_is_refused(described, change, message):
         ({"limits": {"force": 0.0}}, "limits.force"),
         ({"postures": {"zero": {"joint2": 90.0}}}, r"joint2 in posture.*degrees"),
         ({"hand": "link3"}, r"hand of arm arm.*'link3', which carries joint joint4"),
+        (
+            {"hand": "ground"},
+            "hand of arm arm.*'ground', which is not carried by joint joint1",
+        ),
+        ({"joints": ["joint1", "joint2", "joint1"]}, "joints of .*joint1, twice"),
+        ({"tip": "link3"}, "joints of .*joint4, not between.*'ground' and tip 'link3'"),
     ],
 )
 def test_a_wrong_arm_is_refused(described, change, message):
     right = yaml.safe_load(described(frames()).read_text())["arms"]["arm"]
     with pytest.raises(ConfigError, match=message):
         RobotModel.load(described(frames(), arms={"arm": right | change}))
+
+
+def test_what_an_arm_calls_its_own_must_not_be_of_another(tmp_path):
+    """As where the entry of one arm was copied for the other."""
+    arms = yaml.safe_load(data_path("robots", "roman.yaml").read_text("utf-8"))["arms"]
+    right, left = arms["right"], arms["left"]
+    ready = r"posture 'ready' of arm left .*right_arm_joint1, a joint of another arm"
+    for copied, message in (
+        ("joints", r"joints of arm left .*right_arm_joint1, not between"),
+        ("hand", r"hand of arm left .*palm_link', which is not carried by .*left_arm"),
+        ("postures", ready),
+    ):
+        content = yaml.safe_load(data_path("robots", "roman.yaml").read_text("utf-8"))
+        content["urdf"] = str(data_path("robots", "roman.urdf"))
+        content["arms"] = {"right": right, "left": left | {copied: right[copied]}}
+        path = tmp_path / "copied.yaml"
+        path.write_text(yaml.safe_dump(content), "utf-8")
+        with pytest.raises(ConfigError, match=message):
+            RobotModel.load(path)
+
+
+def test_no_joint_of_an_arm_may_move_the_base(described):
+    with pytest.raises(ConfigError, match="joint1, not between them"):
+        RobotModel.load(described(frames(), base="link1"))
 
 
 def test_names_may_be_numbers(described):
