@@ -223,8 +223,9 @@ def require_drop_off(
         Of what it holds, over the ground [m].
     """
     back = FARTHEST if reach.robot.drives else 0.0
+    height = max(_HEIGHT, drop_height + _HAND)
     for way in np.linspace(0.0, back, 8):
-        if reach.robot.stands_at((place[0] + float(way), place[1])):
+        if reach.robot.stands_at((place[0] + float(way), place[1]), height):
             where = "stands" if not way else "may drive back to"
             raise InputError(
                 f"drop-off of the {arm_called(reach.name)}",
@@ -232,7 +233,6 @@ def require_drop_off(
                 expected="a place beside the robot",
                 mend="Put things down on the side of the arm, clear of the robot.",
             )
-    height = max(_HEIGHT, drop_height + _HAND)
     if not _reaches(reach, (*place, height), _TILTS):
         mend = "Give one nearer to the robot, on the side of the arm"
         if height > _HEIGHT:

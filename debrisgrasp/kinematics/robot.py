@@ -297,12 +297,16 @@ class RobotModel:
             if all(joint.kind == "fixed" for joint in joints_above(link))
         ]
 
-    def stands_at(self, place: tuple[float, float]) -> bool:
-        """Whether what no joint moves is at or over a place (x, y) in base [m]."""
+    def stands_at(self, place: tuple[float, float], height: float) -> bool:
+        """Whether what no joint moves begins below a height over a place in base [m].
+
+        What hangs higher, as the beam of a gantry, leaves room for what is put down.
+        """
         boxes = (solid.bounds for solid in self.fixed_solids())
         return any(
             bool(((box.lower[:2] <= place) & (place <= box.upper[:2])).all())
             for box in boxes
+            if box.lower[2] < height
         )
 
     def T_base_camera(self, moved: Mapping[str, float] | None = None) -> SE3:

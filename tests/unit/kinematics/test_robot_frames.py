@@ -151,6 +151,14 @@ def test_no_joint_of_an_arm_may_move_the_base(described):
         RobotModel.load(described(frames(), base="link1"))
 
 
+def test_a_robot_stands_only_where_it_is_low(described):
+    """The box of the lowest link is 0.35 m above the ground, as a gantry's beam is."""
+    robot = RobotModel.load(described(frames()))
+    assert not robot.stands_at((1.0, -0.5), 0.34)
+    assert robot.stands_at((1.0, -0.5), 0.36)
+    assert not robot.stands_at((0.9, -0.5), 0.36)
+
+
 def test_names_may_be_numbers(described):
     """YAML reads 1 as a number; where names meet, each has to be text."""
     arm = yaml.safe_load(described(frames()).read_text())["arms"]["arm"]
