@@ -207,6 +207,7 @@ def site(settings: Settings) -> Iterator[Finding]:
     if robot is not None:
         for arm in pipeline.arms:
             yield from _bodies(robot, arm.name)
+            yield from _postures(robot, arm)
             yield _limits(arm.name, robot.limits(arm.name).controller, settings)
 
 
@@ -220,6 +221,20 @@ def _bodies(robot: RobotModel, arm: str) -> Iterator[Finding]:
             return
     text = "none has a solid (<collision>) in the URDF: postures and motions are not "
     yield Finding(f"links of {arm_called(arm)}", "fault", text + "tested against them")
+
+
+def _postures(robot: RobotModel, arm: ArmReach) -> Iterator[Finding]:
+    """Tell of postures of the task in which the robot touches itself."""
+    spec = robot.arm(arm.name)
+    for posture in dict.fromkeys((spec.present, spec.idle)):
+        q = arm.chain.vector(robot.posture(arm.name, posture))
+        contacts = arm.collision.self_contacts(arm.chain.clipped(q))
+        if contacts:
+            what = f"posture {posture} of {arm_called(arm.name)}"
+            touching = (f"{link} touches {other}" for link, other in contacts)
+            yield Finding(
+                what, "fault", ", ".join(touching) + ": no motion begins there"
+            )
 
 
 def _limits(name: str, limits: LimitSet, settings: Settings) -> Finding:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from debrisgrasp._files import data_path
 from debrisgrasp.cli import doctor_checks
@@ -294,6 +295,26 @@ def test_the_doctor_tells_of_arms_without_bodies(run, tmp_path):
     ended = run("doctor", "--site", path)
     assert ended.status == 1
     assert ended.out.count("none has a solid") >= 2
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_doctor_tells_of_postures_in_which_the_robot_touches_itself(run, tmp_path):
+    robot = yaml.safe_load(data_path("robots", "roman.yaml").read_text("utf-8"))
+    robot["urdf"] = str(data_path("robots", "roman.urdf"))
+    robot["arms"]["left"]["postures"]["ready"] = {"left_arm_joint1": 1.9}
+    (tmp_path / "folded.yaml").write_text(yaml.safe_dump(robot), "utf-8")
+    path = tmp_path / "site.yaml"
+    path.write_text("schema: debrisgrasp/site/1\nrobot: folded.yaml\n", "utf-8")
+    ended = run("doctor", "--site", path, "--json")
+    assert ended.status == 1
+    faults = {
+        finding["what"]: finding["text"]
+        for findings in ended.json["checks"].values()
+        for finding in findings
+        if finding["status"] == "fault"
+    }
+    assert list(faults) == ["posture ready of left arm"]
+    assert " touches " in faults["posture ready of left arm"]
 
 
 def test_the_doctor_plans_on_the_shipped_capture(run):
