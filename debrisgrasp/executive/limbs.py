@@ -7,7 +7,7 @@ from itertools import permutations
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray
+from debrisgrasp._arrays import BoolArray, require_metres
 from debrisgrasp._words import arm_called, shortened
 from debrisgrasp.control import PostureKinematics, require_sensor_range
 from debrisgrasp.errors import InputError, UnknownNameError
@@ -57,8 +57,16 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
                 expected=", ".join(expected),
                 mend="A driver names the joints of the model, from the base on.",
             )
-    model.T_base_camera()
+    p = model.T_base_camera().p
     assert model.camera is not None
+    require_metres(f"camera of {model.name}", p)
+    if p[2] <= 0.0:
+        raise InputError(
+            f"camera of {model.name}",
+            got=f"{model.camera}, {-p[2]:.2f} m below the ground",
+            expected=f"one above z = 0 of the base {model.base!r}, where the ground is",
+            mend="Look at where the URDF, or `frames` in the robot's file, has it.",
+        )
     above = model.tree.joints_above(model.camera)
     carried_by = {joint.name for joint in above}
     for name in robot.limbs:

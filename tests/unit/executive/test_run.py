@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from debrisgrasp.control import FaultClass
 from debrisgrasp.errors import DriverError, InputError, UnknownNameError
@@ -115,6 +116,29 @@ def test_a_base_above_the_ground_is_refused(fake, pipeline, tmp_path):
     model = RobotModel.load(tmp_path / "roman.yaml")
     robot = replace(fake.robot, model=model)
     words = "base of roman.*above .* of the right arm at rest .'travel'.*on the ground"
+    with pytest.raises(InputError, match=words):
+        Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("high", "words"),
+    [
+        (-0.7, "camera of roman: got low, 1.40 m below the ground.*`frames`"),
+        (15.0, "camera of roman: got a coordinate of 30.*millimetres"),
+    ],
+)
+def test_a_camera_that_can_not_be_there_is_refused(
+    fake, pipeline, tmp_path, high, words
+):
+    content = yaml.safe_load(data_path("robots", "roman.yaml").read_text("utf-8"))
+    place = {"position": [0.0, 0.0, high]}
+    content["frames"] = {
+        "stand": {"parent": "base_link"} | place,
+        "low": {"parent": "stand"} | place,
+    }
+    content |= {"camera": "low", "urdf": str(data_path("robots", "roman.urdf"))}
+    (tmp_path / "roman.yaml").write_text(yaml.safe_dump(content), "utf-8")
+    robot = replace(fake.robot, model=RobotModel.load(tmp_path / "roman.yaml"))
     with pytest.raises(InputError, match=words):
         Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
 
