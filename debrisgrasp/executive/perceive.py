@@ -173,6 +173,14 @@ def _wrong_image(
     inside = _on_ground(camera, T_base_camera, is_wanted)
     share = float(is_measured[inside].mean()) if inside.any() else 0.0
     values = {"measured_share": share}
+    if not inside.any():
+        at, ahead = (
+            ", ".join(f"{value:.2f}" for value in vector + 0.0)
+            for vector in (T_base_camera.p, T_base_camera.matrix[:3, 2])
+        )
+        words = "nothing of the workspace is in the picture: by the robot's file the "
+        words += f"camera stands at ({at}) m and looks along ({ahead})"
+        return FaultFound("empty_cloud", words, None, values)
     if share < _LEAST_SEEN:
         words = f"{100 * share:.1f} % of the workspace was measured"
         return FaultFound("empty_cloud", words, None, values)

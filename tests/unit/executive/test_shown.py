@@ -102,6 +102,19 @@ def test_a_way_of_which_a_fixed_camera_shows_little_is_not_clear(pipeline):
     assert "in no picture" in found.message
 
 
+def test_a_camera_that_looks_elsewhere_is_told_with_where_it_looks(pipeline):
+    context = looking(pipeline, block(0.98, 1.2))
+    found = image(context, "", {"ptu_tilt_joint": -0.5})
+    assert isinstance(found, FaultFound)
+    assert found.fault == "empty_cloud"
+    assert "nothing of the workspace is in the picture" in found.message
+    T_base_camera = context.model.T_base_camera({"ptu_tilt_joint": -0.5})
+    up = T_base_camera.matrix[2, 2]
+    assert f"looks along (0.{round(100 * (1 - up**2) ** 0.5)}, 0.00, {up:.2f})" in (
+        found.message.replace("-0.00", "0.00")
+    )
+
+
 def test_from_elsewhere_all_is_looked_at_anew(pipeline):
     context = looking(pipeline, block(0.98, 1.2))
     looked(context)
