@@ -90,6 +90,7 @@ class SceneSearch:
         self._postures = Postures(asked, tools.gripper_of, rng)
         self._states: list[Candidates] = []
         self._tops: list[Candidates] = []
+        self._far: Candidates | None = None
 
     @property
     def promise(self) -> float:
@@ -114,13 +115,11 @@ class SceneSearch:
         with self._watch.stage("search"):
             self._seek(self._config, "search", beyond)
             tops = self._tops[-1]
-            self._missed(ledger)
             is_asked_why = self._config.reach != "after" and len(self._arms)
             is_asked_why = is_asked_why and not beyond and not len(tops.Ts)
             if is_asked_why and not self._watch.is_late():
-                far = self._too_far()
-                every = np.ones(len(far.Ts), dtype=bool)
-                ledger.add("no arm gets that far", far.Ts, far.prototype, every)
+                self._far = self._too_far()
+            self._missed(ledger)
         with self._watch.stage("inspection"):
             return self._inspected(tops, ledger)
 
@@ -211,12 +210,15 @@ class SceneSearch:
         return found[_reach(self._arms, gripper_of, found.Ts, found.prototype) == 0.0]
 
     def _missed(self, ledger: Ledger) -> None:
-        """Note the distinct poses that fit, but that no posture takes."""
+        """Note the distinct poses that fit, but that no posture takes, near or far."""
         Ts, prototype, value = self._postures.missed()
         found = Candidates(Ts, prototype, np.exp(value), np.zeros((len(Ts), 0)))
         found = self._modes(found, _MISSED)
         every = np.ones(len(found.Ts), dtype=bool)
         ledger.add("no arm gets there", found.Ts, found.prototype, every)
+        if self._far is not None:
+            every = np.ones(len(self._far.Ts), dtype=bool)
+            ledger.add("no arm gets that far", self._far.Ts, self._far.prototype, every)
 
     def _modes(self, found: Candidates, worth: float, least: float = 0.0) -> Candidates:
         """Thin the states to distinct poses of each prototype.

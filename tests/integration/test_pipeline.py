@@ -267,6 +267,14 @@ def test_an_object_out_of_reach_is_passed_over_for_one_within(roman_result):
     assert len(plan.grasps) >= 5
 
 
+def test_a_pile_out_of_reach_altogether_is_told_to_be_that_far(dictionary):
+    """Also after the second look, which searches more widely."""
+    roman = Pipeline(robot="roman", prototypes=dictionary)
+    plan = roman.plan(capture_of([FAR_PIPE])).plan
+    assert set(plan.rejections) == {"no arm gets that far"}
+    assert "because no arm gets that far" in plan.why_empty
+
+
 def test_a_mass_beyond_every_arm_is_told_of_with_what_they_lift(dictionary):
     roman = Pipeline(robot="roman", prototypes=dictionary)
     plan = roman.plan(capture_of([NEAR_PIPE]), mass=400.0).plan
