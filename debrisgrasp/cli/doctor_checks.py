@@ -201,7 +201,8 @@ def site(settings: Settings) -> Iterator[Finding]:
         yield Finding("camera file", "ok", text)
     arms_in_use = {arm.name: arm for arm in pipeline.arms}
     yield from _drop_offs(settings, arms_in_use)
-    for arm_name in set(arms_in_use) - {*settings.drop_off, *TaskSettings().drop_off}:
+    places = {**TaskSettings().drop_off, **settings.drop_off}
+    for arm_name in (name for name in arms_in_use if name not in places):
         text = "none, which `clear` needs: give one as drop_off of the site"
         yield Finding(f"drop-off of {arm_called(arm_name)}", "note", text)
     if robot is not None:

@@ -317,6 +317,25 @@ def test_the_doctor_tells_of_postures_in_which_the_robot_touches_itself(run, tmp
     assert " touches " in faults["posture ready of left arm"]
 
 
+@pytest.mark.usefixtures("quick")
+def test_the_doctor_lists_arms_without_a_place_as_the_robot_does(run, tmp_path):
+    robot = yaml.safe_load(data_path("robots", "roman.yaml").read_text("utf-8"))
+    robot["urdf"] = str(data_path("robots", "roman.urdf"))
+    names = ["upper", "port", "third", "aft", "lower"]
+    robot["arms"] = dict.fromkeys(names, robot["arms"]["left"])
+    (tmp_path / "many.yaml").write_text(yaml.safe_dump(robot, sort_keys=False), "utf-8")
+    path = tmp_path / "site.yaml"
+    path.write_text("schema: debrisgrasp/site/1\nrobot: many.yaml\n", "utf-8")
+    ended = run("doctor", "--site", path, "--json")
+    told = [
+        finding["what"]
+        for findings in ended.json["checks"].values()
+        for finding in findings
+        if finding["what"].startswith("drop-off of")
+    ]
+    assert told == [f"drop-off of {name} arm" for name in names]
+
+
 def test_the_doctor_plans_on_the_shipped_capture(run):
     ended = run("doctor", "--json")
     assert ended.status == 0, ended
