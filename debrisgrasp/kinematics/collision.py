@@ -1,13 +1,13 @@
 """Tests whether the links of an arm touch the scene, or the robot itself.
 
 Links are covered by spheres, so the batched tests never miss a collision but may report
-it a centimetre or two early. Contact of the robot with itself is then confirmed on the
+it a centimetre early. Contact of the robot with itself is then confirmed on the
 exact solids.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,28 +21,25 @@ from debrisgrasp._arrays import (
     require_finite,
 )
 from debrisgrasp.errors import ShapeError
+from debrisgrasp.geometry import SE3, Solid
 
 from .body import RobotBody
 from .chain import KinematicChain
 from .exact import ExactSolids
 from .pairs import without_idle_pairs
 from .robot import RobotModel
+from .scene_cover import Distance, SceneCover, scene_clearance
 from .segments import SegmentLanes, joint_frames_of_segments
 from .self_gaps import SelfGaps, SelfModel
-from .spheres import covering_spheres
 
 __all__ = ["ArmCollision", "Distance"]
-
-Distance = Callable[[FloatArray], FloatArray]
-"""Maps points (..., 3) [m] in the base frame to their distance from the nearest
-obstacle [m], shape (...). They may be truncated above the radius of the spheres."""
 
 _SPHERE_RADIUS = 0.08
 """Default radius of the spheres for the scene [m]: less than the distance at which the
 planner's map of obstacles is truncated."""
-_SCENE_EXCESS, _SELF_EXCESS = 0.03, 0.02
-"""How far spheres stand out over the solids [m]: finer ones cost more time than the
-exact tests that they spare."""
+_SELF_EXCESS = 0.02
+"""How far spheres for the robot itself stand out over the solids [m]: finer ones cost
+more time than the exact tests that they spare."""
 _HORIZON = 0.1
 """Clearances saturate here [m]."""
 _CLOSE = 0.01
@@ -183,20 +180,13 @@ class ArmCollision:
             means that a covering sphere reaches into an obstacle by so much.
         """
         rows, batch = self._rows(q)
+        covers = [c for c in self._scene_covers if with_hand or not c.is_hand]
         clearance = np.full(len(rows), np.inf)
-        T = self.body.chain.form.T_base_first
-        for start in range(0, len(rows), _CHUNK):
+        for start in range(0, len(rows) if covers else 0, _CHUNK):
             part = slice(start, start + _CHUNK)
             lanes = SegmentLanes(self.body.chain, rows[part])
-            for segment, is_hand, centers, radii in self._scene_spheres:
-                if is_hand and not with_hand:
-                    continue
-                R, p = (pose.astype(np.float64) for pose in lanes.pose(segment))
-                turn = np.ascontiguousarray(np.moveaxis(R, -1, 0)).swapaxes(1, 2)
-                shift = p.T @ T[:3, :3].T + T[:3, 3]
-                points = centers @ (turn @ T[:3, :3].T) + shift[:, None]
-                least = (distance(points) - radii).min(axis=-1)
-                np.minimum(clearance[part], least, out=clearance[part])
+            poses = [self._placed(lanes, cover.segment) for cover in covers]
+            clearance[part] = scene_clearance(covers, poses, distance)
         return clearance.reshape(batch)
 
     def may_hit_itself(self, q: ArrayLike) -> BoolArray:
@@ -306,28 +296,29 @@ class ArmCollision:
         return SelfModel.fit(self.body, _SELF_EXCESS)
 
     @cached_property
-    def _scene_spheres(self) -> list[tuple[int, bool, FloatArray, FloatArray]]:
-        """Segment, whether of the hand, centres (s, 3) and radii of the spheres."""
-        frames, found = joint_frames_of_segments(self.body.chain), []
-        for segment in range(1, self.body.chain.n_joints + 1):
-            for is_hand in (False, True):
-                covers = [
-                    covering_spheres(part.solid, _SCENE_EXCESS, self.sphere_radius)
-                    for part in self.body.parts
-                    if part.segment == segment and part.is_hand == is_hand
-                ]
-                if covers:
-                    centers = np.concatenate([points for points, _ in covers])
-                    placed = frames[segment].apply(centers)
-                    found.append(
-                        (
-                            segment,
-                            is_hand,
-                            placed,
-                            np.concatenate([radii for _, radii in covers]) + 1e-5,
-                        )
-                    )
-        return found
+    def _scene_covers(self) -> list[SceneCover]:
+        parts: dict[tuple[int, bool], list[Solid]] = {}
+        for part in self.body.parts:
+            if part.segment:
+                parts.setdefault((part.segment, part.is_hand), []).append(part.solid)
+        return [
+            SceneCover(*key, solids, self.sphere_radius)
+            for key, solids in sorted(parts.items())
+        ]
+
+    @cached_property
+    def _joint_frames(self) -> list[SE3]:
+        return joint_frames_of_segments(self.body.chain)
+
+    def _placed(
+        self, lanes: SegmentLanes, segment: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rotations (k, 3, 3) and origins (k, 3) of a segment in base."""
+        T, own = self.body.chain.form.T_base_first, self._joint_frames[segment]
+        R, p = (pose.astype(np.float64) for pose in lanes.pose(segment))
+        turn = T[:3, :3] @ np.moveaxis(R, -1, 0)
+        origin = p.T @ T[:3, :3].T + T[:3, 3]
+        return turn @ own.R, turn @ own.p + origin
 
     def _one_row(self, q: ArrayLike) -> FloatArray:
         """Return one posture (d,) as a row, shape (1, d), or raise if it is not one."""

@@ -13,11 +13,11 @@ from debrisgrasp.geometry.solids import SphereSet
 __all__ = ["covering_spheres"]
 
 _MOST = 64
-"""Cells of one solid beyond which they are not divided any more."""
+"""Cells of one solid beyond which they are usually not divided any more."""
 
 
 def covering_spheres(
-    solid: Solid, excess: float, max_radius: float = np.inf
+    solid: Solid, excess: float, max_radius: float = np.inf, most: int = _MOST
 ) -> SphereSet:
     """Cover a solid by spheres that stand out little; the same are not covered twice.
 
@@ -32,27 +32,31 @@ def covering_spheres(
         What to cover.
     excess
         How far a sphere may stand out [m]. Exceeded at the flat ends of bars, and
-        where it would take more than 64 cells.
+        where it would take more cells than ``most``.
     max_radius
         No sphere is larger than this [m].
+    most
+        Cells beyond which they are not divided any more.
 
     Returns
     -------
     centers, radii
         Shapes (s, 3) and (s,), in the solid's frame [m].
     """
-    return _covering(SolidContent.of([solid]), excess, max_radius)
+    return _covering(SolidContent.of([solid]), excess, max_radius, most)
 
 
 @lru_cache(maxsize=4096)
-def _covering(content: SolidContent, excess: float, max_radius: float) -> SphereSet:
-    centers, radii = _covered(content.solids[0], excess, max_radius)
+def _covering(
+    content: SolidContent, excess: float, max_radius: float, most: int
+) -> SphereSet:
+    centers, radii = _covered(content.solids[0], excess, max_radius, most)
     return frozen(centers, "centres of spheres", (None, 3)), frozen(
         radii, "radii of spheres", (None,)
     )
 
 
-def _covered(solid: Solid, excess: float, max_radius: float) -> SphereSet:
+def _covered(solid: Solid, excess: float, max_radius: float, most: int) -> SphereSet:
     if isinstance(solid, Sphere) and solid.radius <= max_radius:
         return solid.center[None], np.array([solid.radius])
     if isinstance(solid, Cylinder | Capsule):
@@ -60,7 +64,7 @@ def _covered(solid: Solid, excess: float, max_radius: float) -> SphereSet:
         if row is not None:
             return solid.T_frame_solid.apply(row[0]), row[1]
     own, T = _in_own_frame(solid)
-    centers, half = _cells(own, excess, max_radius)
+    centers, half = _cells(own, excess, max_radius, most)
     return T.apply(centers), np.linalg.norm(half, axis=1)
 
 
@@ -93,7 +97,7 @@ def _row(bar: Cylinder | Capsule, excess: float, max_radius: float) -> SphereSet
 
 
 def _cells(
-    solid: Solid, excess: float, max_radius: float
+    solid: Solid, excess: float, max_radius: float, most: int
 ) -> tuple[FloatArray, FloatArray]:
     """Centres and half edges (n, 3) of boxes that hold all of a solid."""
     bounds = solid.bounds
@@ -107,7 +111,7 @@ def _cells(
         is_large = around > max_radius
         stands_out = np.where(is_large, np.inf, gap + around)
         split = np.flatnonzero(stands_out > excess)
-        room = _MOST - len(centers)
+        room = most - len(centers)
         if len(split) > room:
             split = split[np.argsort(-stands_out[split], kind="stable")]
             split = split[: max(room, np.count_nonzero(is_large))]
