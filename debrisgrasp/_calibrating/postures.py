@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, Rng
-from debrisgrasp.calibration import Choice, choose_places
+from debrisgrasp.calibration import WORKSPACE, Choice, choose_places
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Bounds, Intrinsics
 from debrisgrasp.io.observations_file import ObservationFile, ObservationRow
@@ -91,6 +91,8 @@ def choose_postures(
     information: FloatArray | None = None,
     T_base_camera: SE3 | None = None,
     apart: float = 0.1,
+    view: View | None = None,
+    workspace: Bounds = WORKSPACE,
 ) -> PosturePlan:
     """Choose the postures whose measurement tells most about the camera.
 
@@ -113,13 +115,17 @@ def choose_postures(
         Pose of the camera; that of the robot's model by default.
     apart
         Least distance of the places [m].
+    view
+        What the camera sees; None: as a RealSense D435.
+    workspace
+        Where the camera's error is to be small, base frame.
 
     Raises
     ------
     InputError
         If the robot can't show the fiducial in so many places.
     """
-    view = View()
+    view = view or View()
     T_base_camera = T_base_camera or rig.head.T_base_camera(rig.reference)
     q, T = _shown(rig, T_base_camera, view, rng)
     if len(q) < n:
@@ -130,7 +136,9 @@ def choose_postures(
             mend="Turn the head towards the arm's workspace, or check which way z "
             f"of link {rig.fiducial!r} points.",
         )
-    choice = choose_places(T.p, n, information=information, apart=apart)
+    choice = choose_places(
+        T.p, n, information=information, apart=apart, workspace=workspace
+    )
     pixels, _ = view.intrinsics.project(T_base_camera.inverse().apply(T.p))
     rest = dict(zip(rig.head.joint_names, map(float, rig.reference), strict=True))
     postures = tuple(

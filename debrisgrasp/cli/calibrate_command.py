@@ -17,6 +17,7 @@ import numpy as np
 from debrisgrasp._calibrating import (
     CalibrationRig,
     PosturePlan,
+    View,
     choose_postures,
     observations_of,
     rig_of,
@@ -33,6 +34,7 @@ from debrisgrasp.calibration import (
     calibrate,
 )
 from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.geometry import Bounds
 from debrisgrasp.io.calibration_json import SCHEMA as CALIBRATION_SCHEMA
 from debrisgrasp.io.calibration_json import (
     StoredCalibration,
@@ -40,6 +42,7 @@ from debrisgrasp.io.calibration_json import (
     load_calibration,
     save_calibration,
 )
+from debrisgrasp.io.depth_images import load_camera
 from debrisgrasp.io.observations_file import (
     ObservationFile,
     load_observations,
@@ -128,9 +131,11 @@ def run_solve(arguments: argparse.Namespace) -> int:
     reference = None
     if rig is not None and len(rig.reference):
         reference = rig.reference
-    config = CalibrationConfig()
+    config = _config(arguments)
     result = calibrate(observations, known, reference=reference, config=config)
-    plan = None if rig is None else _next_postures(rig, result, config)
+    plan = None
+    if rig is not None and not result.decision.accepted:
+        plan = _next_postures(rig, result, config, _view(arguments))
     content = calibration_to_dict(
         result,
         date=datetime.now(UTC),
@@ -154,17 +159,17 @@ def run_solve(arguments: argparse.Namespace) -> int:
 
 
 def _next_postures(
-    rig: CalibrationRig, result: Calibration, config: CalibrationConfig
+    rig: CalibrationRig, result: Calibration, config: CalibrationConfig, view: View
 ) -> PosturePlan | None:
     """Postures that would bring a result that was refused below its limit."""
-    if result.decision.accepted:
-        return None
     try:
         plan = choose_postures(
             rig,
             _MOST_SUGGESTIONS,
             rng=np.random.default_rng(0),
             information=np.asarray(np.linalg.inv(result.covariance)),
+            view=view,
+            workspace=config.workspace,
         )
     except InputError:
         return None  # the robot can't show it; the refusal has said what is wrong
@@ -212,6 +217,7 @@ def run_choose(arguments: argparse.Namespace) -> int:
     if rig is None:
         raise AssertionError("a robot is named above")
     stored = load_calibration(arguments.known) if arguments.known else None
+    config = _config(arguments)
     plan = choose_postures(
         rig,
         arguments.count,
@@ -220,6 +226,8 @@ def run_choose(arguments: argparse.Namespace) -> int:
         if stored is None
         else np.asarray(np.linalg.inv(stored.covariance)),
         T_base_camera=None if stored is None else stored.T_base_camera,
+        view=_view(arguments),
+        workspace=config.workspace,
     )
     if arguments.out:
         named = str(robot)
@@ -231,7 +239,6 @@ def run_choose(arguments: argparse.Namespace) -> int:
         print(json.dumps(plan_to_list(plan), indent=1))
         return 0
     print(plan_table(plan))
-    config = CalibrationConfig()
     needed = plan.choice.needed(config.max_rms)
     if needed is None:
         print(f"\nall of them leave more than {1e3 * config.max_rms:g} mm: choose more")
@@ -326,6 +333,20 @@ def _add_robot(parser: argparse.ArgumentParser, words: str) -> None:
     parser.add_argument("--robot", help=f"a shipped robot or a YAML file; {words}")
     parser.add_argument("--fiducial", metavar="LINK", help="link that carries it")
     add_site(parser)
+
+
+def _config(arguments: argparse.Namespace) -> CalibrationConfig:
+    """Limits on the error over the workspace of the site, where it has one."""
+    corners = site_of(arguments).workspace
+    if corners is None:
+        return CalibrationConfig()
+    return CalibrationConfig(workspace=Bounds(*map(np.array, corners)))
+
+
+def _view(arguments: argparse.Namespace) -> View:
+    """Take what the camera of the site sees, or a usual one."""
+    path = site_of(arguments).camera_file
+    return View() if path is None else View(intrinsics=load_camera(path))
 
 
 def _rig(

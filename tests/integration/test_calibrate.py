@@ -212,6 +212,37 @@ def test_the_camera_sees_what_was_chosen_and_nothing_is_touched(rig, rng):
             assert not solid.contains(ray).any(), link
 
 
+@pytest.fixture
+def site(tmp_path):
+    """Of a camera with a narrow picture, and a workspace beside the usual one."""
+    camera = {"K": [200.0, 0.0, 80.0, 0.0, 200.0, 60.0, 0.0, 0.0, 1.0]}
+    camera |= {"width": 160, "height": 120}
+    (tmp_path / "camera.json").write_text(json.dumps(camera))
+    path = tmp_path / "site.yaml"
+    path.write_text(
+        "schema: debrisgrasp/site/1\nrobot: roman\n"
+        "camera:\n  file: camera.json\n"
+        "workspace: [1.5, 0.5, 0.0, 2.5, 1.5, 0.5]\n"
+    )
+    return path
+
+
+def test_the_site_tells_what_its_camera_sees(run, site):
+    ended = run("calibrate", "choose", "--site", site, "--fiducial", LED, "--json")
+    pixels = np.array([posture["pixel"] for posture in json.loads(ended.out)])
+    assert (pixels > 20.0).all()
+    assert (pixels < [140.0, 100.0]).all()
+
+
+def test_the_error_is_judged_over_the_workspace_of_the_site(run, site):
+    usual = json.loads(run("calibrate", LOOKS, "--json").out)
+    there = json.loads(run("calibrate", LOOKS, "--site", site, "--json").out)
+    assert there["predicted_error"]["lower"] == [1.5, 0.5, 0.0]
+    assert there["predicted_error"]["upper"] == [2.5, 1.5, 0.5]
+    assert there["T_base_camera"] == usual["T_base_camera"]
+    assert there["predicted_error"]["rms"] > 1.5 * usual["predicted_error"]["rms"]
+
+
 def test_joints_that_turn_twice_are_not_wound_up(rng):
     rig = CalibrationRig(robot=RobotModel.load("roman"), fiducial=LED)
     chain = rig.chain
