@@ -48,6 +48,10 @@ _MOST = 500
 _LEAST_SHARE = 0.25
 """Of the corners of what is compared that lie in the picture. Of less, mostly fingers
 are seen, which look like a hand that is elsewhere."""
+_HOUSING = 0.1
+"""So near to the camera is its own housing [m]."""
+_RAY_POINTS = 48
+"""Looked at between camera and hand, for what of the robot hides it."""
 _NOISE = 0.003
 """Of one look at the hand, in each coordinate [m]."""
 _SIGMAS = 8.0
@@ -122,7 +126,7 @@ def calib_check(context: Context) -> StepResult:
     if isinstance(report, FaultFound):
         return report
     if report is None:
-        return _left_out("hardly any of it is in the picture")
+        return _left_out("hardly any of it is to be seen in the picture")
     size = float(np.linalg.norm(report.shift))
     facts = {
         "hand_seen": True,
@@ -282,16 +286,24 @@ def _without(taken: Capture, body: Sequence[tuple[Solid, float]]) -> Capture:
 
 
 def _is_in_picture(context: Context, limb: LimbState, frame: DepthFrame) -> bool:
-    """Tell whether enough of the hand is where the camera looks, if it is all right."""
+    """Tell whether enough of the hand is what the camera sees, if it is all right."""
     values = context.joint_values()
-    solids = _end_of_arm(context, limb, values)
-    corners = np.concatenate([solid.mesh()[0] for solid in solids])
-    camera = frame.intrinsics
-    T_camera_base = context.model.T_base_camera(values).inverse()
-    uv, _ = camera.project(T_camera_base.apply(corners))
+    corners = np.concatenate(
+        [solid.mesh()[0] for solid in _end_of_arm(context, limb, values)]
+    )
+    camera, T_base_camera = frame.intrinsics, context.model.T_base_camera(values)
+    uv, _ = camera.project(T_base_camera.inverse().apply(corners))
     # Behind the camera they are NaN, which is in no picture.
     is_in = ((uv >= 0.0) & (uv <= (camera.width - 1, camera.height - 1))).all(axis=1)
-    return bool(is_in.mean() >= _LEAST_SHARE)
+    way = corners[is_in] - T_base_camera.p
+    start = _HOUSING / np.linalg.norm(way, axis=1)[:, None]
+    share = start + (1.0 - start) * np.linspace(0.0, 1.0, _RAY_POINTS)
+    rays = T_base_camera.p + share[..., None] * way[:, None]
+    is_hidden, end = np.zeros(len(way), dtype=bool), _links_of_end(context, limb)
+    for link, solid in context.model.links_solids(values):
+        if link not in end:
+            is_hidden |= solid.contains(rays).any(axis=1)
+    return bool(np.count_nonzero(~is_hidden) >= _LEAST_SHARE * len(corners))
 
 
 def _seen_shift(
@@ -325,9 +337,14 @@ def _end_of_arm(
     context: Context, limb: LimbState, values: Mapping[str, float]
 ) -> list[Solid]:
     """Solids beyond the third-last joint, fingers left out, base frame."""
-    tree, names = context.model.tree, limb.reach.chain.joint_names
-    end = tree.links_below(tree.joints[names[-3]].child)
+    end = _links_of_end(context, limb)
     return [s for link, s in _rigid(context, limb, values) if link in end]
+
+
+def _links_of_end(context: Context, limb: LimbState) -> frozenset[str]:
+    """Links beyond the third-last joint, fingers too."""
+    tree, names = context.model.tree, limb.reach.chain.joint_names
+    return tree.links_below(tree.joints[names[-3]].child)
 
 
 def _rigid(

@@ -10,7 +10,8 @@ import pytest
 from debrisgrasp.executive import calibrated
 from debrisgrasp.executive.calibrated import calib_check
 from debrisgrasp.executive.result import Done, FaultFound
-from debrisgrasp.geometry import SE3, Intrinsics
+from debrisgrasp.geometry import SE3, Box, Intrinsics
+from debrisgrasp.kinematics import RobotModel
 from tests.unit.executive.rigs import before_a_brick
 
 BESIDE = 0.5
@@ -50,6 +51,20 @@ def test_a_hand_at_the_edge_of_a_narrow_picture_blames_no_camera(pipeline, focal
     if not found.facts["hand_seen"]:
         assert "in the picture" in found.facts["why"]
     assert fake.truth().violations == ()
+
+
+def test_a_hand_behind_the_robot_itself_is_not_lost(pipeline, monkeypatch):
+    beam = Box(np.array([0.1, 0.1, 0.02]), SE3.from_parts(p=[0.59, -0.15, 0.77]))
+    links_solids = RobotModel.links_solids
+
+    def with_beam(model, values=None):
+        return [*links_solids(model, values), ("mast_link", beam)]
+
+    monkeypatch.setattr(RobotModel, "links_solids", with_beam)
+    _, task = before_a_brick(pipeline)
+    found = calib_check(task.context)
+    assert isinstance(found, Done), found.message
+    assert "to be seen in the picture" in found.facts["why"]
 
 
 def beside(pipeline):
