@@ -231,7 +231,7 @@ def run_choose(arguments: argparse.Namespace) -> int:
     )
     if arguments.out:
         named = str(robot)
-        if is_yaml(robot):
+        if is_yaml(robot) and not Path(robot).is_absolute():
             # Where the observations are read, a robot's file is sought beside them.
             named = os.path.relpath(robot, arguments.out.parent)
         save_observations(plan.to_file(named, rig.fiducial), arguments.out)

@@ -208,6 +208,7 @@ def site(settings: Settings) -> Iterator[Finding]:
     if robot is not None:
         for arm in pipeline.arms:
             yield from _bodies(robot, arm.name)
+            yield from _overlaps(arm)
             yield from _postures(robot, arm)
             yield _limits(arm.name, robot.limits(arm.name).controller, settings)
 
@@ -222,6 +223,20 @@ def _bodies(robot: RobotModel, arm: str) -> Iterator[Finding]:
             return
     text = "none has a solid (<collision>) in the URDF: postures and motions are not "
     yield Finding(f"links of {arm_called(arm)}", "fault", text + "tested against them")
+
+
+def _overlaps(arm: ArmReach) -> Iterator[Finding]:
+    """Tell of links that overlap however the arm stands, which nothing else tells."""
+    body = arm.collision.body
+    if not body.always_touching:
+        return
+    hand = {part.link for part in body.parts if part.is_hand}
+    is_hand = any(hand.intersection(links) for links in body.always_touching)
+    text = ", ".join(f"{link} and {other}" for link, other in body.always_touching)
+    text += " overlap in every posture, and are not tested against each other: "
+    text += "is the hand turned back?" if is_hand else "do the solids fit?"
+    what = f"links of {arm_called(arm.name)}"
+    yield Finding(what, "fault" if is_hand else "note", text)
 
 
 def _postures(robot: RobotModel, arm: ArmReach) -> Iterator[Finding]:

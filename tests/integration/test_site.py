@@ -336,6 +336,23 @@ def test_the_doctor_lists_arms_without_a_place_as_the_robot_does(run, tmp_path):
     assert told == [f"drop-off of {name} arm" for name in names]
 
 
+@pytest.mark.usefixtures("quick")
+def test_the_doctor_tells_of_a_hand_that_is_turned_back_into_its_arm(run, tmp_path):
+    mounted = '<child link="right_robotiq_palm_link"/><origin xyz="0 0 0" rpy="0 0 '
+    urdf = data_path("robots", "roman.urdf").read_text("utf-8")
+    assert urdf.count(mounted + "0") == 1
+    turned = urdf.replace(mounted + "0", mounted + "3.14")
+    (tmp_path / "roman.urdf").write_text(turned, "utf-8")
+    robot = data_path("robots", "roman.yaml").read_text("utf-8")
+    (tmp_path / "turned.yaml").write_text(robot, "utf-8")
+    path = tmp_path / "site.yaml"
+    path.write_text("schema: debrisgrasp/site/1\nrobot: turned.yaml\n", "utf-8")
+    ended = run("doctor", "--site", path)
+    assert ended.status == 1
+    assert "right_robotiq_finger_a_link1 and right_arm_link6" in ended.out
+    assert "is the hand turned back?" in ended.out
+
+
 def test_the_doctor_plans_on_the_shipped_capture(run):
     ended = run("doctor", "--json")
     assert ended.status == 0, ended
