@@ -18,6 +18,7 @@ from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DebrisGraspError, InputError
 from debrisgrasp.executive import (
     TaskSettings,
+    require_above_ground,
     require_drop_off,
     require_own_sides,
     require_room,
@@ -240,7 +241,7 @@ def _overlaps(arm: ArmReach) -> Iterator[Finding]:
 
 
 def _postures(robot: RobotModel, arm: ArmReach) -> Iterator[Finding]:
-    """Tell of postures of the task in which the robot touches itself."""
+    """Tell of postures of the task in which the robot touches itself, or the ground."""
     spec = robot.arm(arm.name)
     for posture in dict.fromkeys((spec.present, spec.idle)):
         q = arm.chain.vector(robot.posture(arm.name, posture))
@@ -251,6 +252,11 @@ def _postures(robot: RobotModel, arm: ArmReach) -> Iterator[Finding]:
             yield Finding(
                 what, "fault", ", ".join(touching) + ": no motion begins there"
             )
+    try:
+        require_above_ground(robot, arm.name, spec.idle)
+    except InputError as error:
+        text = f"{error.got}; `clear` expects {error.expected}. {error.mend}"
+        yield Finding(f"rest of {arm_called(arm.name)}", "note", text)
 
 
 def _limits(name: str, limits: LimitSet, settings: Settings) -> Finding:

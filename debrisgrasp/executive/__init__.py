@@ -2,7 +2,7 @@
 
 from .faults import FAULTS, Action, FaultSpec, fault_named
 from .grasping import require_room
-from .limbs import require_drop_off, require_own_sides
+from .limbs import require_above_ground, require_drop_off, require_own_sides
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
 from .record import MemoryRecord, RunRecord, StoredRun, load_run
 from .replay import Difference, differences
@@ -33,6 +33,7 @@ __all__ = [
     "differences",
     "fault_named",
     "load_run",
+    "require_above_ground",
     "require_drop_off",
     "require_own_sides",
     "require_room",

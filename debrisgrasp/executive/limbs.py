@@ -126,7 +126,7 @@ def limbs_of(
     limbs = {}
     for name in names:
         limb = robot.limbs[name]
-        _require_above_ground(model, name, settings.rest or model.arm(name).idle)
+        require_above_ground(model, name, settings.rest or model.arm(name).idle)
         reach = ArmReach(model, name)
         require_drop_off(reach, settings.drop_off[name], settings.drop_height)
         _require_lift(reach, settings)
@@ -148,7 +148,7 @@ def limbs_of(
     return limbs
 
 
-def _require_above_ground(model: RobotModel, arm: str, rest: str) -> None:
+def require_above_ground(model: RobotModel, arm: str, rest: str) -> None:
     """Raise `InputError` if an arm rests below z = 0, where the ground is taken to be.
 
     There is nothing that it could be moved by: each way begins in the ground.

@@ -337,6 +337,24 @@ def test_the_doctor_lists_arms_without_a_place_as_the_robot_does(run, tmp_path):
 
 
 @pytest.mark.usefixtures("quick")
+def test_the_doctor_tells_of_an_arm_that_rests_below_the_ground(run, tmp_path):
+    robot = yaml.safe_load(data_path("robots", "roman.yaml").read_text("utf-8"))
+    robot["urdf"] = str(data_path("robots", "roman.urdf"))
+    high = {"parent": robot["base"], "position": [0.0, 0.0, 0.8]}
+    robot |= {"base": "high", "frames": {"high": high}}
+    (tmp_path / "high.yaml").write_text(yaml.safe_dump(robot), "utf-8")
+    path = tmp_path / "site.yaml"
+    path.write_text("schema: debrisgrasp/site/1\nrobot: high.yaml\n", "utf-8")
+    notes = {
+        finding["what"]: finding["text"]
+        for findings in run("doctor", "--site", path, "--json").json["checks"].values()
+        for finding in findings
+        if finding["status"] == "note"
+    }
+    assert "one on the ground" in notes["rest of right arm"]
+
+
+@pytest.mark.usefixtures("quick")
 def test_the_doctor_tells_of_a_hand_that_is_turned_back_into_its_arm(run, tmp_path):
     mounted = '<child link="right_robotiq_palm_link"/><origin xyz="0 0 0" rpy="0 0 '
     urdf = data_path("robots", "roman.urdf").read_text("utf-8")
