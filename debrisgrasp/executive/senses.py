@@ -99,7 +99,9 @@ class Senses:
     def fingers(self) -> FingerReading:
         """Measure the fingers."""
         read = self.devices.gripper.read()
-        return FingerReading(read.openings, read.forces)
+        # What is no number is the driver's fault, and told as such, not a lost grip.
+        openings, forces = map(float, read.openings), map(float, read.forces)
+        return FingerReading(tuple(openings), tuple(forces))
 
     def _expected(self, state: SafetyState) -> Wrench:
         """Load of what is carried, as the hand is turned now."""
