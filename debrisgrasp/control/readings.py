@@ -82,8 +82,8 @@ class SafetyConfig:
     """Time in which an arm that is stopped comes to stand [s]: the load must stay below
     its limit until then, if it grows on."""
     trend: float = 0.004
-    """Over which its growth is measured [s]; over less, noise would look like growth to
-    a fast loop."""
+    """Over which its growth is measured [s], up to 20 ms: over less, noise would look
+    like growth to a fast loop, over more a blow is judged too late."""
     bias: BiasBound = BiasBound()
 
     def __post_init__(self) -> None:
@@ -91,6 +91,7 @@ class SafetyConfig:
             value = getattr(self, name)
             if name != "bias" and value is not None:
                 require_range(f"SafetyConfig.{name}", value, 1e-6, 1e6)
+        require_range("SafetyConfig.trend", self.trend, 1e-6, 0.02)
         require_range("SafetyConfig.stop_after", self.stop_after, self.hold_after, 1.0)
 
 

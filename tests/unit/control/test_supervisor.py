@@ -307,6 +307,8 @@ def test_an_inverted_sensor_reads_the_same_load():
 def test_settings_out_of_range_are_refused():
     with pytest.raises(ConfigError, match="stop_after"):
         SafetyConfig(stop_after=0.001)
+    with pytest.raises(ConfigError, match=r"trend.*0.02"):
+        SafetyConfig(trend=1.0)  # no growth would be judged before it is too late
     with pytest.raises(ConfigError, match=r"period.*got 0.05, expected 0.0001 to 0.04"):
         ControllerConfig(period=0.05)  # each tick would be a gap of the clock
     assert ControllerConfig(period=0.05, safety=SafetyConfig(stop_after=0.1)).period
