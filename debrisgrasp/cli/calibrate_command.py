@@ -1,11 +1,10 @@
-"""The command ``calibrate``: solve, choose postures, watch for drift."""
+"""The command ``calibrate``: solve, choose postures."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import os
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
@@ -27,22 +26,16 @@ from debrisgrasp._words import as_text
 from debrisgrasp.calibration import (
     Calibration,
     CalibrationConfig,
-    DriftMonitor,
-    DriftReport,
-    DriftStatus,
     Known,
     calibrate,
 )
 from debrisgrasp.errors import ConfigError, InputError
-from debrisgrasp.geometry import Bounds
 from debrisgrasp.io.calibration_json import SCHEMA as CALIBRATION_SCHEMA
 from debrisgrasp.io.calibration_json import (
-    StoredCalibration,
     calibration_to_dict,
     load_calibration,
     save_calibration,
 )
-from debrisgrasp.io.depth_images import load_camera
 from debrisgrasp.io.observations_file import (
     ObservationFile,
     load_observations,
@@ -50,7 +43,7 @@ from debrisgrasp.io.observations_file import (
     save_observations,
 )
 
-from . import marker_commands
+from . import marker_commands, watch_command
 from .calibrate_text import change_in_words, plan_table, plan_to_list, summary
 from .reports import (
     PICTURE_FORMS,
@@ -58,8 +51,14 @@ from .reports import (
     require_places,
     telling_written,
 )
-from .site_arguments import add_site, site_of
-from .tables import columns
+from .rig_arguments import (
+    add_robot,
+    limits_of,
+    require_same_robot,
+    rig_given,
+    view_of,
+)
+from .site_arguments import site_of
 from .values import some_path, whole
 
 __all__ = ["add"]
@@ -81,7 +80,7 @@ def add(subparsers: Any) -> None:
     _add_choose(actions)
     marker_commands.add_find(actions)
     marker_commands.add_pick(actions)
-    _add_watch(actions)
+    watch_command.add_watch(actions)
     parse = parser.parse_known_args
 
     def parse_known_args(words: Any = None, namespace: Any = None) -> Any:
@@ -99,7 +98,7 @@ def _add_solve(actions: Any) -> None:
     parser.add_argument(
         "observations", type=some_path, help="a .yaml, .json or .csv file"
     )
-    _add_robot(parser, "overrides the one in the observations")
+    add_robot(parser, "overrides the one in the observations")
     parser.add_argument(
         "--previous",
         type=some_path,
@@ -122,24 +121,26 @@ def run_solve(arguments: argparse.Namespace) -> int:
     if arguments.out:
         require_own(arguments.out, CALIBRATION_SCHEMA, "a calibration")
     given = load_observations(source)
-    rig = _rig(arguments, given, source.parent)
+    rig = rig_given(arguments, given, source.parent)
     previous = load_calibration(arguments.previous) if arguments.previous else None
     known = None if rig is None else Known(head=rig.head)
     if previous is not None:
+        require_same_robot(previous, rig)
         known = previous.known
     observations = observations_of(given, rig)
     reference = None
     if rig is not None and len(rig.reference):
         reference = rig.reference
-    config = _config(arguments)
+    config = limits_of(arguments)
     result = calibrate(observations, known, reference=reference, config=config)
     plan = None
     if rig is not None and not result.decision.accepted:
-        plan = _next_postures(rig, result, config, _view(arguments))
+        plan = _next_postures(rig, result, config, view_of(arguments))
     content = calibration_to_dict(
         result,
         date=datetime.now(UTC),
         T_base_shoulder=None if rig is None else rig.T_base_shoulder,
+        robot=None if rig is None else rig.robot.name,
     )
     change, kept = None, None
     with telling_written(arguments.out, arguments.report):
@@ -184,7 +185,7 @@ def _add_choose(actions: Any) -> None:
         description="Choose postures that the camera sees and in which the robot "
         "touches nothing of itself. The way between them is not looked at.",
     )
-    _add_robot(parser, "default: the site's, or roman")
+    add_robot(parser, "default: the site's, or roman")
     parser.add_argument(
         "-n", type=whole, default=8, dest="count", help="how many (default: 8)"
     )
@@ -217,7 +218,9 @@ def run_choose(arguments: argparse.Namespace) -> int:
     if rig is None:
         raise AssertionError("a robot is named above")
     stored = load_calibration(arguments.known) if arguments.known else None
-    config = _config(arguments)
+    if stored is not None:
+        require_same_robot(stored, rig)
+    config = limits_of(arguments)
     plan = choose_postures(
         rig,
         arguments.count,
@@ -226,7 +229,7 @@ def run_choose(arguments: argparse.Namespace) -> int:
         if stored is None
         else np.asarray(np.linalg.inv(stored.covariance)),
         T_base_camera=None if stored is None else stored.T_base_camera,
-        view=_view(arguments),
+        view=view_of(arguments),
         workspace=config.workspace,
     )
     if arguments.out:
@@ -251,123 +254,6 @@ def run_choose(arguments: argparse.Namespace) -> int:
     if arguments.out:
         print(f"wrote {arguments.out}")
     return 0
-
-
-def _add_watch(actions: Any) -> None:
-    parser = actions.add_parser(
-        "watch", help="has the camera moved since it was calibrated?"
-    )
-    parser.add_argument("calibration", type=some_path, help="JSON of an accepted one")
-    parser.add_argument(
-        "looks", type=some_path, help="observations since then, oldest first"
-    )
-    _add_robot(parser, "overrides the one in the looks")
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.set_defaults(run=run_watch)
-
-
-def run_watch(arguments: argparse.Namespace) -> int:
-    """Judge looks one after the other; status 1 if the last one alarms."""
-    stored = load_calibration(arguments.calibration)
-    stored.require_accepted()
-    given = load_observations(arguments.looks)
-    rig = _rig(arguments, given, arguments.looks.parent)
-    looks = observations_of(given, rig)
-    _require_same_head(stored, looks.readings.shape[1])
-    monitor, reports = DriftMonitor(calibration=stored), []
-    for i in range(len(looks)):
-        monitor, report = monitor.seen(looks.selected([i]))
-        reports.append(report)
-    wrong = {name for report in reports for name in report.wrong_picks}
-    if arguments.json:
-        facts = [
-            {
-                "look": name,
-                "status": r.status.value,
-                "gap": round(r.gap, 6),
-                "shift": r.shift.round(6).tolist(),
-                "p_value": r.p_value,
-                "suspect": r.suspect,
-                "wrong_pick": name in wrong,
-            }
-            for name, r in zip(looks.names, reports, strict=True)
-        ]
-        print(json.dumps(facts, indent=1))
-    else:
-        _print_watched(looks.names, reports, wrong)
-    return 1 if reports[-1].status is DriftStatus.ALARM else 0
-
-
-def _print_watched(
-    names: tuple[str, ...], reports: Sequence[DriftReport], wrong: set[str]
-) -> None:
-    rows = [
-        [
-            name,
-            r.status.value,
-            f"{1e3 * r.gap:.1f}",
-            f"{1e3 * np.linalg.norm(r.shift):.1f}",
-            f"{r.p_value:.1g}",
-            "wrong pick" if name in wrong else r.suspect or "-",
-        ]
-        for name, r in zip(names, reports, strict=True)
-    ]
-    header = ["look", "status", "gap [mm]", "shift [mm]", "p", "suspect"]
-    print(columns(header, rows))
-    if wrong:
-        listed = ", ".join(name for name in names if name in wrong)
-        print(
-            "\nleft out as a wrong pick, the looks before and after it agree: " + listed
-        )
-    elif reports[-1].status is DriftStatus.ALARM and not reports[-1].suspect:
-        print("\nno cause is clear yet: look again before you calibrate")
-    trend = reports[-1].trend
-    if trend is not None and trend.looks_left is not None:
-        print(
-            f"\ngrowing by {1e3 * trend.per_look:.2f} mm a look: "
-            f"{trend.looks_left} looks until grasps begin to miss"
-        )
-
-
-def _add_robot(parser: argparse.ArgumentParser, words: str) -> None:
-    parser.add_argument("--robot", help=f"a shipped robot or a YAML file; {words}")
-    parser.add_argument("--fiducial", metavar="LINK", help="link that carries it")
-    add_site(parser)
-
-
-def _config(arguments: argparse.Namespace) -> CalibrationConfig:
-    """Limits on the error over the workspace of the site, where it has one."""
-    corners = site_of(arguments).workspace
-    if corners is None:
-        return CalibrationConfig()
-    return CalibrationConfig(workspace=Bounds(*map(np.array, corners)))
-
-
-def _view(arguments: argparse.Namespace) -> View:
-    """Take what the camera of the site sees, or a usual one."""
-    path = site_of(arguments).camera_file
-    return View() if path is None else View(intrinsics=load_camera(path))
-
-
-def _rig(
-    arguments: argparse.Namespace, given: ObservationFile, folder: Path
-) -> CalibrationRig | None:
-    """Rig of the arguments, the observations or, where these name none, the site."""
-    robot = arguments.robot
-    has_fiducial = arguments.fiducial is not None or given.fiducial is not None
-    if arguments.site is not None and given.robot is None and has_fiducial:
-        robot = site_of(arguments).robot
-    return rig_of(given, folder, robot, arguments.fiducial)
-
-
-def _require_same_head(stored: StoredCalibration, n_joints: int) -> None:
-    if stored.head.n_joints != n_joints:
-        raise ConfigError(
-            "looks",
-            got=f"{n_joints} joints of the head",
-            expected=f"{stored.head.n_joints}, as the calibration has",
-            mend="Name the same robot and fiducial as for the calibration.",
-        )
 
 
 def _n_used(result: Calibration) -> int:

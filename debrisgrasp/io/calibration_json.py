@@ -49,6 +49,7 @@ def calibration_to_dict(
     *,
     date: datetime,
     T_base_shoulder: SE3 | None = None,
+    robot: str | None = None,
 ) -> dict[str, Any]:
     """Calibration as JSON values.
 
@@ -60,6 +61,8 @@ def calibration_to_dict(
         When it was made.
     T_base_shoulder
         Pose of the link that carries arm and camera, if it is not the base.
+    robot
+        Name of the robot, where it is known.
     """
     c = calibration
     pose = c.T_base_camera
@@ -69,6 +72,7 @@ def calibration_to_dict(
     return {
         "schema": SCHEMA,
         "date": date.astimezone(UTC).isoformat(timespec="seconds"),
+        "robot": robot,
         "accepted": c.decision.accepted,
         "findings": [
             {"problem": f.problem, "remedy": f.remedy} for f in c.decision.findings
@@ -175,6 +179,8 @@ class StoredCalibration:
     fiducial: FloatArray
     """Shift of the fiducial from where the model has it, frame of its link [m]."""
     date: str
+    robot: str | None
+    """Name of the robot; None if it was not known."""
     problems: tuple[str, ...]
     """Why it was refused; empty if it was accepted."""
     path: Path
@@ -236,6 +242,7 @@ def _stored(content: dict[str, Any], path: Path) -> StoredCalibration:
         head_covariance=_covariance(head["covariance"], 6 + k),
         fiducial=frozen(content["fiducial_shift"], "fiducial_shift", (3,)),
         date=str(content["date"]),
+        robot=None if content.get("robot") is None else str(content["robot"]),
         problems=problems,
         path=path,
     )

@@ -92,6 +92,21 @@ def test_a_slip_is_seen_and_mended_with_few_looks(run, calibration_file):
     assert {look["status"] for look in again.json} == {"steady"}
 
 
+def test_what_is_of_another_robot_is_refused(calibration_file, refused, tmp_path):
+    assert json.loads(calibration_file.read_text())["robot"] == "roman"
+    shutil.copy(data_path("robots", "roman.urdf"), tmp_path)
+    other = tmp_path / "other.yaml"
+    text = data_path("robots", "roman.yaml").read_text("utf-8")
+    other.write_text(text.replace("name: roman", "name: other"), "utf-8")
+    for given in (
+        ("watch", calibration_file, LATER),
+        ("solve", LATER, "--previous", calibration_file),
+        ("choose", "--known", calibration_file, "--fiducial", LED),
+    ):
+        words = refused("calibrate", *given, "--robot", other)
+        assert "one of the robot 'roman', expected one of 'other'" in words
+
+
 def test_a_wrong_pick_is_no_drift(run, calibration_file):
     watched = run("calibrate", "watch", calibration_file, LOOKS)
     assert watched.status == 0
