@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from debrisgrasp.geometry import SE3, Box, Solid, random_rotations
@@ -31,6 +31,7 @@ def posed(seed: int) -> SE3:
     return SE3.from_parts(random_rotations(1, rng=rng)[0], rng.normal(size=3))
 
 
+@settings(max_examples=25)
 @given(solids(), st.integers(0, 1000), st.floats(0.0, 0.15))
 def test_no_point_is_nearer_than_the_clearance_tells(
     solid: Solid, seed: int, apart: float
