@@ -76,8 +76,8 @@ class Passage:
 
     def approach_fault(self, grasp: Grasp, Ts_base_hand: SE3) -> str:
         """Say where the open hand hits a neighbour on palm poses (n,), or nothing."""
-        share = self._first_hit(self._before, grasp, grasp.opening, Ts_base_hand)
-        return "" if share is None else f"the hand hits something after {share:.0%}"
+        where = self._first_hit(self._before, grasp, grasp.opening, Ts_base_hand)
+        return f"the hand hits something {where}" if where else ""
 
     def lift_fault(self, grasp: Grasp, Ts_base_hand: SE3) -> str:
         """Say where closed hand or held object hit a neighbour, or nothing.
@@ -85,25 +85,26 @@ class Passage:
         The object moves with the hand from the first of the palm poses (n,).
         """
         others = self._on_lift
-        share = self._first_hit(others, grasp, grasp.width, Ts_base_hand)
-        if share is not None:
-            return f"the hand hits something after {share:.0%}"
+        where = self._first_hit(others, grasp, grasp.width, Ts_base_hand)
+        if where:
+            return f"the hand hits something {where}"
         if not len(self._own) or not others.tree.n:
             return ""
         held = Ts_base_hand[0].inverse().apply(self._own)
         last = max(len(Ts_base_hand.matrix) - 1, 1)
         for row in range(len(Ts_base_hand.matrix)):
-            gap = others.tree.query(
+            gap, index = others.tree.query(
                 Ts_base_hand[row].apply(held), distance_upper_bound=_NEAR
-            )[0]
-            if np.count_nonzero(np.isfinite(gap)) > _MOST_TOUCHING:
-                return f"the held object hits something after {row / last:.0%}"
+            )
+            touched = others.points[np.asarray(index)[np.isfinite(gap)]]
+            if len(touched) > _MOST_TOUCHING:
+                return f"the held object hits something {_where(touched, row / last)}"
         return ""
 
     def _first_hit(
         self, others: _Neighbors, grasp: Grasp, opening: float, Ts: SE3
-    ) -> float | None:
-        """Share of the way after which the hand hits something; None if it is free."""
+    ) -> str:
+        """Say where, and after which share of the way, the hand hits something."""
         gripper = self._grippers[grasp.gripper]
         low = gripper.preshape(grasp.preshape).narrowest
         solids = gripper.solids(grasp.preshape, max(opening, low))
@@ -116,9 +117,10 @@ class Passage:
                 continue
             local = Ts[row].inverse().apply(others.points[index])
             depth = np.min([solid.signed_distance(local) for solid in solids], axis=0)
-            if np.count_nonzero(depth < -_DEPTH) > _MAX_HITS:
-                return row / last
-        return None
+            is_hit = depth < -_DEPTH
+            if np.count_nonzero(is_hit) > _MAX_HITS:
+                return _where(others.points[index[is_hit]], row / last)
+        return ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,6 +135,12 @@ class _Neighbors:
         """Take measured points (n, 3) without flying pixels."""
         points = _surfaces(points)
         return cls(points, cKDTree(points))
+
+
+def _where(touched: FloatArray, share: float) -> str:
+    """Say where points (n, 3) are [m], and after which share of a way they are met."""
+    place = ", ".join(f"{value:z.2f}" for value in np.median(touched, axis=0))
+    return f"at ({place}) m after {share:.0%}"
 
 
 def _apart(points: FloatArray, own: FloatArray) -> FloatArray:

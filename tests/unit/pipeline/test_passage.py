@@ -51,7 +51,12 @@ def test_the_object_itself_is_not_in_the_way(alone):
 def test_a_shelf_above_stops_the_hand_on_its_way_in():
     shelf = block([0.05, 0.0, 0.40], (0.1, 0.1, 0.02))
     passage = Passage(np.concatenate([BAR, shelf]), BAR, GRIPPERS)
-    assert "the hand hits something" in passage.approach_fault(GRASP, coming_in())
+    fault = passage.approach_fault(GRASP, coming_in())
+    assert "the hand hits something" in fault
+    x, y, z = map(float, fault.split("(")[1].split(")")[0].split(","))
+    assert 0.0 <= x <= 0.1
+    assert abs(y) <= 0.05
+    assert 0.39 <= z <= 0.41
 
 
 def test_a_beam_over_the_end_of_the_bar_stops_the_bar_and_not_the_hand():
@@ -59,7 +64,7 @@ def test_a_beam_over_the_end_of_the_bar_stops_the_bar_and_not_the_hand():
     passage = Passage(np.concatenate([BAR, beam]), BAR, GRIPPERS)
     assert passage.approach_fault(GRASP, coming_in()) == ""
     fault = passage.lift_fault(GRASP, way([0.0, 0.0, 0.15]))
-    assert "the held object hits something" in fault
+    assert "the held object hits something at (0.00, 0.22, 0.28) m" in fault
     # The beam's underside is 6 cm over the bar's top: 40 % of the way.
     share = float(fault.split("after ")[1].rstrip("%"))
     assert 33 <= share <= 45
