@@ -131,11 +131,12 @@ def run_solve(arguments: argparse.Namespace) -> int:
     reference = None
     if rig is not None and len(rig.reference):
         reference = rig.reference
-    config = limits_of(arguments)
+    site = site_of(arguments)
+    config = limits_of(site)
     result = calibrate(observations, known, reference=reference, config=config)
     plan = None
     if rig is not None and not result.decision.accepted:
-        plan = _next_postures(rig, result, config, view_of(arguments))
+        plan = _next_postures(rig, result, config, view_of(site))
     content = calibration_to_dict(
         result,
         date=datetime.now(UTC),
@@ -212,7 +213,8 @@ def run_choose(arguments: argparse.Namespace) -> int:
     require_places((), (), arguments.out, source=arguments.known)
     if arguments.out:
         require_unfilled(arguments.out)
-    robot = site_of(arguments).robot
+    site = site_of(arguments)
+    robot = site.robot
     given = ObservationFile(rows=())
     rig = rig_of(given, Path(), robot, arguments.fiducial)
     if rig is None:
@@ -220,7 +222,7 @@ def run_choose(arguments: argparse.Namespace) -> int:
     stored = load_calibration(arguments.known) if arguments.known else None
     if stored is not None:
         require_same_robot(stored, rig)
-    config = limits_of(arguments)
+    config = limits_of(site)
     plan = choose_postures(
         rig,
         arguments.count,
@@ -229,7 +231,7 @@ def run_choose(arguments: argparse.Namespace) -> int:
         if stored is None
         else np.asarray(np.linalg.inv(stored.covariance)),
         T_base_camera=None if stored is None else stored.T_base_camera,
-        view=view_of(arguments),
+        view=view_of(site),
         workspace=config.workspace,
     )
     if arguments.out:

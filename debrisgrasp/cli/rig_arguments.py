@@ -14,6 +14,7 @@ from debrisgrasp.geometry import Bounds
 from debrisgrasp.io.calibration_json import StoredCalibration
 from debrisgrasp.io.depth_images import load_camera
 from debrisgrasp.io.observations_file import ObservationFile
+from debrisgrasp.settings import Settings
 
 from .site_arguments import add_site, site_of
 
@@ -27,17 +28,16 @@ def add_robot(parser: argparse.ArgumentParser, words: str) -> None:
     add_site(parser)
 
 
-def limits_of(arguments: argparse.Namespace) -> CalibrationConfig:
+def limits_of(site: Settings) -> CalibrationConfig:
     """Limits on the error over the workspace of the site, where it has one."""
-    corners = site_of(arguments).workspace
-    if corners is None:
+    if site.workspace is None:
         return CalibrationConfig()
-    return CalibrationConfig(workspace=Bounds(*map(np.array, corners)))
+    return CalibrationConfig(workspace=Bounds(*map(np.array, site.workspace)))
 
 
-def view_of(arguments: argparse.Namespace) -> View:
+def view_of(site: Settings) -> View:
     """Take what the camera of the site sees, or a usual one."""
-    path = site_of(arguments).camera_file
+    path = site.camera_file
     return View() if path is None else View(intrinsics=load_camera(path))
 
 
