@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.kinematics import RobotModel
 
-__all__ = ["require_joints"]
+__all__ = ["arm_joints_above", "require_joints"]
 
 _OVER = 0.01
 """A joint may read this far beyond its limit [rad or m]."""
@@ -56,3 +56,10 @@ def require_joints(robot: RobotModel, joints: Mapping[str, float]) -> None:
             if slides
             else "Joints are in radians: 90 degrees are 1.571.",
         )
+
+
+def arm_joints_above(robot: RobotModel, link: str) -> list[str]:
+    """Names of the joints of arms that move a link, from base to it."""
+    of_arms = {name for arm in robot.arms.values() for name in arm.joints}
+    above = [joint.name for joint in robot.tree.joints_above(link)]
+    return [name for name in reversed(above) if name in of_arms]

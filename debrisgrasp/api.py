@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from debrisgrasp import __version__
-from debrisgrasp._calibrating import CalibrationRig, observations_of, rig_of
+from debrisgrasp._calibrating import (
+    Rig,
+    limits_with,
+    observations_of,
+    require_same_robot,
+    rig_of,
+)
 from debrisgrasp._checked import checked
 from debrisgrasp.calibration import (
     Calibration,
@@ -195,24 +201,26 @@ def calibrate(
     observations: str | os.PathLike[str],
     *,
     robot: str | None = None,
-    fiducial: str | None = None,
+    fiducial: str | Sequence[float] | None = None,
     previous: str | os.PathLike[str] | None = None,
     config: CalibrationConfig | None = None,
 ) -> Calibration:
     """Find where the camera is from a file of observations (docs/calibration.md).
 
     The result says how well it is known: look at `Calibration.decision` before using
-    `Calibration.T_base_camera`, for instance with `Capture.posed`.
+    `Calibration.T_base_camera`, for instance with `Capture.posed`; `T_link_camera` of a
+    camera that an arm carries.
 
     Parameters
     ----------
     observations
         YAML, JSON or CSV file.
     robot, fiducial
-        The robot, and the link that carries the fiducial, if the file does not name
-        them or others are meant.
+        The robot, and the link that carries the fiducial, or its place in base [m]
+        before a camera that an arm carries; if the file does not name them or others
+        are meant.
     previous
-        Calibration file to start from.
+        Calibration file to start from, of the same camera.
     config
         Limits of acceptance.
 
@@ -222,9 +230,12 @@ def calibrate(
         If a file is malformed, or the observations have no honest result.
     """
     given, rig = _looks(observations, robot, fiducial)
+    config = limits_with(config or CalibrationConfig(), given)
     known = None if rig is None else Known(head=rig.head)
     if previous is not None:
-        known = load_calibration(previous).known
+        stored = load_calibration(previous)
+        require_same_robot(stored, rig)
+        known = stored.known
     reference = rig.reference if rig is not None and len(rig.reference) else None
     return calibrate_observations(
         observations_of(given, rig), known, reference=reference, config=config
@@ -266,7 +277,7 @@ def looks(
     observations: str | os.PathLike[str],
     *,
     robot: str | None = None,
-    fiducial: str | None = None,
+    fiducial: str | Sequence[float] | None = None,
 ) -> Observations:
     """Read a file of observations, and put its joints through forward kinematics.
 
@@ -276,8 +287,10 @@ def looks(
 
 
 def _looks(
-    observations: str | os.PathLike[str], robot: str | None, fiducial: str | None
-) -> tuple[ObservationFile, CalibrationRig | None]:
+    observations: str | os.PathLike[str],
+    robot: str | None,
+    fiducial: str | Sequence[float] | None,
+) -> tuple[ObservationFile, Rig | None]:
     path = Path(observations)
     given = load_observations(path)
     return given, rig_of(given, path.parent, robot, fiducial)

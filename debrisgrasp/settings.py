@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_metres
+from debrisgrasp._calibrating import pose_on_arm
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._fields import Fields
 from debrisgrasp._files import is_yaml, read_yaml, why_not_there
@@ -206,19 +207,26 @@ class Settings:
             where = f"{self.path}, field {name or error.what}"
             raise ConfigError.about(where, error) from error
 
-    def pose_of_camera(self) -> CameraPose | None:
+    def pose_of_camera(
+        self, joints: Mapping[str, float] | None = None
+    ) -> CameraPose | None:
         """Pose of the camera in the base frame; None if captures bring their own.
+
+        If an arm carries the camera, ``joints`` are needed: by name [rad or m], when
+        the picture is taken.
 
         Raises
         ------
         ConfigError
-            If the calibration can't be read, or was refused.
+            If the calibration can't be read, or was refused; as `pose_on_arm` does.
         """
         if self.calibration is None:
             return self.camera_pose
         stored = load_calibration(self.calibration)
         stored.require_accepted()
-        return stored.T_base_camera
+        if stored.link is None:
+            return stored.T_base_camera
+        return pose_on_arm(stored, self.robot_model(), joints)
 
     @checked
     def capture(
@@ -227,6 +235,7 @@ class Settings:
         *,
         camera_file: str | os.PathLike[str] | None = None,
         viewpoint: ArrayLike | None = None,
+        joints: Mapping[str, float] | None = None,
     ) -> Capture:
         """Read a capture with the pose and the intrinsics of this site's camera.
 
@@ -242,6 +251,8 @@ class Settings:
             images without one beside them.
         viewpoint
             Of the sensor that saw a cloud, in its frame [m], shape (3,).
+        joints
+            As for `pose_of_camera`.
 
         Raises
         ------
@@ -251,7 +262,7 @@ class Settings:
         if camera_file is None and self.camera_file is not None and lacks_camera(path):
             camera_file = self.camera_file
         capture = Capture.load(path, camera_file=camera_file, viewpoint=viewpoint)
-        pose = self.pose_of_camera()
+        pose = self.pose_of_camera(joints)
         if pose is None:
             return capture
         posed = capture.posed(pose)
@@ -297,7 +308,7 @@ def _top(fields: Fields) -> dict[str, Any]:
         values["robot"] = str(_file(fields, "robot"))
     for name in ("grippers", "prototypes"):
         if name in fields:
-            values[name] = _folder(fields, name)
+            values[name] = _there(fields, name, "folder")
     if "drop_off" in fields:
         places = fields.child("drop_off")
         values["drop_off"] = {
@@ -373,10 +384,6 @@ def _limits(fields: Fields) -> dict[str, Any]:
 
 def _file(fields: Fields, name: str) -> Path:
     return _there(fields, name, "file")
-
-
-def _folder(fields: Fields, name: str) -> Path:
-    return _there(fields, name, "folder")
 
 
 def _there(fields: Fields, name: str, kind: Literal["file", "folder"]) -> Path:

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, Rng
-from debrisgrasp.calibration import WORKSPACE, Choice, choose_places
+from debrisgrasp.calibration import (
+    Calibration,
+    CalibrationConfig,
+    Choice,
+    choose_places,
+    information_at,
+)
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Bounds, Intrinsics
 from debrisgrasp.io.observations_file import ObservationFile, ObservationRow
 
+from .of_file import Rig
 from .rig import CalibrationRig
+from .wrist import WristRig
 
-__all__ = ["Posture", "PosturePlan", "View", "choose_postures"]
+__all__ = ["Posture", "PosturePlan", "View", "choose_postures", "information_of"]
 
 _ARM_MARGIN = 0.02
 """Distance that the links keep from one another and from the ground [m]."""
@@ -56,7 +64,8 @@ class Posture:
     joints: Mapping[str, float]
     """Joint values [rad or m], those of the head included."""
     place: tuple[float, float, float]
-    """Where the fiducial then is, base frame [m]."""
+    """Where the fiducial then is, base frame [m]; in the camera frame of a camera that
+    the arm carries."""
     pixel: tuple[float, float]
     """Where the camera should see it."""
 
@@ -75,24 +84,34 @@ class PosturePlan:
         choice = Choice(indices=self.choice.indices[:n], errors=self.choice.errors[:n])
         return replace(self, postures=self.postures[:n], choice=choice)
 
-    def to_file(self, robot: str, fiducial: str) -> ObservationFile:
-        """Observations yet to be made: joints are filled in, points are not."""
+    def to_file(
+        self, robot: str, fiducial: str | Sequence[float], sigma: float | None = None
+    ) -> ObservationFile:
+        """Observations yet to be made: joints are filled in, points are not.
+
+        With how well the place of the fiducial is known, if that is stated [m].
+        """
         rows = [
             ObservationRow(name=p.name, joints=dict(p.joints)) for p in self.postures
         ]
-        return ObservationFile(rows=tuple(rows), robot=robot, fiducial=fiducial)
+        return ObservationFile(
+            rows=tuple(rows),
+            robot=robot,
+            fiducial=fiducial if isinstance(fiducial, str) else tuple(fiducial),
+            fiducial_sigma=sigma,
+        )
 
 
 def choose_postures(
-    rig: CalibrationRig,
+    rig: Rig,
     n: int,
     *,
     rng: Rng,
     information: FloatArray | None = None,
-    T_base_camera: SE3 | None = None,
+    T_link_camera: SE3 | None = None,
     apart: float = 0.1,
     view: View | None = None,
-    workspace: Bounds = WORKSPACE,
+    config: CalibrationConfig | None = None,
 ) -> PosturePlan:
     """Choose the postures whose measurement tells most about the camera.
 
@@ -104,48 +123,65 @@ def choose_postures(
     Parameters
     ----------
     rig
-        The robot and its fiducial.
+        The robot and its fiducial, one of which the arm moves before the other.
     n
         How many to choose.
     rng
         Source of the random postures.
     information
-        What is known already: the inverse of a calibration's covariance, (6, 6).
-    T_base_camera
-        Pose of the camera; that of the robot's model by default.
+        What is known already, as `choose_places` takes it: the inverse of a
+        calibration's covariance; of a camera that the arm carries, in its frame.
+    T_link_camera
+        Pose of the camera in base, or in the link that carries it; that of the robot's
+        model by default.
     apart
         Least distance of the places [m].
     view
         What the camera sees; None: as a RealSense D435.
-    workspace
-        Where the camera's error is to be small, base frame.
+    config
+        Where the camera's error is to be small, and how well the place of a fiducial is
+        known that stands still.
 
     Raises
     ------
     InputError
         If the robot can't show the fiducial in so many places.
     """
-    view = view or View()
-    T_base_camera = T_base_camera or rig.head.T_base_camera(rig.reference)
-    q, T = _shown(rig, T_base_camera, view, rng)
+    view, config = view or View(), config or CalibrationConfig()
+    sight = _Sight(rig, T_link_camera or rig.head.T_base_camera(rig.reference))
+    q = _shown(sight, view, rng)
     if len(q) < n:
         raise InputError(
             "postures that show the fiducial to the camera",
             got=len(q),
             expected=f"at least {n}",
             mend="Turn the head towards the arm's workspace, or check which way z "
-            f"of link {rig.fiducial!r} points.",
+            f"of link {rig.fiducial!r} points."
+            if isinstance(rig, CalibrationRig)
+            else "Put it where the camera gets to see it from above, or check the "
+            "camera's pose in the robot's file.",
         )
+    places, points, link = sight.places(q), sight.points(q), None
+    turns = None
+    if isinstance(rig, WristRig):
+        link = rig.link
+        turns = np.swapaxes(sight.T_base_camera(q).R, -1, -2)
     choice = choose_places(
-        T.p, n, information=information, apart=apart, workspace=workspace
+        places,
+        n,
+        information=information,
+        apart=apart,
+        workspace=config.workspace_of(link),
+        turns=turns,
+        fiducial_sigma=config.fiducial_sigma,
     )
-    pixels, _ = view.intrinsics.project(T_base_camera.inverse().apply(T.p))
+    pixels, _ = view.intrinsics.project(points)
     rest = dict(zip(rig.head.joint_names, map(float, rig.reference), strict=True))
     postures = tuple(
         Posture(
             name=f"look_{rank}",
             joints={**rig.shared, **rest, **rig.chain.named(q[i])},
-            place=_triple(T.p[i]),
+            place=_triple(places[i]),
             pixel=(float(pixels[i, 0]), float(pixels[i, 1])),
         )
         for rank, i in enumerate(choice.indices, start=1)
@@ -153,19 +189,58 @@ def choose_postures(
     return PosturePlan(postures=postures, choice=choice, n_candidates=len(q))
 
 
-def _shown(
-    rig: CalibrationRig, T_base_camera: SE3, view: View, rng: Rng
-) -> tuple[FloatArray, SE3]:
-    """Postures that show the fiducial, one in each cell, and where it then is."""
+def information_of(found: Calibration) -> FloatArray:
+    """Return what looks have told of the camera, as `choose_postures` takes it."""
+    used = found.observations.selected(~found.is_outlier)
+    if found.link is None or used.R_base_wrist is None:
+        return np.asarray(np.linalg.inv(found.covariance))
+    turns = np.swapaxes(found.T_link_camera.R, -1, -2) @ used.R_base_wrist
+    sigmas = np.sqrt((used.total_sigmas**2).mean(axis=1))
+    return np.asarray(information_at(used.points_camera, sigmas, turns).sum(axis=0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sight:
+    """Where camera and fiducial are in postures (n, d), one of which stays."""
+
+    rig: Rig
+    mount: SE3
+    """Of the camera, in base or in the link that carries it."""
+
+    def T_base_camera(self, q: FloatArray) -> SE3:
+        """Pose of the camera, for each posture or for all."""
+        moves = isinstance(self.rig, WristRig)
+        return self.rig.chain.fk(q) @ self.mount if moves else self.mount
+
+    def T_base_fiducial(self, q: FloatArray) -> SE3:
+        """Pose of the fiducial, for each posture or for all."""
+        if isinstance(self.rig, WristRig):
+            return self.rig.T_base_fiducial
+        return self.rig.chain.fk(q)
+
+    def points(self, q: FloatArray) -> FloatArray:
+        """Where the camera sees the fiducial, its frame [m], shape (n, 3)."""
+        seen = self.T_base_camera(q).inverse()
+        return np.asarray(seen.apply(self.T_base_fiducial(q).p))
+
+    def places(self, q: FloatArray) -> FloatArray:
+        """Places that are to be spread [m], (n, 3): in base, or in a moving camera."""
+        if isinstance(self.rig, WristRig):
+            return self.points(q)
+        return self.rig.chain.fk(q).p
+
+
+def _shown(sight: _Sight, view: View, rng: Rng) -> FloatArray:
+    """Postures that show the fiducial, a few in each cell of its places."""
+    rig = sight.rig
     kept, values = np.zeros((0, rig.chain.n_joints)), rig.robot.joint_values()
     idle = np.array([values[name] for name in rig.chain.joint_names])
     for _ in range(_MOST_BATCHES):
         # A joint that turns by more than a circle shows the same from nearer by.
         q = rig.chain.unwound(rig.chain.sampled(_BATCH, rng=rng), idle)
-        T = rig.chain.fk(q)
-        q = q[is_in_view(T, T_base_camera, view)]
+        q = q[is_in_view(sight.T_base_fiducial(q), sight.T_base_camera(q), view)]
         kept = np.concatenate([kept, q])
-        cells = np.floor(rig.chain.fk(kept).p / _CELL).astype(int)
+        cells = np.floor(sight.places(kept) / _CELL).astype(int)
         _, first = np.unique(cells, axis=0, return_index=True)
         if len(first) > 0.5 * len(kept):
             continue  # most cells hold one posture only: there are more to find
@@ -179,18 +254,16 @@ def _shown(
     order = np.argsort(cell, kind="stable")
     starts = np.searchsorted(cell[order], cell[order])
     kept = kept[order[np.arange(len(order)) - starts < _IN_A_CELL]]
-    kept = kept[_is_free(rig, kept, T_base_camera)]
-    return kept, rig.chain.fk(kept)
+    return kept[_is_free(sight, kept)]
 
 
-def _is_free(rig: CalibrationRig, q: FloatArray, T_base_camera: SE3) -> BoolArray:
+def _is_free(sight: _Sight, q: FloatArray) -> BoolArray:
     """Whether nothing is touched, and nothing is between fiducial and camera."""
-    collision = rig.collision
+    collision = sight.rig.collision
     height = collision.scene_clearance(q, lambda points: points[..., 2])
     is_free = height > _ARM_MARGIN
     poses = collision.body.segment_poses(q)
-    ends = rig.chain.fk(q).p
-    rays = _between(ends, T_base_camera.p)
+    rays = _between(sight.T_base_fiducial(q).p, sight.T_base_camera(q).p)
     for part in collision.body.parts:
         T = SE3(poses[:, part.segment])
         if part.is_hand:
@@ -223,12 +296,13 @@ def is_in_view(T_base_fiducial: SE3, T_base_camera: SE3, view: View) -> BoolArra
     )
 
 
-def _between(starts: FloatArray, end: FloatArray) -> FloatArray:
-    """Points on the lines of sight (n, 3) to one end, shape (n, m, 3)."""
-    length = np.linalg.norm(end - starts, axis=1)[:, None]
+def _between(starts: FloatArray, ends: FloatArray) -> FloatArray:
+    """Points on the lines of sight from starts to ends, (n, 3) or (3,): (n, m, 3)."""
+    starts, ends = np.broadcast_arrays(starts, ends)
+    length = np.linalg.norm(ends - starts, axis=1)[:, None]
     along = np.linspace(0.0, 1.0, _RAY_POINTS)
     reached = _RAY_START + along * (length - _RAY_START - _RAY_END)
-    along_ray = (reached / length)[..., None] * (end - starts)[:, None]
+    along_ray = (reached / length)[..., None] * (ends - starts)[:, None]
     return np.asarray(starts[:, None] + along_ray)
 
 

@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.calibration import (
-    KINEMATIC_SIGMA,
-    MEASUREMENT_SIGMA,
-    Head,
-    Observations,
-)
-from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.calibration import Head, Observations
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3
-from debrisgrasp.io.observations_file import ObservationFile, ObservationRow
+from debrisgrasp.io.observations_file import ObservationFile
 from debrisgrasp.kinematics import ArmCollision, KinematicChain, RobotModel
 from debrisgrasp.kinematics.urdf import UrdfJoint
 
-__all__ = ["CalibrationRig", "observations_of", "rig_of"]
+from .rows import kinematic_sigma_of, points_of, require_joints, sigmas_of
+from .wrist import is_carried
 
-_LIMIT_SLACK = 0.1
-"""How far a joint may read beyond its limit [rad or m]; more is another unit."""
-_FARTHEST_WOUND = 4.0 * np.pi
-"""No joint without limits is wound up so far [rad]; most angles in degrees are."""
-_DEGREES = "degrees: multiply by pi / 180"
+__all__ = ["CalibrationRig"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,15 +70,12 @@ class CalibrationRig:
             moved = {j.name for j in self._joints(self.fiducial)}
             if moved & set(spec.joints) - set(self.shared):
                 return name
-        above = {joint.name for joint in self._joints(self.camera)}
-        is_on_arm = any(above >= set(spec.joints) for spec in self.robot.arms.values())
         raise ConfigError(
             "fiducial",
             got=f"link {self.fiducial!r}, which no arm moves",
             expected="a link on " + " or ".join(self.robot.arms),
-            mend="A camera that an arm carries is calibrated in Python "
-            "(docs/calibration.md, A camera on the wrist)."
-            if is_on_arm
+            mend="A camera that an arm carries has a `WristRig`."
+            if is_carried(self.robot)
             else "",
         )
 
@@ -152,7 +139,8 @@ class CalibrationRig:
             Naming the joint that is unknown, missing or beyond its limits.
         """
         for row in given.rows:
-            self._require_joints(row)
+            needed = () if row.position is not None else self.chain.joint_names
+            require_joints(self.robot, row, needed)
         with_joints = [self.chain.vector(row.joints) for row in given.rows]
         T_base_fiducial = self.chain.fk(np.array(with_joints))
         places = np.array(
@@ -168,107 +156,10 @@ class CalibrationRig:
         ]
         return Observations(
             places,
-            _points(given),
-            _sigmas(given),
+            points_of(given),
+            sigmas_of(given),
             np.array(readings).reshape(len(places), -1),
             T_base_fiducial.R if knows_wrist else None,
             tuple(row.name for row in given.rows),
-            _kinematic_sigma(given),
+            kinematic_sigma_of(given),
         )
-
-    def _require_joints(self, row: ObservationRow) -> None:
-        self.robot.joint_values(row.joints)  # refuses unknown names
-        needed = () if row.position is not None else self.chain.joint_names
-        missing = [name for name in needed if name not in row.joints]
-        if missing:
-            raise ConfigError(
-                f"joints of observation {row.name}",
-                got=f"no {', '.join(missing)}",
-                expected="every joint between base and fiducial",
-            )
-        for name, value in row.joints.items():
-            joint = self.robot.tree.joints[name]
-            low = max(joint.lower, -_FARTHEST_WOUND)
-            high = min(joint.upper, _FARTHEST_WOUND)
-            is_within = low - _LIMIT_SLACK <= value <= high + _LIMIT_SLACK
-            if joint.kind != "fixed" and not is_within:
-                slides = joint.kind == "prismatic"
-                mend = "millimetres: divide by 1000" if slides else _DEGREES
-                raise InputError(
-                    f"joint {name} of observation {row.name}",
-                    got=f"{value:g}",
-                    expected=f"{low:.4g} to {high:.4g} {'m' if slides else 'rad'}",
-                    mend=f"It looks like {mend}." if abs(value) > 6.3 else "",
-                )
-
-
-def observations_of(given: ObservationFile, rig: CalibrationRig | None) -> Observations:
-    """Observations of a file; without a robot their positions must be written down."""
-    if rig is not None:
-        return rig.observations(given)
-    for row in given.rows:
-        if row.position is None or row.joints:
-            raise ConfigError(
-                f"observation {row.name}",
-                got="joint values, but no robot",
-                expected="a position in base, or `robot` and `fiducial` of the file",
-                mend="Name the robot and the fiducial's link: --robot, --fiducial.",
-            )
-    places = [row.position or () for row in given.rows]
-    return Observations(
-        np.array(places).reshape(-1, 3),
-        _points(given),
-        _sigmas(given),
-        names=tuple(row.name for row in given.rows),
-        kinematic_sigma=_kinematic_sigma(given),
-    )
-
-
-def rig_of(
-    given: ObservationFile,
-    folder: Path,
-    robot: str | Path | None = None,
-    fiducial: str | None = None,
-) -> CalibrationRig | None:
-    """Rig that a file, or the caller instead, names; None if neither names a robot.
-
-    A robot's file that the observations name lies beside them.
-    """
-    name = robot or given.robot
-    link = fiducial or given.fiducial
-    if name is None:
-        return None
-    if link is None:
-        raise ConfigError(
-            "fiducial",
-            got="none",
-            expected="the link of the robot that carries it",
-            mend="Name it in the observations (`fiducial:`) or with --fiducial.",
-        )
-    if robot is None and (folder / name).suffix in (".yaml", ".yml"):
-        name = folder / name
-    return CalibrationRig(robot=RobotModel.load(name), fiducial=link)
-
-
-def _points(given: ObservationFile) -> FloatArray:
-    empty = [row.name for row in given.rows if row.point is None]
-    if empty:
-        raise ConfigError(
-            "observations",
-            got=f"no point for {', '.join(empty[:5])}",
-            expected="where the camera sees the fiducial, three numbers [m]",
-            mend="Measure it (`debrisgrasp calibrate pick` or `find`), or leave the "
-            "observation out.",
-        )
-    return np.array([row.point for row in given.rows]).reshape(-1, 3)
-
-
-def _sigmas(given: ObservationFile) -> FloatArray:
-    default = (MEASUREMENT_SIGMA if given.sigma is None else given.sigma,)
-    rows: list[Sequence[float]] = [row.sigma or default for row in given.rows]
-    return np.array([np.broadcast_to(row, 3) for row in rows]).reshape(-1, 3)
-
-
-def _kinematic_sigma(given: ObservationFile) -> float:
-    given_sigma = given.kinematic_sigma
-    return KINEMATIC_SIGMA if given_sigma is None else given_sigma

@@ -6,11 +6,23 @@ from .drift import DriftConfig, DriftMonitor, DriftReport, DriftStatus, Trend
 from .hand_eye import Attempt, Calibration, Known, calibrate
 from .head import Head
 from .marker import MarkerConfig, MarkerFound, MarkerMissing, find_marker
-from .observations import KINEMATIC_SIGMA, MEASUREMENT_SIGMA, Observations
+from .observations import (
+    KINEMATIC_SIGMA,
+    MEASUREMENT_SIGMA,
+    Observations,
+    require_in_base,
+)
 from .tags import TagFound, find_tags
-from .uncertainty import WORKSPACE, WorkspaceError, displacement, predicted_error
+from .uncertainty import (
+    BEFORE_CAMERA,
+    WORKSPACE,
+    WorkspaceError,
+    displacement,
+    predicted_error,
+)
 
 __all__ = [
+    "BEFORE_CAMERA",
     "KINEMATIC_SIGMA",
     "MEASUREMENT_SIGMA",
     "WORKSPACE",
@@ -40,4 +52,5 @@ __all__ = [
     "find_tags",
     "information_at",
     "predicted_error",
+    "require_in_base",
 ]

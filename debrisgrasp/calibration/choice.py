@@ -42,15 +42,20 @@ class Choice:
         return None
 
 
-def information_at(places: ArrayLike, sigmas: ArrayLike) -> FloatArray:
+def information_at(
+    places: ArrayLike, sigmas: ArrayLike, turns: ArrayLike | None = None
+) -> FloatArray:
     """Information on the camera's pose in looks at places (m, 3), shape (m, 6, 6).
 
-    In the convention of `camera_covariance`; ``sigmas`` [m] are numbers or (m,).
+    In the convention of `camera_covariance`; ``sigmas`` [m] are numbers or (m,). With
+    ``turns`` (m, 3, 3), which map a shift of the fiducial to that of its place, it is
+    that on the shift, too, shape (m, 9, 9).
     """
     places = np.asarray(places, dtype=np.float64)
-    jacobians = np.concatenate(
-        [np.broadcast_to(np.eye(3), (len(places), 3, 3)), -so3.hat(places)], axis=-1
-    )
+    columns = [np.broadcast_to(np.eye(3), (len(places), 3, 3)), -so3.hat(places)]
+    if turns is not None:
+        columns.append(-np.asarray(turns, dtype=np.float64))
+    jacobians = np.concatenate(columns, axis=-1)
     variances = np.broadcast_to(np.asarray(sigmas) ** 2, len(places))
     squares = np.swapaxes(jacobians, -1, -2) @ jacobians
     return np.asarray(squares / variances[:, None, None])
@@ -63,6 +68,8 @@ def choose_places(
     information: FloatArray | None = None,
     apart: float = 0.1,
     workspace: Bounds = WORKSPACE,
+    turns: ArrayLike | None = None,
+    fiducial_sigma: float = 0.02,
 ) -> Choice:
     """Choose the places that leave least uncertainty.
 
@@ -79,13 +86,18 @@ def choose_places(
     n
         How many to choose.
     information
-        What is known already, shape (6, 6), the inverse of a `camera_covariance`;
-        nothing by default.
+        What is known already, shape (6, 6), the inverse of a `camera_covariance`, or
+        (9, 9) with that on the fiducial; nothing by default.
     apart
         Least distance between two chosen places [m]; looks at one place share its
         error of kinematics.
     workspace
         Where the predicted error is evaluated.
+    turns
+        Attitude, for each candidate, of the frame in which the fiducial's place is in
+        doubt, shape (m, 3, 3); None if it is in no doubt.
+    fiducial_sigma
+        How much in doubt it is [m].
 
     Raises
     ------
@@ -96,10 +108,12 @@ def choose_places(
     require_finite(places, "candidate places")
     if n < 1:
         raise InputError("places to choose", got=n, expected="1 or more")
-    gains = information_at(places, np.hypot(MEASUREMENT_SIGMA, KINEMATIC_SIGMA))
-    known = np.eye(6) / _IGNORANCE**2
+    sigma = np.hypot(MEASUREMENT_SIGMA, KINEMATIC_SIGMA)
+    gains = information_at(places, sigma, turns)
+    doubts = [_IGNORANCE] * 6 + [fiducial_sigma] * (gains.shape[-1] - 6)
+    known = np.diag(np.array(doubts) ** -2.0)
     if information is not None:
-        known = known + information
+        known[: len(information), : len(information)] += information
     is_near = np.linalg.norm(places[:, None] - places, axis=-1) <= apart
     chosen = _exchanged(
         _greedy(gains, is_near, known, n), gains, is_near, known, workspace
@@ -108,7 +122,8 @@ def choose_places(
     order = _greedy(gains[chosen], np.eye(n, dtype=bool), known, n)
     indices = np.array(chosen)[order]
     sums = known + np.cumsum(gains[indices], axis=0)
-    errors = [WorkspaceError.of(np.linalg.inv(total), workspace) for total in sums]
+    left = np.linalg.inv(sums)[:, :6, :6]
+    errors = [WorkspaceError.of(covariance, workspace) for covariance in left]
     return Choice(indices=indices, errors=tuple(errors))
 
 
@@ -144,7 +159,8 @@ def _exchanged(
     """Put a better candidate in the place of each chosen one, until none is better."""
     # Mean of J^T J over the workspace: its product with a covariance has the mean
     # squared error as trace.
-    weights = information_at(grid(workspace), 1.0).mean(axis=0)
+    weights = np.zeros_like(known)
+    weights[:6, :6] = information_at(grid(workspace), 1.0).mean(axis=0)
     chosen = list(chosen)
     for _ in range(_MOST_ROUNDS):
         before = list(chosen)

@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtri
 
 from debrisgrasp._arrays import BoolArray, FloatArray, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, Bounds, so3
 
-from .uncertainty import WORKSPACE, WorkspaceError
+from .uncertainty import BEFORE_CAMERA, WORKSPACE, WorkspaceError
 
 __all__ = ["CalibrationConfig", "Decision", "Evidence", "Finding", "decide"]
 
@@ -20,6 +21,8 @@ _LOOKS_UP = np.deg2rad(30.0)
 """No camera that looks at a workspace on the ground is turned up farther."""
 _FLAT = 0.01
 """Places nearer to one plane than this [m] don't tell a fit from its mirror image."""
+_LITTLE_TURNED = np.deg2rad(10.0)
+"""Turns of a wrist that tell the place of a fiducial from that of the camera badly."""
 _FEWEST_TO_BE_FLAT = 3
 """So many places or fewer lie in one plane always."""
 _OUT_OF_PLANE = (
@@ -58,8 +61,9 @@ class CalibrationConfig:
     """Farther from its nominal place no camera is by drift [m]."""
     max_turn: float = 0.35
     """Farther from its nominal attitude no camera is by drift [rad]."""
-    workspace: Bounds = WORKSPACE
-    """Where the predicted error is evaluated."""
+    workspace: Bounds | None = None
+    """Where the predicted error is evaluated: in the base frame; in the camera frame of
+    a camera that an arm carries. None: `WORKSPACE` or `BEFORE_CAMERA`."""
 
     def __post_init__(self) -> None:
         for name in ("max_rms", "max_worst", "offset_sigma", "fiducial_sigma"):
@@ -76,6 +80,11 @@ class CalibrationConfig:
                 got=(self.min_places, self.min_places_fiducial),
                 expected="4 or more: three points fit whatever their error",
             )
+
+    def workspace_of(self, link: str | None) -> Bounds:
+        """Where the error of a camera counts that a link carries, or none (None)."""
+        usual = WORKSPACE if link is None else BEFORE_CAMERA
+        return self.workspace or usual
 
     def spared(self, n: int) -> int:
         """How many of n observations may be wrong picks."""
@@ -116,7 +125,12 @@ class Evidence:
     names: tuple[str, ...]
     is_used: BoolArray
     places: FloatArray
-    """Fiducial positions, base frame [m], shape (n, 3)."""
+    """Fiducial positions, base frame [m], shape (n, 3); in the camera frame of a camera
+    that an arm carries."""
+    link: str | None
+    """The link that carries it; None for a camera that no arm carries."""
+    turn: float
+    """How far the used looks turn about the axis about which they do least [rad]."""
     has_prior: bool
     fiducial: FloatArray | None
     """Shift of the fiducial on its link [m], shape (3,); None if it was not fitted."""
@@ -138,6 +152,7 @@ def decide(evidence: Evidence, config: CalibrationConfig) -> Decision:
         *_unexplained(evidence, config),
         *_below_ground(evidence),
         *_far_off(evidence, config),
+        *_fiducial_elsewhere(evidence, config),
     )
     return Decision(not findings, findings, tuple(_notes(evidence, config)))
 
@@ -171,7 +186,9 @@ def _too_uncertain(evidence: Evidence, config: CalibrationConfig) -> Iterator[Fi
         yield Finding(
             f"the places lie within {1e3 * evidence.lever:.1f} mm of a line "
             f"({1e3 * config.min_lever:.0f} mm needed): clustered or in a row",
-            "Spread them over the workspace, in depth and height too. " + more,
+            "Spread them over the workspace, in depth and height too. " + more
+            if evidence.link is None
+            else "Have the fiducial all over the picture, near and far. " + more,
         )
     error = evidence.error
     if error.rms > config.max_rms:
@@ -184,8 +201,18 @@ def _too_uncertain(evidence: Evidence, config: CalibrationConfig) -> Iterator[Fi
         x, y, z = error.worst_at
         yield Finding(
             f"predicted error {1e3 * error.worst:.1f} mm at the corner "
-            f"({x:.2f}, {y:.2f}, {z:.2f}) exceeds {1e3 * config.max_worst:g} mm",
+            f"({x:.2f}, {y:.2f}, {z:.2f})"
+            + ("" if evidence.link is None else " of the camera frame")
+            + f" exceeds {1e3 * config.max_worst:g} mm",
             more,
+        )
+    is_vague = error.rms > config.max_rms or error.worst > config.max_worst
+    if is_vague and evidence.link is not None and evidence.turn < _LITTLE_TURNED:
+        yield Finding(
+            f"{evidence.link} is turned by {np.rad2deg(evidence.turn):.0f} deg only "
+            "about the axis about which the looks turn it least: the place of the "
+            "fiducial can't be told from that of the camera",
+            "Turn the wrist by 20 deg or more about two axes between the looks",
         )
 
 
@@ -212,6 +239,8 @@ def _looking_up(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _below_ground(evidence: Evidence) -> Iterator[Finding]:
+    if evidence.link is not None:
+        return  # in the frame of a link z is no height
     height, nominal = float(evidence.T_base_camera.p[2]), evidence.nominal
     # In the frame of a wrist z is no height, and a camera may well sit behind.
     is_below = height < 0.0 and (nominal is None or float(nominal.p[2]) >= 0.0)
@@ -267,8 +296,41 @@ def _far_off(evidence: Evidence, config: CalibrationConfig) -> Iterator[Finding]
             "from where the model has it",
             (f"{_OUT_OF_PLANE}. " if _is_flat(evidence) else "")
             + "Check the frame of the measured points (optical: x right, y down, z "
-            "forward), the link that carries the fiducial, and the joints' order",
+            "forward), "
+            + (
+                "the link that carries the fiducial"
+                if evidence.link is None
+                else "the fiducial's place in base"
+            )
+            + ", and the joints' order",
         )
+
+
+def _fiducial_elsewhere(
+    evidence: Evidence, config: CalibrationConfig
+) -> Iterator[Finding]:
+    """Tell of a place on the ground that pulls the fit where it should not."""
+    if evidence.link is None or evidence.fiducial is None:
+        return
+    sigma = config.fiducial_sigma
+    if (
+        evidence.fiducial @ evidence.fiducial
+        > chdtri(3, config.significance) * sigma**2
+    ):
+        yield Finding(
+            f"{_stands(evidence.fiducial)}, which was to be right within "
+            f"{1e3 * sigma:g} mm",
+            "Measure its place in base again (x forward, y left, z up), or state a "
+            "larger `fiducial_sigma`",
+        )
+
+
+def _stands(shift: FloatArray) -> str:
+    x, y, z = 1e3 * shift
+    return (
+        f"the fiducial stands {1e3 * np.linalg.norm(shift):.0f} mm from where it was "
+        f"said to be, by ({x:.0f}, {y:.0f}, {z:.0f}) mm in base"
+    )
 
 
 def _notes(evidence: Evidence, config: CalibrationConfig) -> Iterator[str]:
@@ -276,7 +338,10 @@ def _notes(evidence: Evidence, config: CalibrationConfig) -> Iterator[str]:
     if 0 < n - n_used <= config.spared(n):
         dropped = [evidence.names[i] for i in np.flatnonzero(~evidence.is_used)]
         yield f"left out as a wrong pick: {', '.join(dropped)}"
-    if evidence.fiducial is not None:
+    if evidence.fiducial is not None and evidence.link is not None:
+        if not any(_fiducial_elsewhere(evidence, config)):
+            yield _stands(evidence.fiducial)
+    elif evidence.fiducial is not None:
         shift = float(np.linalg.norm(evidence.fiducial))
         x, y, z = 1e3 * evidence.fiducial
         doubt = "; is it on the link that was named?"

@@ -116,8 +116,8 @@ class Calibrated(Protocol):
         ...
 
     @property
-    def head_covariance(self) -> FloatArray:
-        """Of mount and offsets, shape (6 + k, 6 + k)."""
+    def fit_covariance(self) -> FloatArray:
+        """Of mount, offsets and shift of the fiducial, shape (9 + k, 9 + k)."""
         ...
 
     @property
@@ -286,7 +286,7 @@ class _Stack:
         self, calibration: Calibrated, looks: tuple[Observations, ...]
     ) -> None:
         k = calibration.head.n_joints
-        terms = Terms(n_offsets=k)
+        terms = Terms(n_offsets=k, has_fiducial=True)
         rows, jacobians, noise, turned = [], [], [], []
         for look in looks:
             seen, jacobian = predicted(
@@ -302,11 +302,11 @@ class _Stack:
         self.shifted: FloatArray = (R_base_camera @ np.array(rows)[..., None])[..., 0]
         """Gaps in base axes [m], shape (m, 3)."""
         stacked = np.concatenate(jacobians)
-        known = calibration.head_covariance
+        known = calibration.fit_covariance
         self._terms = np.concatenate(noise), stacked, known
         self.shifts: FloatArray = np.concatenate(np.swapaxes(R_base_camera, -1, -2))
         """How a common shift in base moves the gaps, shape (3 m, 3)."""
-        self.slips: FloatArray = stacked[:, 6:]
+        self.slips: FloatArray = stacked[:, 6 : 6 + k]
         """How slipped joints of the head move them, shape (3 m, k)."""
 
     @cached_property

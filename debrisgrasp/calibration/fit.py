@@ -66,7 +66,8 @@ class Fit:
     covariance: FloatArray
     """Of all unknowns, shape (p, p); the twist of the mount is in the camera frame."""
     chi_square: float
-    """Squared residuals in units of their variance, prior terms included."""
+    """Squared residuals in units of their variance, prior terms included: but for that
+    of the fiducial, which the looks have to determine."""
     degrees_of_freedom: int
 
 
@@ -136,6 +137,8 @@ def fit_terms(
     rows = (jacobian * inverse_sigmas[..., None]).reshape(-1, terms.n_parameters)
     residuals = ((seen - observations.points_camera) * inverse_sigmas).reshape(-1)
     away = _from_prior(head, fiducial, terms, prior)
+    if terms.has_fiducial:
+        away[-3:] = 0.0  # counted as free, and so not as evidence
     return Fit(
         terms=terms,
         head=head,

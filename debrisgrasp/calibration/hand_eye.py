@@ -16,10 +16,11 @@ from debrisgrasp.geometry import SE3
 from .decision import CalibrationConfig, Decision, Evidence, decide
 from .fit import Fit, Prior, Terms, fit_terms
 from .head import Head
-from .observations import Observations
+from .observations import Observations, require_in_base
 from .outliers import residuals_of, settled
 from .plausibility import Pairs, agreeing, require_right_way_round
 from .rigid import fit_rigid
+from .standing import least_turn, start_standing
 from .uncertainty import WorkspaceError, camera_covariance, lever_arm
 
 __all__ = ["Attempt", "Calibration", "Known", "calibrate"]
@@ -56,18 +57,18 @@ class Known:
 class Calibration:
     """A fitted camera pose with all that speaks for and against it."""
 
-    T_base_camera: SE3
-    """Pose of the optical frame while the head reads `reference`."""
+    T_link_camera: SE3
+    """Pose of the optical frame in `link` while the head reads `reference`."""
     covariance: FloatArray
     """Of that pose, shape (6, 6): twist (v, omega) [m, rad] about the origin of the
-    base, in base axes, ``T_true = exp(twist) @ T_base_camera``."""
+    link, in its axes, ``T_true = exp(twist) @ T_link_camera``."""
     head: Head
     """What carries the camera, with mount and offsets as fitted."""
     reference: FloatArray
     """Readings of the head's joints that `T_base_camera` belongs to [rad], (k,)."""
-    head_covariance: FloatArray
-    """Of the twist of the mount in the camera frame and of the head's k offsets, shape
-    (6 + k, 6 + k); zero for offsets that were not fitted."""
+    fit_covariance: FloatArray
+    """Of the twist of the mount in the camera frame, of the head's k offsets and of
+    `fiducial`, shape (9 + k, 9 + k); zero for what was not fitted."""
     fiducial: FloatArray
     """Shift of the fiducial from where the model has it, frame of its link [m]."""
     model: str
@@ -90,8 +91,31 @@ class Calibration:
     of the camera, not about the error in the workspace."""
     decision: Decision
 
+    @property
+    def head_covariance(self) -> FloatArray:
+        """Of the mount and the offsets, shape (6 + k, 6 + k)."""
+        return self.fit_covariance[:-3, :-3]
+
+    @property
+    def link(self) -> str | None:
+        """Link of the arm that carries the camera; None for base, where none does."""
+        return self.observations.link
+
+    @property
+    def T_base_camera(self) -> SE3:
+        """Pose of the camera in base.
+
+        Raises
+        ------
+        ConfigError
+            If an arm carries the camera: where it is then depends on the joints.
+        """
+        require_in_base("calibration", self.link)
+        return self.T_link_camera
+
     def T_base_camera_at(self, readings: ArrayLike) -> SE3:
         """Pose of the camera for other readings (..., k) of the head [rad]."""
+        require_in_base("calibration", self.link)
         return self.head.T_base_camera(readings)
 
     def covariance_at(self, readings: ArrayLike) -> FloatArray:
@@ -128,7 +152,8 @@ def calibrate(
         Where the arm and where the camera has the fiducial.
     known
         The camera's carrier and, with an earlier calibration, how well its mount is
-        known. Without it the camera is taken to stand still, anywhere.
+        known. Without it the camera is taken to stand still, anywhere. Needed if an arm
+        carries it: its pose in that link, as drawn.
     reference
         Readings of the head for which the pose is reported; those of the last
         observation by default.
@@ -163,14 +188,25 @@ def calibrate(
             got=f"{readings.shape[1]} joints, but no head",
             expected="known=Known(head=...), which says what these joints turn",
         )
+    if known is None and observations.link is not None:
+        raise InputError(
+            "known",
+            got=f"none, and a camera that link {observations.link!r} carries",
+            expected="Known(head=Head.fixed(T_link_camera)), as it is drawn",
+        )
     expected = known or Known(head=Head.fixed(SE3.identity()))
     pairs = _pairs(observations, expected.head)
-    agrees = agreeing(pairs)
-    mount = fit_rigid(pairs[0][agrees], pairs[1][agrees])
-    start = expected.head.mounted(mount)
+    if observations.link is None:
+        agrees = agreeing(pairs)
+        mount = fit_rigid(pairs[0][agrees], pairs[1][agrees])
+        start = expected.head.mounted(mount)
+    else:
+        start, agrees = start_standing(observations, expected.head, pairs, config)
     at = readings[-1] if reference is None else np.asarray(reference, dtype=np.float64)
     require_right_way_round(
-        start.T_base_camera(at), None if known is None else known.head.T_base_camera(at)
+        start.T_base_camera(at),
+        None if known is None else known.head.T_base_camera(at),
+        observations.link,
     )
     fit, is_used, model, attempts, why = _smallest_that_fits(
         observations, agrees, start, expected, config
@@ -191,11 +227,14 @@ def _pairs(observations: Observations, head: Head) -> Pairs:
 def _models(observations: Observations, known: Known) -> Iterator[tuple[str, Terms]]:
     """Models that these observations may support, by growing number of unknowns."""
     k = observations.readings.shape[1]
+    # Where it stands on the ground is never known as well as on a link of a robot.
+    stands = observations.link is not None
     if known.mount_covariance is not None:
-        yield "as before", Terms(keeps_mount=True)
+        yield "as before", Terms(keeps_mount=True, has_fiducial=stands)
         if k:
             yield "slipped head", Terms(keeps_mount=True, n_offsets=k)
-    yield "mount", Terms()
+    if not stands:
+        yield "mount", Terms()
     turns = np.ptp(observations.readings, axis=0).max(initial=0.0)
     # Without turns of the head its offsets can't be told from the mount.
     if k and turns > 0.02:
@@ -246,6 +285,14 @@ def _smallest_that_fits(
         if p_value >= config.significance and attempt.n_used == n:
             break
 
+    if not tried:
+        raise InputError(
+            "observations",
+            got=f"{n}, of which {int(agrees.sum())} agree on a pose of the camera",
+            expected="at least 4 that agree, better 8",
+            mend="Add looks, and see that each names the joints it was made with.",
+        )
+
     def nearness(candidate: tuple[Fit, BoolArray, Attempt]) -> tuple[bool, int, float]:
         attempt = candidate[2]
         is_noise = attempt.p_value >= config.significance
@@ -293,20 +340,29 @@ def _described(
 ) -> Calibration:
     residuals = residuals_of(fit, observations, is_used)
     T_base_camera = fit.head.T_base_camera(at)
-    head_covariance = np.zeros((6 + fit.head.n_joints,) * 2)
-    fitted = 6 + fit.terms.n_offsets
-    head_covariance[:fitted, :fitted] = fit.covariance[:fitted, :fitted]
+    fit_covariance = np.zeros((9 + fit.head.n_joints,) * 2)
+    fitted = np.arange(6 + fit.terms.n_offsets)
+    if fit.terms.has_fiducial:
+        fitted = np.append(fitted, np.arange(-3, 0))
+    fit_covariance[np.ix_(fitted, fitted)] = fit.covariance
+    head_covariance = fit_covariance[:-3, :-3]
     covariance = camera_covariance(fit.head, at, head_covariance)
-    error = WorkspaceError.of(covariance, config.workspace)
+    link = observations.link
     used = observations.selected(is_used)
-    lever = lever_arm(_pairs(used, fit.head)[0])
+    places = _pairs(used, fit.head)[0] if link is None else used.points_camera
+    error = WorkspaceError.of(
+        covariance if link is None else head_covariance, config.workspace_of(link)
+    )
+    lever = lever_arm(places)
     gaps = fit.head.T_base_camera(observations.readings).rotate(residuals.gaps)
     attempt = next(a for a in attempts if a.model == model)
     rmse = float(np.sqrt((gaps[is_used] ** 2).sum(axis=1).mean()))
     evidence = Evidence(
         names=observations.names,
         is_used=is_used,
-        places=observations.points_base,
+        places=observations.points_base if link is None else observations.points_camera,
+        link=link,
+        turn=least_turn(used),
         has_prior=fit.terms.keeps_mount,
         fiducial=fit.fiducial if fit.terms.has_fiducial else None,
         p_value=attempt.p_value,
@@ -318,11 +374,11 @@ def _described(
         nominal=None if known is None else known.head.T_base_camera(at),
     )
     return Calibration(
-        T_base_camera=T_base_camera,
+        T_link_camera=T_base_camera,
         covariance=covariance,
         head=fit.head,
         reference=at,
-        head_covariance=head_covariance,
+        fit_covariance=fit_covariance,
         fiducial=fit.fiducial,
         model=model,
         attempts=attempts,

@@ -9,11 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
 
 from .plausibility import extent, likely_unit
 
-__all__ = ["KINEMATIC_SIGMA", "MEASUREMENT_SIGMA", "Observations"]
+__all__ = [
+    "KINEMATIC_SIGMA",
+    "MEASUREMENT_SIGMA",
+    "Observations",
+    "require_in_base",
+]
 
 MEASUREMENT_SIGMA = 0.0025
 """Standard deviation of a measured coordinate [m] where nothing better is known: that
@@ -26,7 +31,10 @@ _FARTHEST = 25.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observations:
-    """A fiducial on the arm, seen n times.
+    """A fiducial, seen n times: on the arm, or by a camera that the arm carries.
+
+    In the second case (`link` is given) that link takes the place of the base, and the
+    base that of the link that carries the fiducial: both here and in what is fitted.
 
     Raises
     ------
@@ -46,13 +54,16 @@ class Observations:
     """Readings of the joints that carry the camera [rad], shape (n, k)."""
     R_base_wrist: FloatArray | None = None
     """Attitude of the link that carries the fiducial, shape (n, 3, 3); lets its place
-    on that link be estimated."""
+    on that link be estimated. Needed with `link`: that of the base in it."""
     names: tuple[str, ...] = ()
     """What to call each observation; numbers from 1 by default."""
     kinematic_sigma: float = KINEMATIC_SIGMA
+    link: str | None = None
+    """Link of the arm that carries the camera, while the fiducial stands still in base;
+    None for a camera that no arm carries."""
 
     def __post_init__(self) -> None:
-        base = frozen(self.points_base, "fiducial positions in base", (3,))
+        base = frozen(self.points_base, self._places, (3,))
         camera = frozen(self.points_camera, "measured points", (3,))
         if base.ndim != 2 or base.shape != camera.shape:
             raise ShapeError(
@@ -69,6 +80,12 @@ class Observations:
         if self.R_base_wrist is not None:
             wrist = frozen(self.R_base_wrist, "attitudes of the wrist", (n, 3, 3))
             object.__setattr__(self, "R_base_wrist", wrist)
+        elif self.link is not None:
+            raise ConfigError(
+                "R_base_wrist",
+                got=f"none, and a camera that link {self.link!r} carries",
+                expected=f"the attitude of base in {self.link!r} for each look",
+            )
         object.__setattr__(self, "points_base", base)
         object.__setattr__(self, "points_camera", camera)
         object.__setattr__(self, "head", head)
@@ -78,6 +95,10 @@ class Observations:
 
     def __len__(self) -> int:
         return len(self.points_base)
+
+    @property
+    def _places(self) -> str:
+        return f"fiducial positions in {self.link or 'base'}"
 
     @property
     def readings(self) -> FloatArray:
@@ -100,6 +121,18 @@ class Observations:
             head=self.readings[rows],
             R_base_wrist=None if self.R_base_wrist is None else self.R_base_wrist[rows],
             names=tuple(self.names[i] for i in rows),
+        )
+
+
+def require_in_base(what: str, link: str | None) -> None:
+    """Raise `ConfigError` if ``what`` is of a camera that a link of an arm carries."""
+    if link is not None:
+        raise ConfigError(
+            what,
+            got=f"one of a camera that link {link!r} carries",
+            expected="one of a camera that no arm carries",
+            mend="Where it is depends on the joints: T_base_camera = T_base_link @ "
+            "T_link_camera. `plan` and `motion` compute it from --joints.",
         )
 
 
@@ -132,7 +165,7 @@ def _require_usable(given: Observations) -> None:
     if not len(given):
         raise InputError("observations", got="none", expected="at least one")
     for what, points in (
-        ("fiducial positions in base", given.points_base),
+        (given._places, given.points_base),
         ("measured points", given.points_camera),
         ("readings of the head", given.readings),
     ):
@@ -146,7 +179,7 @@ def _require_usable(given: Observations) -> None:
                 "missing, the median of a ring around it is not.",
             )
     for what, points, others in (
-        ("fiducial positions in base", given.points_base, given.points_camera),
+        (given._places, given.points_base, given.points_camera),
         ("measured points", given.points_camera, given.points_base),
     ):
         far = float(np.median(np.linalg.norm(points, axis=1)))

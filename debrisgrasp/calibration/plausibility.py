@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
@@ -11,7 +13,14 @@ from debrisgrasp.geometry import SE3
 from .rigid import consensus
 from .uncertainty import lever_arm
 
-__all__ = ["Pairs", "agreeing", "extent", "likely_unit", "require_right_way_round"]
+__all__ = [
+    "Pairs",
+    "Vote",
+    "agreeing",
+    "extent",
+    "likely_unit",
+    "require_right_way_round",
+]
 
 _UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches"))
 _FARTHEST_SCALE = 3.0
@@ -33,10 +42,12 @@ _OR_INVERT = (
 
 Pairs = tuple[FloatArray, FloatArray, FloatArray]
 """Places by kinematics (n, 3), by the camera (n, 3) [m], and variances (n,) [m^2]."""
+Vote = Callable[[FloatArray, FloatArray, FloatArray], tuple[BoolArray, float]]
+"""Which pairs agree, shape (n,), and at what cost; as `consensus`."""
 
 
-def agreeing(pairs: Pairs) -> BoolArray:
-    """Which pairs agree on one rigid transform, shape (n,).
+def agreeing(pairs: Pairs, vote: Vote = consensus) -> BoolArray:
+    """Which pairs agree on one rigid transform, shape (n,), as they ``vote``.
 
     Raises
     ------
@@ -57,18 +68,21 @@ def agreeing(pairs: Pairs) -> BoolArray:
             mend="No rotation can be told from these. `debrisgrasp calibrate choose` "
             "names places that fix it.",
         )
-    agrees, cost = consensus(*pairs)
-    _require_right_handed(pairs, agrees, cost)
+    agrees, cost = vote(*pairs)
+    _require_right_handed(pairs, vote, agrees, cost)
     if len(agrees) < _FEWEST_TO_OUTVOTE:
         return np.ones(len(agrees), dtype=bool)
     return agrees
 
 
-def require_right_way_round(T_base_camera: SE3, nominal: SE3 | None) -> None:
+def require_right_way_round(
+    T_base_camera: SE3, nominal: SE3 | None, link: str | None = None
+) -> None:
     """Raise `InputError` if the fit is the inverse of what a camera can be.
 
     With the nominal pose of the camera the test is against that; without one a camera
-    that is upright only when the frames are exchanged is refused.
+    that is upright only when the frames are exchanged is refused. ``link`` is the one
+    that carries the camera instead of the base.
     """
     inverse = T_base_camera.inverse()
     if nominal is not None:
@@ -80,6 +94,13 @@ def require_right_way_round(T_base_camera: SE3, nominal: SE3 | None) -> None:
         roll, other = abs(T_base_camera.R[2, 0]), abs(inverse.R[2, 0])
         is_down = inverse.R[2, 1] < 0 and inverse.p[2] > 0
         is_swapped = bool(roll > 0.5 and other < 0.2 and is_down)
+    if is_swapped and link is not None:
+        raise InputError(
+            "pose of the camera in the robot's model",
+            got="the inverse of what the looks give",
+            expected=f"the pose of its optical frame in link {link!r}",
+            mend="Mend it in the robot's file or its URDF.",
+        )
     if is_swapped:
         raise InputError(
             "frames of the observations",
@@ -122,14 +143,16 @@ def extent(points: FloatArray) -> float:
     return float(np.median(np.linalg.norm(points - middle, axis=1)))
 
 
-def _require_right_handed(pairs: Pairs, agrees: BoolArray, cost: float) -> None:
+def _require_right_handed(
+    pairs: Pairs, vote: Vote, agrees: BoolArray, cost: float
+) -> None:
     by_arm, by_camera, variances = pairs
     n = len(by_arm)
     # Three points are their own mirror image.
     if n < 4 or agrees.mean() > 0.6:
         return
     mirrored = by_camera * np.array([-1.0, 1.0, 1.0])
-    also, mirrored_cost = consensus(by_arm, mirrored, variances)
+    also, mirrored_cost = vote(by_arm, mirrored, variances)
     if also.mean() > 0.6 and also.sum() > agrees.sum() and mirrored_cost < 0.5 * cost:
         raise InputError(
             "axes of the observations",

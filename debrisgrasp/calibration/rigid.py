@@ -9,11 +9,11 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp.geometry import SE3
 
-__all__ = ["consensus", "fit_rigid", "triples"]
+__all__ = ["NEAR", "consensus", "fit_rigid", "triples"]
 
 _MOST_TRIPLES = 400
 """Enough to hit an all-good triple although half of the points are wrong."""
-_NEAR = 25.0
+NEAR = 25.0
 """Squared distance, in units of its variance, up to which a point supports a
 hypothesis. Wider than a test would be: three points predict a fourth badly."""
 
@@ -88,8 +88,8 @@ def consensus(
     T_a_b = fit_rigid(points_a[chosen], points_b[chosen])
     gaps = T_a_b[:, None].apply(points_b) - points_a
     squared = (gaps**2).sum(axis=-1) / variances
-    costs = np.minimum(squared, _NEAR).sum(axis=1)
+    costs = np.minimum(squared, NEAR).sum(axis=1)
     best = int(np.argmin(costs))
-    agrees = squared[best] < _NEAR
+    agrees = squared[best] < NEAR
     agrees[chosen[best]] = True
     return np.asarray(agrees), float(costs[best])

@@ -12,6 +12,7 @@ from debrisgrasp.geometry import SE3, Bounds
 from .head import Head
 
 __all__ = [
+    "BEFORE_CAMERA",
     "WORKSPACE",
     "WorkspaceError",
     "camera_covariance",
@@ -22,6 +23,8 @@ __all__ = [
 
 WORKSPACE = Bounds(np.array([0.7, -0.4, 0.0]), np.array([1.2, 0.4, 0.7]))
 """Where RoMan's piles lie, base frame [m]."""
+BEFORE_CAMERA = Bounds(np.array([-0.3, -0.3, 0.3]), np.array([0.3, 0.3, 0.8]))
+"""What a camera that an arm carries looks at, camera frame [m]."""
 _STEPS = 7
 """Grid points along each edge of the workspace."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
@@ -14,11 +15,14 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._calibrating import (
-    CalibrationRig,
     PosturePlan,
+    Rig,
     View,
+    WristRig,
     choose_postures,
+    information_of,
     observations_of,
+    require_same_robot,
     rig_of,
 )
 from debrisgrasp._files import is_yaml, require_own
@@ -52,9 +56,9 @@ from .reports import (
     telling_written,
 )
 from .rig_arguments import (
+    add_fiducial_sigma,
     add_robot,
     limits_of,
-    require_same_robot,
     rig_given,
     view_of,
 )
@@ -99,6 +103,7 @@ def _add_solve(actions: Any) -> None:
         "observations", type=some_path, help="a .yaml, .json or .csv file"
     )
     add_robot(parser, "overrides the one in the observations")
+    add_fiducial_sigma(parser)
     parser.add_argument(
         "--previous",
         type=some_path,
@@ -120,7 +125,7 @@ def run_solve(arguments: argparse.Namespace) -> int:
     require_places([arguments.report], PICTURE_FORMS, arguments.out, source=source)
     if arguments.out:
         require_own(arguments.out, CALIBRATION_SCHEMA, "a calibration")
-    given = load_observations(source)
+    given = _with_sigma(load_observations(source), arguments)
     rig = rig_given(arguments, given, source.parent)
     previous = load_calibration(arguments.previous) if arguments.previous else None
     known = None if rig is None else Known(head=rig.head)
@@ -132,7 +137,7 @@ def run_solve(arguments: argparse.Namespace) -> int:
     if rig is not None and len(rig.reference):
         reference = rig.reference
     site = site_of(arguments)
-    config = limits_of(site)
+    config = limits_of(site, rig, given)
     result = calibrate(observations, known, reference=reference, config=config)
     plan = None
     if rig is not None and not result.decision.accepted:
@@ -142,6 +147,7 @@ def run_solve(arguments: argparse.Namespace) -> int:
         date=datetime.now(UTC),
         T_base_shoulder=None if rig is None else rig.T_base_shoulder,
         robot=None if rig is None else rig.robot.name,
+        fiducial=None if rig is None else rig.fiducial,
     )
     change, kept = None, None
     with telling_written(arguments.out, arguments.report):
@@ -160,8 +166,16 @@ def run_solve(arguments: argparse.Namespace) -> int:
     return 0 if result.decision.accepted else 1
 
 
+def _with_sigma(
+    given: ObservationFile, arguments: argparse.Namespace
+) -> ObservationFile:
+    """Observations with what the arguments say about the place of their fiducial."""
+    sigma = arguments.fiducial_sigma
+    return given if sigma is None else replace(given, fiducial_sigma=sigma)
+
+
 def _next_postures(
-    rig: CalibrationRig, result: Calibration, config: CalibrationConfig, view: View
+    rig: Rig, result: Calibration, config: CalibrationConfig, view: View
 ) -> PosturePlan | None:
     """Postures that would bring a result that was refused below its limit."""
     try:
@@ -169,14 +183,20 @@ def _next_postures(
             rig,
             _MOST_SUGGESTIONS,
             rng=np.random.default_rng(0),
-            information=np.asarray(np.linalg.inv(result.covariance)),
+            information=information_of(result),
             view=view,
-            workspace=config.workspace,
+            config=config,
         )
     except InputError:
         return None  # the robot can't show it; the refusal has said what is wrong
     needed = plan.choice.needed(config.max_rms) or _MOST_SUGGESTIONS
-    return plan.shortened(max(needed, config.min_places - _n_used(result), 1))
+    return plan.shortened(max(needed, _fewest(rig, config) - _n_used(result), 1))
+
+
+def _fewest(rig: Rig, config: CalibrationConfig) -> int:
+    """Places that are asked for where nothing is known yet."""
+    stands = isinstance(rig, WristRig)
+    return config.min_places_fiducial if stands else config.min_places
 
 
 def _add_choose(actions: Any) -> None:
@@ -187,6 +207,7 @@ def _add_choose(actions: Any) -> None:
         "touches nothing of itself. The way between them is not looked at.",
     )
     add_robot(parser, "default: the site's, or roman")
+    add_fiducial_sigma(parser)
     parser.add_argument(
         "-n", type=whole, default=8, dest="count", help="how many (default: 8)"
     )
@@ -215,40 +236,43 @@ def run_choose(arguments: argparse.Namespace) -> int:
         require_unfilled(arguments.out)
     site = site_of(arguments)
     robot = site.robot
-    given = ObservationFile(rows=())
+    given = _with_sigma(ObservationFile(rows=()), arguments)
     rig = rig_of(given, Path(), robot, arguments.fiducial)
     if rig is None:
         raise AssertionError("a robot is named above")
     stored = load_calibration(arguments.known) if arguments.known else None
     if stored is not None:
         require_same_robot(stored, rig)
-    config = limits_of(site)
+    config = limits_of(site, rig, given)
+    known = None
+    if stored is not None:
+        is_carried = stored.link is not None
+        known = stored.head_covariance if is_carried else stored.covariance
     plan = choose_postures(
         rig,
         arguments.count,
         rng=np.random.default_rng(arguments.seed),
-        information=None
-        if stored is None
-        else np.asarray(np.linalg.inv(stored.covariance)),
-        T_base_camera=None if stored is None else stored.T_base_camera,
+        information=None if known is None else np.asarray(np.linalg.inv(known)),
+        T_link_camera=None if stored is None else stored.T_link_camera,
         view=view_of(site),
-        workspace=config.workspace,
+        config=config,
     )
     if arguments.out:
         named = str(robot)
         if is_yaml(robot) and not Path(robot).is_absolute():
             # Where the observations are read, a robot's file is sought beside them.
             named = os.path.relpath(robot, arguments.out.parent)
-        save_observations(plan.to_file(named, rig.fiducial), arguments.out)
+        todo = plan.to_file(named, rig.fiducial, arguments.fiducial_sigma)
+        save_observations(todo, arguments.out)
     if arguments.json:
         print(json.dumps(plan_to_list(plan), indent=1))
         return 0
-    print(plan_table(plan))
+    print(plan_table(plan, rig.link if isinstance(rig, WristRig) else None))
     needed = plan.choice.needed(config.max_rms)
     if needed is None:
         print(f"\nall of them leave more than {1e3 * config.max_rms:g} mm: choose more")
     else:
-        fewest = config.min_places if stored is None else 1
+        fewest = _fewest(rig, config) if stored is None else 1
         print(
             f"\nthe first {max(needed, fewest)} bring the error below "
             f"{1e3 * config.max_rms:g} mm; the more, the surer a wrong pick is found"

@@ -18,11 +18,12 @@ __all__ = ["change_in_words", "plan_table", "plan_to_list", "summary"]
 
 def summary(result: Calibration, plan: PosturePlan | None) -> str:
     """Return verdict, reasons, residuals and what to do next, as text."""
-    error = result.error
+    error, link = result.error, result.link
+    where = "the workspace" if link is None else "what is before the camera"
     lines = [
         "accepted" if result.decision.accepted else "REFUSED",
         *(f"  {finding}" for finding in result.decision.findings),
-        f"predicted error: {1e3 * error.rms:.1f} mm over the workspace, "
+        f"predicted error: {1e3 * error.rms:.1f} mm over {where}, "
         f"{1e3 * error.worst:.1f} mm at its worst corner",
         f"RMSE: {1e3 * result.rmse:.1f} mm (how noisy the looks are; it says nothing "
         "about the error above)",
@@ -42,19 +43,22 @@ def summary(result: Calibration, plan: PosturePlan | None) -> str:
             ],
         ),
         "",
-        "T_base_camera:",
+        "T_base_camera:" if link is None else f"T_link_camera, in link {link}:",
         *(
             "  " + "  ".join(f"{v:9.5f}" for v in row)
-            for row in result.T_base_camera.matrix
+            for row in result.T_link_camera.matrix
         ),
     ]
     if plan is not None:
-        lines += ["", "measure next:", plan_table(plan)]
+        lines += ["", "measure next:", plan_table(plan, link)]
     return "\n".join(lines)
 
 
-def plan_table(plan: PosturePlan) -> str:
-    """Return the postures, and the error after each, as a table."""
+def plan_table(plan: PosturePlan, link: str | None) -> str:
+    """Return the postures, and the error after each, as a table.
+
+    With the link of the arm that carries the camera, if one does.
+    """
     header = ["posture", "x", "y", "z", "error after [mm]", "joints"]
     rows = [
         [
@@ -66,7 +70,8 @@ def plan_table(plan: PosturePlan) -> str:
         for p, error in zip(plan.postures, plan.choice.errors, strict=True)
     ]
     names = " ".join(plan.postures[0].joints)
-    return columns(header, rows) + f"\njoints: {names}"
+    frame = "" if link is None else "\nx y z: in the frame of the camera"
+    return columns(header, rows) + f"{frame}\njoints: {names}"
 
 
 def plan_to_list(plan: PosturePlan | None) -> list[dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ import debrisgrasp
 from debrisgrasp._arrays import require_range
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
+from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.pipeline import without_robot
 from debrisgrasp.pipeline.inputs import LEAST_MASS, MOST_MASS
 from debrisgrasp.settings import Settings
@@ -84,14 +85,20 @@ def add_capture(
 
 
 def load_capture(
-    arguments: argparse.Namespace, settings: Settings | None = None
+    arguments: argparse.Namespace,
+    settings: Settings | None = None,
+    joints: Sequence[tuple[str, float]] | None = None,
 ) -> Capture:
-    """Read the capture as the arguments and the site say."""
+    """Read the capture as the arguments and the site say.
+
+    With the ``--joints`` of `add_planning`, where there are those.
+    """
     settings = settings or site_of(arguments)
     return settings.capture(
         arguments.capture,
         camera_file=arguments.camera_file,
         viewpoint=arguments.viewpoint,
+        joints=None if joints is None else joints_of(joints),
     )
 
 
@@ -133,8 +140,9 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=joint,
         metavar="NAME=VALUE",
-        help="leave out what shows the robot itself: its joints when the picture was "
-        "taken, in rad or m; arms not named are idle, other joints at rest",
+        help="leave out what shows the robot itself, and know where a camera is that "
+        "an arm carries: its joints when the picture was taken, in rad or m; arms not "
+        "named are idle, other joints at rest",
     )
 
 
@@ -147,7 +155,11 @@ def tell(notes: Iterable[str]) -> None:
 def refuse_planning(arguments: argparse.Namespace, where: str) -> None:
     """Refuse arguments of a search where there is none."""
     search = ("arm", "gripper", "prototypes", "policy", "priority_point", "pick")
-    for name in (*search, "region", "object", "mass", "joints"):
+    others = ["region", "object", "mass"]
+    calibration = site_of(arguments).calibration
+    if calibration is None or load_calibration(calibration).link is None:
+        others.append("joints")  # else they tell where the camera is
+    for name in (*search, *others):
         if getattr(arguments, name) is not None:
             option = "--" + name.replace("_", "-")
             raise ConfigError(
@@ -168,7 +180,7 @@ def planned(
     if arguments.mass is not None:
         require_range("--mass [kg]", arguments.mass, LEAST_MASS, MOST_MASS)
     region = region_of(arguments)
-    capture = load_capture(arguments, settings)
+    capture = load_capture(arguments, settings, arguments.joints)
     for name in ("pick", "object"):
         if capture.mask is not None and getattr(arguments, name) is not None:
             raise ConfigError(

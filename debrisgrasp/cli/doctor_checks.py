@@ -195,7 +195,7 @@ def site(settings: Settings) -> Iterator[Finding]:
         "; ".join(faults)
         or f"{len(library)} for " + ", ".join(sorted({p.gripper for p in library})),
     )
-    yield from _camera(settings)
+    yield from _camera(settings, robot)
     if settings.camera_file is not None:
         lens = load_camera(settings.camera_file)
         text = f"fx {lens.fx:g}, fy {lens.fy:g}, cx {lens.cx:g}, cy {lens.cy:g}"
@@ -276,7 +276,7 @@ def _limits(name: str, limits: LimitSet, settings: Settings) -> Finding:
     return Finding(what, "ok", text)
 
 
-def _camera(settings: Settings) -> Iterator[Finding]:
+def _camera(settings: Settings, robot: RobotModel | None) -> Iterator[Finding]:
     if settings.calibration is None:
         given = settings.camera_pose is not None
         text = "pose given" if given else "none: every capture must bring its pose"
@@ -286,9 +286,17 @@ def _camera(settings: Settings) -> Iterator[Finding]:
     if stored.problems:
         yield Finding("camera", "fault", "refused: " + "; ".join(stored.problems))
         return
+    if stored.link is not None:
+        name, links = ("none", ()) if robot is None else (robot.name, robot.tree.shapes)
+        if stored.link not in links or stored.robot not in (None, name):
+            text = f"on link {stored.link!r} of robot {stored.robot!r}, not of this one"
+            yield Finding("camera", "fault", text)
+            return
     days = (datetime.now(UTC) - datetime.fromisoformat(stored.date)).days
     sigma = 1e3 * float(np.sqrt(np.trace(stored.covariance[:3, :3]) / 3))
     text = f"calibrated {days} days ago, standard deviation {sigma:.1f} mm"
+    if stored.link is not None:
+        text += f", on link {stored.link}: captures need --joints"
     if days > _OLD_CALIBRATION:
         yield Finding(
             "camera", "note", text + "; `debrisgrasp calibrate watch` tells if it moved"

@@ -85,7 +85,7 @@ def _run(arguments: argparse.Namespace) -> int:
         refuse_planning(arguments, "beside --grasps")
         result = recall_plan(
             arguments.grasps,
-            load_capture(arguments, settings),
+            load_capture(arguments, settings, arguments.joints),
             settings.robot_model(),
             grippers=settings.grippers,
         )

@@ -114,11 +114,11 @@ def _capture(arguments: argparse.Namespace) -> Capture | None:
             return None
         plan_path, arguments.capture = path, arguments.of_plan
         try:
-            return load_capture(arguments)
+            return load_capture(arguments, joints=arguments.joints)
         finally:
             arguments.capture = plan_path
     if path.is_file():
-        return load_capture(arguments)
+        return load_capture(arguments, joints=arguments.joints)
     return None
 
 

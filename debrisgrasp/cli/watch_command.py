@@ -9,13 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._calibrating import observations_of
+from debrisgrasp._calibrating import observations_of, require_same_robot
 from debrisgrasp.calibration import DriftMonitor, DriftReport, DriftStatus
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io.calibration_json import StoredCalibration, load_calibration
 from debrisgrasp.io.observations_file import load_observations
 
-from .rig_arguments import add_robot, require_same_robot, rig_given
+from .rig_arguments import (
+    add_robot,
+    require_same_fiducial,
+    rig_given,
+)
 from .tables import columns
 from .values import some_path
 
@@ -43,6 +47,7 @@ def run_watch(arguments: argparse.Namespace) -> int:
     given = load_observations(arguments.looks)
     rig = rig_given(arguments, given, arguments.looks.parent)
     require_same_robot(stored, rig)
+    require_same_fiducial(stored, rig)
     looks = observations_of(given, rig)
     _require_same_head(stored, looks.readings.shape[1])
     monitor, reports = DriftMonitor(calibration=stored), []

@@ -64,7 +64,7 @@ class _AsBuilt:
     """The camera as the robot's file has it, for `DriftMonitor`."""
 
     head: Head
-    head_covariance: FloatArray
+    fit_covariance: FloatArray
     fiducial: FloatArray
 
     @classmethod
@@ -86,8 +86,10 @@ class _AsBuilt:
         else:
             head = Head.fixed(model.T_base_camera(values))
         sigma = context.settings.camera_shift / _SIGMAS
-        covariance = sigma * sigma * np.eye(6 + len(names))
-        return cls(head=head, head_covariance=covariance, fiducial=np.zeros(3))
+        # The hand is where its joints say.
+        variances = np.append(np.full(6 + len(names), sigma * sigma), np.zeros(3))
+        covariance = np.diag(variances)
+        return cls(head=head, fit_covariance=covariance, fiducial=np.zeros(3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ import json
 import os
 import platform
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -18,7 +18,14 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite
 from debrisgrasp._files import naming_fields, read_schema, read_text, write_atomic
-from debrisgrasp.calibration import Calibration, Head, Known, displacement
+from debrisgrasp.calibration import (
+    BEFORE_CAMERA,
+    Calibration,
+    Head,
+    Known,
+    displacement,
+    require_in_base,
+)
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.geometry import SE3, so3
 
@@ -35,8 +42,8 @@ SCHEMA = "debrisgrasp/calibration/1"
 _EXPECTED = "a calibration: the JSON file that `debrisgrasp calibrate --out` writes"
 _DIGITS = 12
 _CONVENTION = (
-    "T_true = exp(twist) @ T_base_camera; twist = (vx, vy, vz, wx, wy, wz) "
-    "[m, rad], linear part first, about the origin of base, in base axes"
+    "T_true = exp(twist) @ T_{0}_camera; twist = (vx, vy, vz, wx, wy, wz) "
+    "[m, rad], linear part first, about the origin of {0}, in {0} axes"
 )
 _HEAD_CONVENTION = (
     "mount twist (v, w) [m, rad] in the camera frame, "
@@ -50,6 +57,7 @@ def calibration_to_dict(
     date: datetime,
     T_base_shoulder: SE3 | None = None,
     robot: str | None = None,
+    fiducial: str | Sequence[float] | None = None,
 ) -> dict[str, Any]:
     """Calibration as JSON values.
 
@@ -63,9 +71,11 @@ def calibration_to_dict(
         Pose of the link that carries arm and camera, if it is not the base.
     robot
         Name of the robot, where it is known.
+    fiducial
+        Its link, or where it was said to stand in base [m].
     """
     c = calibration
-    pose = c.T_base_camera
+    pose, frame = c.T_link_camera, "base" if c.link is None else "link"
     shoulder = None
     if T_base_shoulder is not None:
         shoulder = _rounded((T_base_shoulder.inverse() @ pose).matrix)
@@ -78,10 +88,12 @@ def calibration_to_dict(
             {"problem": f.problem, "remedy": f.remedy} for f in c.decision.findings
         ],
         "notes": list(c.decision.notes),
-        "T_base_camera": _rounded(pose.matrix),
+        "link": c.link,
+        # Under another name, so that none takes it for the camera's pose in base.
+        f"T_{frame}_camera": _rounded(pose.matrix),
         "T_shoulder_camera": shoulder,
         "covariance": _rounded(c.covariance, 18),
-        "covariance_convention": _CONVENTION,
+        "covariance_convention": _CONVENTION.format(frame),
         "predicted_error": {
             "rms": _rounded(c.error.rms),
             "worst": _rounded(c.error.worst),
@@ -103,7 +115,9 @@ def calibration_to_dict(
             }
             for a in c.attempts
         ],
+        "fiducial": fiducial if isinstance(fiducial, str | None) else list(fiducial),
         "fiducial_shift": _rounded(c.fiducial),
+        "fiducial_covariance": _rounded(c.fit_covariance[-3:], 18),
         "head": _head_to_dict(c),
         "observations": _observations_to_list(c),
         "kinematic_sigma": c.observations.kinematic_sigma,
@@ -130,13 +144,21 @@ def save_calibration(
     OutputError
         If it can't be written; nothing is lost then.
     ConfigError
-        If what is there is no calibration.
+        If what is there is no calibration, or one of a camera elsewhere.
     """
     path = Path(path)
     if not path.exists():
         write_atomic(path, _text(content))
         return None, None
     old = load_calibration(path)
+    link = content.get("link")
+    if old.link != link:
+        raise ConfigError(
+            f"calibration {path}, which would be replaced",
+            got=f"one of a camera on {old.link or 'no link of an arm'}",
+            expected=f"one of a camera on {link or 'no link of an arm'}",
+            mend="Give another file.",
+        )
     change = difference(old, content)
     kept = _beside(path, old.date)
     write_atomic(kept, read_text(path))
@@ -148,8 +170,13 @@ def save_calibration(
 
 def difference(old: StoredCalibration, new: Mapping[str, Any]) -> dict[str, Any]:
     """How far two calibrations are apart, and whether their covariances explain it."""
-    T_old, T_new = old.T_base_camera, SE3.from_matrix(new["T_base_camera"])
+    T_old = old.T_link_camera
+    T_new = SE3.from_matrix(
+        new["T_base_camera" if old.link is None else "T_link_camera"]
+    )
     moved = displacement(T_old, T_new)
+    if old.link is not None:  # by points in front of the camera, in its frame
+        moved = displacement(SE3.identity(), T_old.inverse() @ T_new, BEFORE_CAMERA)
     change = T_new @ T_old.inverse()
     covariance = old.covariance + np.array(new["covariance"])
     twist = change.log()
@@ -168,22 +195,44 @@ def difference(old: StoredCalibration, new: Mapping[str, Any]) -> dict[str, Any]
 class StoredCalibration:
     """What a calibration's file says about the camera."""
 
-    T_base_camera: SE3
-    """Pose of the camera while the head reads `reference`."""
+    T_link_camera: SE3
+    """Pose of the camera in `link` while the head reads `reference`."""
+    link: str | None
+    """Link of the arm that carries the camera; None for base, where none does."""
     covariance: FloatArray
     """Of that pose, shape (6, 6); see `Calibration`."""
     head: Head
     reference: FloatArray
-    head_covariance: FloatArray
-    """Of mount and offsets, shape (6 + k, 6 + k); see `Calibration`."""
+    fit_covariance: FloatArray
+    """Of mount, offsets and `fiducial`, shape (9 + k, 9 + k); see `Calibration`."""
     fiducial: FloatArray
     """Shift of the fiducial from where the model has it, frame of its link [m]."""
+    fiducial_given: str | tuple[float, ...] | None
+    """Its link, or where it was said to stand in base [m]; None if that is not known.
+    """
     date: str
     robot: str | None
     """Name of the robot; None if it was not known."""
     problems: tuple[str, ...]
     """Why it was refused; empty if it was accepted."""
     path: Path
+
+    @property
+    def head_covariance(self) -> FloatArray:
+        """Of the mount and the offsets, shape (6 + k, 6 + k)."""
+        return self.fit_covariance[:-3, :-3]
+
+    @property
+    def T_base_camera(self) -> SE3:
+        """Pose of the camera in base.
+
+        Raises
+        ------
+        ConfigError
+            If an arm carries the camera: where it is then depends on the joints.
+        """
+        require_in_base(f"calibration {self.path}", self.link)
+        return self.T_link_camera
 
     @property
     def known(self) -> Known:
@@ -197,8 +246,12 @@ class StoredCalibration:
                 f"calibration {self.path}",
                 got="one that was refused: " + "; ".join(self.problems),
                 expected="an accepted one",
-                mend="Calibrate again. To look at a scene nevertheless, give the file "
-                "as --camera-pose.",
+                mend="Calibrate again."
+                + (
+                    " To look at a scene nevertheless, give the file as --camera-pose."
+                    if self.link is None
+                    else ""
+                ),
             )
 
 
@@ -226,8 +279,12 @@ def _stored(content: dict[str, Any], path: Path) -> StoredCalibration:
     problems = tuple(str(f["problem"]) for f in content["findings"])
     if content["accepted"] is not True:
         problems = problems or ("no reason given",)
+    link, given = content.get("link"), content.get("fiducial")
+    pose = "T_base_camera" if link is None else "T_link_camera"
     return StoredCalibration(
-        T_base_camera=SE3.from_matrix(content["T_base_camera"], "T_base_camera"),
+        T_link_camera=SE3.from_matrix(content[pose], pose),
+        link=None if link is None else str(link),
+        fiducial_given=tuple(map(float, given)) if isinstance(given, list) else given,
         covariance=_covariance(content["covariance"], 6),
         head=Head(
             T_base_camera_at_zero=SE3.from_matrix(
@@ -239,13 +296,23 @@ def _stored(content: dict[str, Any], path: Path) -> StoredCalibration:
             offsets=np.array(head["offsets"], dtype=np.float64),
         ),
         reference=frozen(head["reference"], "reference", (k,)),
-        head_covariance=_covariance(head["covariance"], 6 + k),
+        fit_covariance=_whole_covariance(content, k),
         fiducial=frozen(content["fiducial_shift"], "fiducial_shift", (3,)),
         date=str(content["date"]),
         robot=None if content.get("robot") is None else str(content["robot"]),
         problems=problems,
         path=path,
     )
+
+
+def _whole_covariance(content: dict[str, Any], k: int) -> FloatArray:
+    """Read that of mount and offsets, with that of the fiducial, if it is there."""
+    whole = np.zeros((9 + k, 9 + k))
+    whole[:-3, :-3] = _covariance(content["head"]["covariance"], 6 + k)
+    if "fiducial_covariance" in content:
+        rows = frozen(content["fiducial_covariance"], "fiducial_covariance", (3, 9 + k))
+        whole[-3:], whole[:, -3:] = rows, rows.T
+    return _covariance(whole, 9 + k)
 
 
 def _covariance(rows: Any, size: int) -> FloatArray:

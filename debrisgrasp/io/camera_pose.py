@@ -89,7 +89,15 @@ def pose_from_rows(rows: Any, name: str) -> SE3:
     if isinstance(rows, dict):
         if "T_base_camera" not in rows:
             keys = ", ".join(map(str, rows)) or "nothing"
-            raise ConfigError(name, got=keys, expected="the key T_base_camera")
+            is_carried = "T_link_camera" in rows
+            raise ConfigError(
+                name,
+                got="T_link_camera, of a camera that an arm carries"
+                if is_carried
+                else keys,
+                expected="the key T_base_camera",
+                mend="Give T_base_link @ T_link_camera." if is_carried else "",
+            )
         rows = rows["T_base_camera"]
     try:
         matrix = np.array(rows, dtype=np.float64)

@@ -63,8 +63,11 @@ class ObservationFile:
     rows: tuple[ObservationRow, ...]
     robot: str | None = None
     """Name of a shipped robot, or path of a robot's file."""
-    fiducial: str | None = None
-    """Link of the robot at whose origin the fiducial sits."""
+    fiducial: str | Vector | None = None
+    """Link of the robot at whose origin the fiducial sits; or, of one that stands still
+    before a camera that an arm carries, its place in base [m], three numbers."""
+    fiducial_sigma: float | None = None
+    """How well that is known: standard deviation of each coordinate [m]."""
     sigma: float | None = None
     kinematic_sigma: float | None = None
 
@@ -98,6 +101,7 @@ def observations_to_dict(given: ObservationFile) -> dict[str, Any]:
         "schema": SCHEMA,
         "robot": given.robot,
         "fiducial": given.fiducial,
+        "fiducial_sigma": given.fiducial_sigma,
         "sigma": given.sigma,
         "kinematic_sigma": given.kinematic_sigma,
     }
@@ -166,28 +170,31 @@ def _from_mapping(content: Any, path: Path) -> ObservationFile:
         )
     if content.get("schema", SCHEMA) != SCHEMA:
         raise ConfigError(f"schema of {path}", got=content["schema"], expected=SCHEMA)
-    known = ("schema", "robot", "fiducial", "sigma", "kinematic_sigma", "observations")
+    sigmas = ("sigma", "kinematic_sigma", "fiducial_sigma")
+    known = ("schema", "robot", "fiducial", *sigmas, "observations")
     _allow(content, known, str(path))
     rows = [
         _row(item, f"observation {number} of {path}", str(number))
         for number, item in enumerate(content["observations"], start=1)
     ]
-    names = {key: content.get(key) for key in ("robot", "fiducial")}
-    for key, value in names.items():
-        if value is not None and not isinstance(value, str):
-            raise ConfigError(f"{key} of {path}", got=repr(value), expected="a name")
-    sigmas = {
-        key: None
-        if content.get(key) is None
-        else _number(content[key], f"{key} of {path}")
-        for key in ("sigma", "kinematic_sigma")
+    robot, fiducial = content.get("robot"), content.get("fiducial")
+    if isinstance(fiducial, list):
+        fiducial = _vector(fiducial, f"fiducial of {path}", (3,))
+    elif not isinstance(fiducial, str | None):
+        expected = "the name of a link, or a place in base, three numbers"
+        raise ConfigError(f"fiducial of {path}", got=repr(fiducial), expected=expected)
+    if not isinstance(robot, str | None):
+        raise ConfigError(f"robot of {path}", got=repr(robot), expected="a name")
+    stated = {
+        key: _number(content[key], f"{key} of {path}")
+        for key in sigmas
+        if content.get(key) is not None
     }
     return ObservationFile(
         rows=_named_apart(rows, path),
-        robot=names["robot"],
-        fiducial=names["fiducial"],
-        sigma=sigmas["sigma"],
-        kinematic_sigma=sigmas["kinematic_sigma"],
+        robot=robot,
+        fiducial=fiducial,
+        **stated,
     )
 
 

@@ -269,6 +269,12 @@ class RobotModel:
         to_base = poses[self.base].inverse()
         return {link: to_base @ pose for link, pose in poses.items()}
 
+    def link_pose(self, link: str, moved: Mapping[str, float] | None = None) -> SE3:
+        """Pose of one link in the base frame; ``moved`` as in `joint_values`."""
+        values = self.joint_values(moved)
+        to_base = self.tree.link_pose(self.base, values).inverse()
+        return to_base @ self.tree.link_pose(link, values)
+
     def links_solids(
         self, moved: Mapping[str, float] | None = None
     ) -> list[tuple[str, Solid]]:
@@ -324,9 +330,7 @@ class RobotModel:
                 expected="an optical frame",
                 mend="Name one under `camera:` in the robot's file.",
             )
-        values = self.joint_values(moved)
-        to_base = self.tree.link_pose(self.base, values).inverse()
-        return to_base @ self.tree.link_pose(self.camera, values)
+        return self.link_pose(self.camera, moved)
 
 
 def _with_frames(tree: UrdfTree, frames: Sequence[FrameSpec]) -> UrdfTree:

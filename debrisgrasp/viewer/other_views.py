@@ -78,7 +78,9 @@ class CalibrationView:
         self, stage: Stage, calibration: StoredCalibration, robot: RobotModel | None
     ) -> None:
         gui = stage.server.gui
-        pose = calibration.T_base_camera
+        pose, link = calibration.T_link_camera, calibration.link
+        if link is not None and robot is not None:
+            pose = robot.link_pose(link) @ pose
         if robot is not None:
             RobotFigure(stage, robot)
             if robot.camera is not None:
@@ -88,7 +90,11 @@ class CalibrationView:
         spread = np.sqrt(np.diag(calibration.covariance))
         rows = [
             ("Date", calibration.date),
-            ("Camera", ", ".join(f"{v:.4f}" for v in pose.p) + " m"),
+            ("Carried by", link or "no arm"),
+            (
+                "Camera",
+                ", ".join(f"{v:.4f}" for v in calibration.T_link_camera.p) + " m",
+            ),
             ("± position", ", ".join(f"{1e3 * v:.1f}" for v in spread[:3]) + " mm"),
             ("± turn", ", ".join(f"{np.rad2deg(v):.2f}" for v in spread[3:]) + "°"),
         ]

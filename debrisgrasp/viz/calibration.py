@@ -14,6 +14,7 @@ from matplotlib.ticker import MultipleLocator
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.calibration import Calibration, predicted_error
 
+from .calibration_frame import Drawn
 from .colors import (
     BACKGROUND_COLOR,
     CHOSEN_COLOR,
@@ -40,7 +41,7 @@ class Suggestion:
 
     name: str
     place: tuple[float, float, float]
-    """Base frame [m]."""
+    """Base frame [m]; that of a camera that an arm carries."""
     rms_after: float
     """Predicted error once it and those before it have been measured [m]."""
 
@@ -80,6 +81,8 @@ def calibration_png(path: str | os.PathLike[str], picture: CalibrationPicture) -
         slot = Slot(_FRAME + 45 + column * 500, top, 425, 380)
         axes = _plot(page, slot, a, b)
         seen = "from above" if (a, b) == (0, 1) else "from the side"
+        if c.link is not None:
+            seen = "as the camera sees it" if (a, b) == (0, 1) else "along its y axis"
         page.text(slot.x - 45, slot.y - 28, f"Residuals {seen}", 12, weight="bold")
         _draw_places(axes, picture, a, b, scale)
     page.text(
@@ -123,13 +126,15 @@ def _headline(page: Page, picture: CalibrationPicture) -> float:
     )
     n_used = int((~c.is_outlier).sum())
     summary = (
-        f"predicted error {1e3 * c.error.rms:.1f} mm over the workspace, "
+        f"predicted error {1e3 * c.error.rms:.1f} mm {Drawn.of(c).where}, "
         f"{1e3 * c.error.worst:.1f} mm at its worst corner;  "
         f"{n_used} of {len(c.is_outlier)} observations used;  model: {c.model};  "
         f"RMSE {1e3 * c.rmse:.1f} mm (the camera's noise, not the error above)"
     )
     page.text(_FRAME, 58, summary, 11.5)
     lines = [str(f) for f in c.decision.findings] or [c.why_model]
+    if c.link is not None:
+        lines.append(f"all in the frame of the camera, which link {c.link} carries")
     lines += [*c.decision.notes, *([picture.change] if picture.change else [])]
     text = wrapped([f"• {line}" for line in lines], 175, 6)
     page.text(_FRAME, 88, text, 10.5, color=MUTED_INK)
@@ -137,7 +142,7 @@ def _headline(page: Page, picture: CalibrationPicture) -> float:
 
 
 def _plot(page: Page, slot: Slot, a: int, b: int) -> Axes:
-    """Panel with metric axes of two base coordinates."""
+    """Panel with metric axes of two coordinates."""
     axes = page.panel(slot)
     axes.set_facecolor(BACKGROUND_COLOR)
     axes.xaxis.set_major_locator(MultipleLocator(0.2))
@@ -177,16 +182,16 @@ def _draw_places(
     axes: Axes, picture: CalibrationPicture, a: int, b: int, scale: float
 ) -> None:
     c = picture.calibration
-    places = c.observations.points_base
+    drawn = Drawn.of(c)
+    places, camera = drawn.places, drawn.camera
     bounds = c.error.bounds
     _draw_box(axes, bounds.lower, bounds.upper, a, b)
-    camera = c.T_base_camera
     _draw_camera(axes, camera.p, camera.R[:, 2], a, b)
     for i, name in enumerate(c.observations.names):
         x, y = places[i, a], places[i, b]
         is_bad = bool(c.is_outlier[i])
         color = _BAD if is_bad else hex_color(HAND_COLORS[0])
-        gap = c.gaps[i] * scale
+        gap = drawn.gaps[i] * scale
         size = float(np.linalg.norm(gap))
         if size > 0.15:  # a wrong pick would leave the panel
             gap = gap * 0.15 / size
@@ -226,6 +231,8 @@ def _draw_places(
     if picture.suggestions:
         shown.append(np.array([s.place for s in picture.suggestions]))
     _fitted(axes, np.concatenate(shown), a, b)
+    if drawn.is_camera_frame and b == 1:
+        axes.invert_yaxis()  # y is down there
 
 
 def _draw_box(axes: Axes, lower: FloatArray, upper: FloatArray, a: int, b: int) -> None:
@@ -262,7 +269,8 @@ def _draw_map(
     )
     points = np.zeros((*u.shape, 3))
     points[..., a], points[..., b], points[..., 3 - a - b] = u, v, at
-    error = 1e3 * predicted_error(c.covariance, points)
+    drawn = Drawn.of(c)
+    error = 1e3 * predicted_error(drawn.covariance, points)
     axes.imshow(
         error,
         extent=(low[a], high[a], low[b], high[b]),
@@ -286,7 +294,7 @@ def _draw_map(
     for label in labels:
         label.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
     _draw_box(axes, bounds.lower, bounds.upper, a, b)
-    for place, is_bad in zip(c.observations.points_base, c.is_outlier, strict=True):
+    for place, is_bad in zip(drawn.places, c.is_outlier, strict=True):
         if not is_bad:
             axes.plot(place[a], place[b], "o", color=hex_color(HAND_COLORS[0]), ms=4)
     for item in picture.suggestions:
@@ -299,11 +307,14 @@ def _draw_map(
             mec=hex_color(INK),
             mew=1.4,
         )
+    if drawn.is_camera_frame and b == 1:
+        axes.invert_yaxis()
 
 
 def _table(page: Page, picture: CalibrationPicture, slot: Slot) -> None:
     """Residual of each observation, and its distance from what the others predict."""
     c = picture.calibration
+    gaps = Drawn.of(c).gaps
     page.text(slot.x, slot.y - 28, "Observations [mm]", 12, weight="bold")
     columns = (0, 120, 180, 240, 320, 425)
     heads = ("name", "x", "y", "z", "size", "held out")
@@ -325,7 +336,7 @@ def _table(page: Page, picture: CalibrationPicture, slot: Slot) -> None:
     for row, i in enumerate(shown, start=1):
         cells = [
             shortened(c.observations.names[i], 14),
-            *(f"{1e3 * g:+.1f}" for g in c.gaps[i]),
+            *(f"{1e3 * g:+.1f}" for g in gaps[i]),
             f"{1e3 * np.linalg.norm(c.gaps[i]):.1f}",
             f"{1e3 * c.held_out[i]:.1f}",
         ]
