@@ -16,7 +16,7 @@ from debrisgrasp.calibration import (
     information_at,
 )
 from debrisgrasp.errors import InputError
-from debrisgrasp.geometry import SE3, Bounds, Intrinsics
+from debrisgrasp.geometry import SE3, Bounds, Intrinsics, sight_points
 from debrisgrasp.io.observations_file import ObservationFile, ObservationRow
 
 from .of_file import Rig
@@ -32,10 +32,8 @@ _CELL = 0.05
 _IN_A_CELL = 2
 _BATCH = 60_000
 _MOST_BATCHES = 3
-_RAY_POINTS = 48
-_RAY_START, _RAY_END = 0.03, 0.10
-"""How far from the fiducial and from the camera the line of sight is tested [m]; there
-the fiducial's own seat and the housing of the camera are in the way."""
+_SEAT = 0.03
+"""So near to the fiducial is what it sits on [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,7 +261,8 @@ def _is_free(sight: _Sight, q: FloatArray) -> BoolArray:
     height = collision.scene_clearance(q, lambda points: points[..., 2])
     is_free = height > _ARM_MARGIN
     poses = collision.body.segment_poses(q)
-    rays = _between(sight.T_base_fiducial(q).p, sight.T_base_camera(q).p)
+    camera, fiducial = sight.T_base_camera(q).p, sight.T_base_fiducial(q).p
+    rays = sight_points(camera, fiducial, short=_SEAT)
     for part in collision.body.parts:
         T = SE3(poses[:, part.segment])
         if part.is_hand:
@@ -294,16 +293,6 @@ def is_in_view(T_base_fiducial: SE3, T_base_camera: SE3, view: View) -> BoolArra
         & (depth < view.farthest)
         & (facing >= np.cos(view.max_angle))
     )
-
-
-def _between(starts: FloatArray, ends: FloatArray) -> FloatArray:
-    """Points on the lines of sight from starts to ends, (n, 3) or (3,): (n, m, 3)."""
-    starts, ends = np.broadcast_arrays(starts, ends)
-    length = np.linalg.norm(ends - starts, axis=1)[:, None]
-    along = np.linspace(0.0, 1.0, _RAY_POINTS)
-    reached = _RAY_START + along * (length - _RAY_START - _RAY_END)
-    along_ray = (reached / length)[..., None] * (ends - starts)[:, None]
-    return np.asarray(starts[:, None] + along_ray)
 
 
 def _corners(bounds: Bounds) -> FloatArray:

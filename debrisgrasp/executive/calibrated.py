@@ -13,7 +13,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp._words import arm_called
 from debrisgrasp.calibration import DriftMonitor, DriftReport, Head, Observations
 from debrisgrasp.errors import CaptureError, InputError
-from debrisgrasp.geometry import Solid
+from debrisgrasp.geometry import Solid, sight_points
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import KinematicChain, Trajectory
 from debrisgrasp.motion import MotionSpace, UnknownSpace
@@ -48,10 +48,6 @@ _MOST = 500
 _LEAST_SHARE = 0.25
 """Of the corners of what is compared that lie in the picture. Of less, mostly fingers
 are seen, which look like a hand that is elsewhere."""
-_HOUSING = 0.1
-"""So near to the camera is its own housing [m]."""
-_RAY_POINTS = 48
-"""Looked at between camera and hand, for what of the robot hides it."""
 _NOISE = 0.003
 """Of one look at the hand, in each coordinate [m]."""
 _SIGMAS = 8.0
@@ -297,11 +293,8 @@ def _is_in_picture(context: Context, limb: LimbState, frame: DepthFrame) -> bool
     uv, _ = camera.project(T_base_camera.inverse().apply(corners))
     # Behind the camera they are NaN, which is in no picture.
     is_in = ((uv >= 0.0) & (uv <= (camera.width - 1, camera.height - 1))).all(axis=1)
-    way = corners[is_in] - T_base_camera.p
-    start = _HOUSING / np.linalg.norm(way, axis=1)[:, None]
-    share = start + (1.0 - start) * np.linspace(0.0, 1.0, _RAY_POINTS)
-    rays = T_base_camera.p + share[..., None] * way[:, None]
-    is_hidden, end = np.zeros(len(way), dtype=bool), _links_of_end(context, limb)
+    rays = sight_points(T_base_camera.p, corners[is_in])
+    is_hidden, end = np.zeros(len(rays), dtype=bool), _links_of_end(context, limb)
     for link, solid in context.model.links_solids(values):
         if link not in end:
             is_hidden |= solid.contains(rays).any(axis=1)

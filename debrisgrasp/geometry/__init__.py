@@ -9,7 +9,7 @@ from .image_normals import depth_normals
 from .neighbors import by_place, voxel_cells, voxel_count, voxel_downsample
 from .sampling import fibonacci_sphere, perturbed, random_rotations
 from .se3 import SE3
-from .sight import DepthSight, LineOfSight, PanoramicSight
+from .sight import DepthSight, LineOfSight, PanoramicSight, sight_points
 from .solids import Box, Capsule, Cylinder, Solid, Sphere
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "neighborhood_normals",
     "perturbed",
     "random_rotations",
+    "sight_points",
     "voxel_cells",
     "voxel_count",
     "voxel_downsample",

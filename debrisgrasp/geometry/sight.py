@@ -18,7 +18,12 @@ from .camera import Intrinsics
 from .cloud import PointCloud
 from .se3 import SE3
 
-__all__ = ["DepthSight", "LineOfSight", "PanoramicSight"]
+__all__ = ["DepthSight", "LineOfSight", "PanoramicSight", "sight_points"]
+
+_HOUSING = 0.10
+"""So near to a camera is its own housing [m]."""
+_POINTS = 48
+"""Looked at on each line of sight."""
 
 
 class LineOfSight(Protocol):
@@ -141,3 +146,29 @@ def _directions(
     row = np.clip((elevation / np.pi + 0.5) * rows, 0, rows - 1).astype(np.int64)
     column = ((azimuth / (2 * np.pi) + 0.5) * columns).astype(np.int64) % columns
     return row * columns + column, distance
+
+
+def sight_points(
+    cameras: FloatArray, points: FloatArray, *, short: float = 0.0
+) -> FloatArray:
+    """Spread points over the lines of sight from cameras to points.
+
+    Parameters
+    ----------
+    cameras, points
+        Where they are [m], in one frame, shapes (n, 3) or (3,).
+    short
+        How far before the points they end, where the seat of what is seen would be in
+        the way [m]. At the cameras they begin outside their housing.
+
+    Returns
+    -------
+    FloatArray
+        Shape (n, 48, 3), in the same frame.
+    """
+    way = points - cameras
+    length = np.linalg.norm(way, axis=-1)[..., None]
+    along = np.linspace(0.0, 1.0, _POINTS)
+    reached = _HOUSING + along * (length - _HOUSING - short)
+    from_cameras = (reached / length)[..., None] * way[..., None, :]
+    return np.asarray(cameras[..., None, :] + from_cameras)
