@@ -18,10 +18,12 @@ from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DebrisGraspError, InputError
 from debrisgrasp.executive import (
     TaskSettings,
+    is_held_where_it_rests,
     require_above_ground,
     require_drop_off,
     require_own_sides,
     require_room,
+    require_watching,
 )
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.io import Capture
@@ -196,6 +198,8 @@ def site(settings: Settings) -> Iterator[Finding]:
         or f"{len(library)} for " + ", ".join(sorted({p.gripper for p in library})),
     )
     yield from _camera(settings, robot)
+    if robot is not None:
+        yield from _watching(robot, pipeline.arms)
     if settings.camera_file is not None:
         lens = load_camera(settings.camera_file)
         text = f"fx {lens.fx:g}, fy {lens.fy:g}, cx {lens.cx:g}, cy {lens.cy:g}"
@@ -212,6 +216,28 @@ def site(settings: Settings) -> Iterator[Finding]:
             yield from _overlaps(arm)
             yield from _postures(robot, arm)
             yield _limits(arm.name, robot.limits(arm.name).controller, settings)
+
+
+def _watching(robot: RobotModel, arms: Sequence[ArmReach]) -> Iterator[Finding]:
+    """Tell of a camera that `clear` can't work with, or can't check by a hand."""
+    try:
+        require_watching(robot, robot.arms)
+    except InputError as error:
+        text = f"{error.got}; `clear` expects {error.expected}. {error.mend}"
+        yield Finding(f"camera of {robot.name}", "note", text.strip())
+        return
+    first = arms[0]
+    spec = robot.arm(first.name)
+    poses = [
+        first.chain.fk(first.chain.vector(robot.posture(first.name, posture)))
+        for posture in (spec.present, spec.idle)
+    ]
+    if is_held_where_it_rests(*poses):
+        text = f"{spec.present} holds the hand where {spec.idle} has it: `clear` can't "
+        text += "see by it whether the camera has moved. `present` must lead it into "
+        text += "view, `idle` out of it"
+        what = f"posture {spec.present} of {arm_called(first.name)}"
+        yield Finding(what, "note", text)
 
 
 def _bodies(robot: RobotModel, arm: str) -> Iterator[Finding]:

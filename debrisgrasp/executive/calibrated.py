@@ -13,7 +13,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp._words import arm_called
 from debrisgrasp.calibration import DriftMonitor, DriftReport, Head, Observations
 from debrisgrasp.errors import CaptureError, InputError
-from debrisgrasp.geometry import Solid, sight_points
+from debrisgrasp.geometry import SE3, Solid, sight_points
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import KinematicChain, Trajectory
 from debrisgrasp.motion import MotionSpace, UnknownSpace
@@ -28,7 +28,7 @@ from .obstacles import BARE
 from .perceive import sight_of
 from .result import Done, FaultFound, StepResult
 
-__all__ = ["calib_check"]
+__all__ = ["calib_check", "is_held_where_it_rests"]
 
 logger = logging.getLogger(__name__)
 
@@ -233,8 +233,7 @@ def _way_into_view(
     """
     name = context.model.arm(limb.name).present
     q = limb.reach.chain.vector(context.model.posture(limb.name, name))
-    way = limb.pose(q).p - limb.pose(context.posture(limb)).p
-    if np.linalg.norm(way) < _REACH:
+    if is_held_where_it_rests(limb.pose(q), limb.pose(context.posture(limb))):
         words = f"the {arm_called(limb.name)} rests where it would be held before the "
         words += f"camera ({name!r}): `present` must lead its hand into view, `idle` "
         return FaultFound("plan_collision", words + "out of it", limb.name)
@@ -265,6 +264,11 @@ def _way_into_view(
                 return found.trajectory
             fault = found
     return fault
+
+
+def is_held_where_it_rests(T_base_shown: SE3, T_base_resting: SE3) -> bool:
+    """Whether a hand is too near to where it rests to be told from it in a picture."""
+    return bool(np.linalg.norm(T_base_shown.p - T_base_resting.p) < _REACH)
 
 
 def _without(taken: Capture, body: Sequence[tuple[Solid, float]]) -> Capture:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations
 
 import numpy as np
@@ -13,6 +13,7 @@ from debrisgrasp.control import PostureKinematics, require_sensor_range
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import ArmReach, RobotModel
+from debrisgrasp.kinematics.urdf import UrdfJoint
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.robot import Robot
 
@@ -21,7 +22,13 @@ from .grasping import require_room
 from .reposition import FARTHEST
 from .settings import TaskSettings
 
-__all__ = ["limbs_of", "require_devices", "require_drop_off", "require_own_sides"]
+__all__ = [
+    "limbs_of",
+    "require_devices",
+    "require_drop_off",
+    "require_own_sides",
+    "require_watching",
+]
 
 _BESIDE_ANOTHER = 0.2
 """What is so much nearer to another hand than to the own is on the other's side [m]."""
@@ -57,6 +64,28 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
                 expected=", ".join(expected),
                 mend="A driver names the joints of the model, from the base on.",
             )
+    above = require_watching(model, robot.limbs)
+    for joint in above:
+        value = look.get(joint.name, 0.0)
+        if joint.name in look and not joint.lower <= value <= joint.upper:
+            raise InputError(
+                f"look of {joint.name}",
+                got=value,
+                expected=f"{joint.lower:g} to {joint.upper:g} rad or m",
+                mend="Angles are in radians.",
+            )
+
+
+def require_watching(model: RobotModel, arms: Iterable[str]) -> list[UrdfJoint]:
+    """Refuse a robot without a camera above the ground that no arm carries.
+
+    Returns the joints that carry it.
+
+    Raises
+    ------
+    ConfigError, InputError
+        Saying where the camera is.
+    """
     p = model.T_base_camera().p
     assert model.camera is not None
     require_metres(f"camera of {model.name}", p)
@@ -69,7 +98,7 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
         )
     above = model.tree.joints_above(model.camera)
     carried_by = {joint.name for joint in above}
-    for name in robot.limbs:
+    for name in arms:
         if carried_by.issuperset(model.chain(name).joint_names):
             raise InputError(
                 f"camera of {model.name}",
@@ -78,15 +107,7 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
                 mend="The task watches its own hands; plans and motions take captures "
                 "of any camera whose pose they have.",
             )
-    for joint in above:
-        value = look.get(joint.name, 0.0)
-        if joint.name in look and not joint.lower <= value <= joint.upper:
-            raise InputError(
-                f"look of {joint.name}",
-                got=value,
-                expected=f"{joint.lower:g} to {joint.upper:g} rad or m",
-                mend="Angles are in radians.",
-            )
+    return above
 
 
 def limbs_of(

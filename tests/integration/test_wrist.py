@@ -14,6 +14,7 @@ import pytest
 import debrisgrasp
 from debrisgrasp._calibrating import View, WristRig, rig_of
 from debrisgrasp.cli import main
+from debrisgrasp.cli.doctor_checks import site
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.io import data_path
@@ -292,3 +293,34 @@ def test_a_look_that_gives_a_position_or_lacks_a_joint_is_refused(
     assert "degrees" in said(joints={**less, "right_arm_joint3": 45.0})
     content["fiducial"] = [1.0, 0.0]
     assert "fiducial of" in said()
+
+
+def first_of(what, settings):
+    """First thing that the doctor says about something; it is not asked for more."""
+    return next(found for found in site(settings) if what in found.what + found.text)
+
+
+def test_the_doctor_tells_of_a_camera_that_an_arm_carries(
+    robot_file, stored, dictionary
+):
+    usual = Settings(arm="right", prototypes=dictionary, calibration=stored)
+    other = first_of("camera", usual)
+    assert other.status == "fault"
+    assert f"on link '{LINK}' of robot 'eyed', not of this one" in other.text
+    findings = site(replace(usual, robot=str(robot_file)))
+    mine = next(found for found in findings if found.what == "camera")
+    assert mine.text.endswith(f"on link {LINK}: captures need --joints")
+    camera = next(found for found in findings if found.what == "camera of eyed")
+    assert camera.status == "note"
+    assert "eye, which the right arm carries; `clear` expects" in camera.text
+
+
+def test_the_doctor_tells_of_a_hand_that_is_held_where_it_rests(dictionary, tmp_path):
+    shutil.copy(data_path("robots", "roman.urdf"), tmp_path)
+    text = data_path("robots", "roman.yaml").read_text("utf-8")
+    still = tmp_path / "still.yaml"
+    still.write_text(text.replace("present: ready", "present: travel"), "utf-8")
+    settings = Settings(robot=str(still), arm="right", prototypes=dictionary)
+    told = first_of("whether the camera has moved", settings)
+    assert told.status == "note"
+    assert told.what == "posture travel of right arm"
