@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from debrisgrasp._files import is_yaml
 from debrisgrasp.calibration import MarkerConfig, MarkerMissing, find_marker
 from debrisgrasp.errors import CaptureError, ConfigError
 from debrisgrasp.io import Capture
@@ -184,6 +186,10 @@ def run_pick(arguments: argparse.Namespace) -> int:
                 got=len(given.rows),
                 expected=f"one for each of {len(captures)} captures",
             )
+        if given.robot is not None and is_yaml(given.robot):
+            # A browser saves what was picked wherever it likes.
+            beside = (arguments.into.parent / given.robot).resolve()
+            given = replace(given, robot=str(beside))
         header = observations_to_dict(given)
         rows = header.pop("observations")
     pick = import_module("debrisgrasp.viz.pick")

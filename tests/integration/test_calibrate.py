@@ -192,8 +192,8 @@ def test_postures_are_chosen_into_a_file_to_be_filled_in(run, tmp_path, refused)
     assert "default" not in refused("calibrate", "choose")
 
 
-def test_a_robots_file_is_found_from_where_its_postures_were_written(
-    run, refused, tmp_path, monkeypatch
+def test_a_robots_file_is_found_from_where_its_postures_were_written_or_picked(
+    run, refused, tmp_path, monkeypatch, pipe_file
 ):
     robots, looks = tmp_path / "robots", tmp_path / "looks"
     robots.mkdir()
@@ -205,6 +205,12 @@ def test_a_robots_file_is_found_from_where_its_postures_were_written(
     chosen = ("calibrate", "choose", "--robot", "roman.yaml", "--fiducial", LED)
     assert run(*chosen, "-n", 4, "--out", todo).status == 0
     assert "no point for look_1" in refused("calibrate", todo)
+    page, picked = tmp_path / "pick.html", tmp_path / "observations.json"
+    run("calibrate", "pick", pipe_file, "--into", todo, "--report", page)
+    content = _data_of(page)
+    rows = [view["observation"] for view in content["views"]]
+    picked.write_text(json.dumps({**content["header"], "observations": rows}))
+    assert "no point for look_1" in refused("calibrate", picked)
 
 
 def test_the_camera_sees_what_was_chosen_and_nothing_is_touched(rig, rng):
