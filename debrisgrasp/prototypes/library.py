@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -90,19 +91,40 @@ class PrototypeLibrary:
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Write one file for each prototype, named after it.
 
+        A folder that is not there yet comes with all of them or not at all, for half a
+        dictionary looks like a whole one. In one that is there each file is replaced.
+
         Raises
         ------
         OutputError
             If a file can't be written.
         """
+        target = Path(folder)
         try:
-            Path(folder).mkdir(parents=True, exist_ok=True)
+            if target.exists():
+                target.mkdir(exist_ok=True)  # raises for a file
+                self._write(target)
+            else:
+                self._write_new(target)
+        except OutputError:
+            raise
         except OSError as error:
             raise OutputError(folder, error.strerror or str(error)) from error
+
+    def _write_new(self, folder: Path) -> None:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=folder.parent, prefix=".prototypes-") as made:
+            whole = Path(made) / folder.name
+            whole.mkdir()
+            try:
+                self._write(whole)
+            except OutputError as error:
+                raise OutputError(folder, error.reason) from error
+            whole.rename(folder)
+
+    def _write(self, folder: Path) -> None:
         for prototype in self.prototypes:
-            write_prototype(
-                prototype.definition, Path(folder) / f"{prototype.name}.yaml"
-            )
+            write_prototype(prototype.definition, folder / f"{prototype.name}.yaml")
 
     def __iter__(self) -> Iterator[GraspPrototype]:
         return iter(self.prototypes)

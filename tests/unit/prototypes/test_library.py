@@ -263,3 +263,21 @@ def test_a_folder_that_cannot_be_made_is_an_output_error(
     with pytest.raises(OutputError):
         library.save(tmp_path / "file")
     assert (tmp_path / "file").read_text() == "kept"
+
+
+def test_a_new_folder_comes_whole_or_not_at_all(
+    library: PrototypeLibrary, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = []
+
+    def full_after_one(definition: object, path: Path) -> None:
+        if written:
+            raise OutputError(path, "no space left on the disk")
+        written.append(path)
+        path.write_text(str(definition))
+
+    monkeypatch.setattr(library_module, "write_prototype", full_after_one)
+    with pytest.raises(OutputError, match=r"write .*new: no space left"):
+        library.save(tmp_path / "deep" / "new")
+    assert len(written) == 1
+    assert list((tmp_path / "deep").iterdir()) == []
