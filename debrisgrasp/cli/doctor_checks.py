@@ -21,6 +21,7 @@ from debrisgrasp.executive import (
     is_held_where_it_rests,
     require_above_ground,
     require_drop_off,
+    require_own_joints,
     require_own_sides,
     require_room,
     require_watching,
@@ -199,6 +200,7 @@ def site(settings: Settings) -> Iterator[Finding]:
     )
     yield from _camera(settings, robot)
     if robot is not None:
+        yield from _same_joints(robot, pipeline.arms)
         yield from _watching(robot, pipeline.arms)
     if settings.camera_file is not None:
         lens = load_camera(settings.camera_file)
@@ -216,6 +218,15 @@ def site(settings: Settings) -> Iterator[Finding]:
             yield from _overlaps(arm)
             yield from _postures(robot, arm)
             yield _limits(arm.name, robot.limits(arm.name).controller, settings)
+
+
+def _same_joints(robot: RobotModel, arms: Sequence[ArmReach]) -> Iterator[Finding]:
+    """Tell of two arms that are one."""
+    try:
+        require_own_joints(robot, [arm.name for arm in arms])
+    except InputError as error:
+        text = f"{error.got}; `clear` expects {error.expected}. {error.mend}"
+        yield Finding(error.what, "note", text)
 
 
 def _watching(robot: RobotModel, arms: Sequence[ArmReach]) -> Iterator[Finding]:

@@ -6,6 +6,7 @@ from .grasping import require_room
 from .limbs import (
     require_above_ground,
     require_drop_off,
+    require_own_joints,
     require_own_sides,
     require_watching,
 )
@@ -42,6 +43,7 @@ __all__ = [
     "load_run",
     "require_above_ground",
     "require_drop_off",
+    "require_own_joints",
     "require_own_sides",
     "require_room",
     "require_watching",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 
@@ -26,6 +26,7 @@ __all__ = [
     "limbs_of",
     "require_devices",
     "require_drop_off",
+    "require_own_joints",
     "require_own_sides",
     "require_watching",
 ]
@@ -73,6 +74,24 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
                 got=value,
                 expected=f"{joint.lower:g} to {joint.upper:g} rad or m",
                 mend="Angles are in radians.",
+            )
+
+
+def require_own_joints(model: RobotModel, arms: Iterable[str]) -> None:
+    """Raise `InputError` if one of two arms moves all joints of the other, or its tip.
+
+    As alternatives that is well for a plan; a task would send each its own way.
+    """
+    for one, other in combinations(arms, 2):
+        joints, others = (set(model.arm(name).joints) for name in (one, other))
+        is_same = model.arm(one).tip == model.arm(other).tip
+        if is_same or joints <= others or others <= joints:
+            what = "tip" if is_same else "joints"
+            raise InputError(
+                f"{what} of the {arm_called(one)} of {model.name}",
+                got=f"those of the {arm_called(other)}, too",
+                expected="its own",
+                mend="If they are one arm with another hand, take one of them: --arm.",
             )
 
 
@@ -128,15 +147,17 @@ def limbs_of(
     Raises
     ------
     UnknownNameError, InputError
-        If an arm is not the robot's, has no drop-off beside the robot and within its
-        reach, or that of another arm, no posture of the name at which it is to rest, or
-        one below the ground, or limits too low to feel a touch by, or beyond the range
-        of its sensor.
+        If an arm is not the robot's, or is another one too; if it has no drop-off
+        beside the robot and within its reach, or that of another arm, no posture of the
+        name at which it is to rest, or one below the ground, or limits too low to feel
+        a touch by, or beyond the range of its sensor.
     """
     names = settings.arms or tuple(robot.limbs)
     for name in names:
         if name not in robot.limbs:
             raise UnknownNameError("arm", name, robot.limbs)
+    require_own_joints(model, names)
+    for name in names:
         if name not in settings.drop_off:
             raise InputError(
                 f"drop-off of the {arm_called(name)}",
