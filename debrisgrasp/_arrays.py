@@ -122,9 +122,15 @@ def require_finite(array: NDArray[Any], name: str) -> None:
 
 
 def require_range(name: str, value: float, low: float, high: float = np.inf) -> None:
-    """Raise `ConfigError` unless the setting is a number in [low, high]."""
-    if not (isinstance(value, Real) and low <= value <= high):
-        limit = f"{low:g} to {high:g}" if high < np.inf else f"{low:g} or more"
+    """Raise `ConfigError` unless the setting is a finite number in [low, high].
+
+    An infinite one would switch off what it is the limit of.
+    """
+    if not (isinstance(value, Real) and low <= value <= high and value < np.inf):
+        is_open = not high < np.inf
+        limit = (
+            f"a finite number, {low:g} or more" if is_open else f"{low:g} to {high:g}"
+        )
         is_length = name.endswith(("[m]", "[m/s]"))
         is_far = is_length and isinstance(value, Real) and value > high
         raise ConfigError(

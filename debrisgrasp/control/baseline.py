@@ -23,6 +23,9 @@ __all__ = ["BaselineConfig", "BaselineLook", "BaselineVerdict", "judge_baseline"
 
 _SPENT = 0.1
 """Share of the sensor's range that the bias may use up."""
+_MOST = {"noise_force": 10.0, "noise_torque": 1.0, "slack_force": 20.0}
+_MOST |= {"slack_torque": 5.0, "angle": float(np.pi)}
+"""Looks that may differ by more prove nothing [N, N m], and none turn farther [rad]."""
 
 
 @checked_fields
@@ -49,7 +52,8 @@ class BaselineConfig:
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
-            require_range(f"BaselineConfig.{name}", getattr(self, name), 1e-9, 1e6)
+            most = _MOST.get(name, 1e6)
+            require_range(f"BaselineConfig.{name}", getattr(self, name), 1e-9, most)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -13,6 +13,14 @@ from ._rigid import Wrench
 
 __all__ = ["ContactGuard"]
 
+_RANGES = (
+    ("force", 1e-6, 1e4),
+    ("torque", 1e-6, 1e4),
+    ("stiffness", 10.0, 1e9),
+    ("reaction_time", 1e-3, 10.0),
+)
+"""Whatever is softer than that, or felt sooner, would allow any speed."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactGuard:
@@ -35,8 +43,8 @@ class ContactGuard:
     lower speed."""
 
     def __post_init__(self) -> None:
-        for name in self.__slots__:
-            require_range(f"ContactGuard.{name}", getattr(self, name), 1e-6, 1e9)
+        for name, least, most in _RANGES:
+            require_range(f"ContactGuard.{name}", getattr(self, name), least, most)
 
     def largest_speed(self, limits: LimitSet) -> float:
         """Speed [m/s] at which the force stays below its limit."""

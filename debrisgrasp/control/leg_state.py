@@ -28,6 +28,17 @@ __all__ = [
     "TarePolicy",
 ]
 
+_MOST = {
+    "speed": 10.0,
+    "turn_rate": 100.0,
+    "ramp": 60.0,
+    "tau": 60.0,
+    "lag": 0.1,
+    "lag_turn": 0.5,
+    "patience": 60.0,
+}
+"""A leg that waits for no hand would begin far from it; units of `ControllerConfig`."""
+
 
 class TarePolicy(Enum):
     """Where the reaction is measured from; it never touches the limits."""
@@ -81,16 +92,8 @@ class ControllerConfig:
         # A tick that comes later than that stops the arm.
         longest = self.safety.stop_after
         require_range("ControllerConfig.period [s]", self.period, 1e-4, longest)
-        for name in (
-            "speed",
-            "turn_rate",
-            "tau",
-            "ramp",
-            "lag",
-            "lag_turn",
-            "patience",
-        ):
-            require_range(f"ControllerConfig.{name}", getattr(self, name), 1e-6, 1e3)
+        for name, most in _MOST.items():
+            require_range(f"ControllerConfig.{name}", getattr(self, name), 1e-6, most)
 
 
 class LegState(NamedTuple):

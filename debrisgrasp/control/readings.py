@@ -14,6 +14,20 @@ from .faults import Stop
 
 __all__ = ["BiasBound", "Reading", "SafetyConfig", "SafetyState", "Verdict"]
 
+_MOST = {
+    "hold_after": 1.0,
+    "frozen_after": 1.0,
+    "jump_force": 1e3,
+    "jump_torque": 300.0,
+    "following_error": 0.3,
+    "following_time": 1.0,
+    "motion_force": 1e4,
+    "motion_torque": 1e4,
+    "lead": 1.0,
+    "trend": 0.02,
+}
+"""With more, nothing would ever be judged by them; in the units of `SafetyConfig`."""
+
 
 class Reading(NamedTuple):
     """What the robot measured; anything in it may be wrong."""
@@ -87,11 +101,9 @@ class SafetyConfig:
     bias: BiasBound = BiasBound()
 
     def __post_init__(self) -> None:
-        for name in self.__slots__:
-            value = getattr(self, name)
-            if name != "bias" and value is not None:
-                require_range(f"SafetyConfig.{name}", value, 1e-6, 1e6)
-        require_range("SafetyConfig.trend", self.trend, 1e-6, 0.02)
+        for name, most in _MOST.items():
+            if (value := getattr(self, name)) is not None:
+                require_range(f"SafetyConfig.{name}", value, 1e-6, most)
         require_range("SafetyConfig.stop_after", self.stop_after, self.hold_after, 1.0)
 
 

@@ -40,8 +40,9 @@ class DeflectionLimits:
     """[rad/s]."""
 
     def __post_init__(self) -> None:
-        for name in self.__slots__:
-            require_range(f"DeflectionLimits.{name}", getattr(self, name), 1e-9)
+        most = (10.0, 100.0, 10.0, 100.0)  # beyond these, millimetres or degrees
+        for name, value in zip(self.__slots__, most, strict=True):
+            require_range(f"DeflectionLimits.{name}", getattr(self, name), 1e-9, value)
 
     def values(self) -> tuple[float, ...]:
         """All four numbers, in the order of the fields."""
