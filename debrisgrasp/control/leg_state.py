@@ -29,8 +29,6 @@ __all__ = [
 ]
 
 _MOST = {
-    "speed": 10.0,
-    "turn_rate": 100.0,
     "ramp": 60.0,
     "tau": 60.0,
     "lag": 0.1,
@@ -68,9 +66,9 @@ class ControllerConfig:
     period: float = 0.004
     """Of the control loop [s], up to `SafetyConfig.stop_after`."""
     speed: float = 0.03
-    """Of the hand along the leg [m/s]."""
+    """Of the hand along the leg [m/s], up to `ServoConfig.max_speed`."""
     turn_rate: float = 0.2
-    """Of the hand along the leg [rad/s]."""
+    """Of the hand along the leg [rad/s], up to `ServoConfig.max_turn_rate`."""
     ramp: float = 0.3
     """Time to come up to speed [s]."""
     tau: float = 0.398
@@ -92,7 +90,9 @@ class ControllerConfig:
         # A tick that comes later than that stops the arm.
         longest = self.safety.stop_after
         require_range("ControllerConfig.period [s]", self.period, 1e-4, longest)
-        for name, most in _MOST.items():
+        servo = self.servo
+        most_of = _MOST | {"speed": servo.max_speed, "turn_rate": servo.max_turn_rate}
+        for name, most in most_of.items():
             require_range(f"ControllerConfig.{name}", getattr(self, name), 1e-6, most)
 
 

@@ -26,6 +26,8 @@ __all__ = ["CartesianLeg", "LegPlan", "LegPlanner", "LegStatus"]
 
 _LONGEST = 3.0
 """No arm moves its hand farther along one line [m]."""
+_SPACING = (0.002, 0.01)
+"""Of the waypoints of a planned leg, at most [m, rad]."""
 _TOLERANCE = 1e-6
 """Error of a waypoint, metres and radians alike, that ends its iterations."""
 _ACCEPTED = 1e-4
@@ -167,9 +169,9 @@ class LegPlanner:
         """
         q0 = np.asarray(q_start, dtype=np.float64)
         self._servo.start(q0)
-        kinematics, config = self._servo.kinematics, self._servo.config
+        kinematics = self._servo.kinematics
         leg = CartesianLeg(pose(*kinematics.pose(q0.tolist())), T_base_goal)
-        steps = max(leg.length / config.max_step, leg.angle / config.max_turn)
+        steps = max(leg.length / _SPACING[0], leg.angle / _SPACING[1])
         n = int(np.ceil(steps - 1e-9))
         q, rows = q0.tolist(), [q0.tolist()]
         status, reason = LegStatus.DONE, ""

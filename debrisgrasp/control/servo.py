@@ -37,6 +37,7 @@ __all__ = [
 
 Joints = tuple[float, ...]
 """One posture, or its change in one period, as plain floats."""
+_MOST = {"max_speed": 10.0, "max_turn_rate": 100.0, "sigma_min": 1.0}
 _OFF = 0.02
 """Share of a displacement by which the hand may stray so that a joint can stand."""
 
@@ -46,10 +47,11 @@ _OFF = 0.02
 class ServoConfig:
     """Settings of the differential inverse kinematics."""
 
-    max_step: float = 0.002
-    """Largest translation of one step [m]; a goal farther away is approached."""
-    max_turn: float = 0.01
-    """Largest rotation of one step [rad]."""
+    max_speed: float = 0.5
+    """At which the hand goes to its goal, at most [m/s], whatever the period; no leg is
+    faster."""
+    max_turn_rate: float = 2.5
+    """The same for its turn [rad/s]."""
     sigma_min: float = 0.05
     """Smallest singular value of the Jacobian below which damping sets in."""
     max_damping: float = 0.05
@@ -61,7 +63,8 @@ class ServoConfig:
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
-            require_range(f"ServoConfig.{name}", getattr(self, name), 1e-9)
+            most = _MOST.get(name, 1e6)
+            require_range(f"ServoConfig.{name}", getattr(self, name), 1e-9, most)
 
 
 class ServoState(NamedTuple):
@@ -105,6 +108,8 @@ class CartesianServo:
         self.kinematics = PostureKinematics(chain)
         self.limits, self.period = limits, period
         self.config = config or ServoConfig()
+        self._farthest = self.config.max_speed * period
+        self._largest_turn = self.config.max_turn_rate * period
         self._least = self.config.sigma_min**2 * np.eye(6)
         is_shared = [name in chain.shared for name in chain.joint_names]
         ease = np.where(is_shared, self.config.shared_cost**-0.5, 1.0)
@@ -153,10 +158,10 @@ class CartesianServo:
         R_now, p_now, J = self.kinematics.pose_and_jacobian(state.q)
         error = pose_error(R_now, p_now, R, p)
         gap, angle = norm(error[:3]), norm(error[3:])
-        config = self.config
-        if gap > config.max_step or angle > config.max_turn:
+        if gap > self._farthest or angle > self._largest_turn:
             share = min(
-                config.max_step / max(gap, 1e-12), config.max_turn / max(angle, 1e-12)
+                self._farthest / max(gap, 1e-12),
+                self._largest_turn / max(angle, 1e-12),
             )
             error = tuple([share * value for value in error])
         wanted, sigma = self.solved(J, error)

@@ -10,9 +10,11 @@ import pytest
 from debrisgrasp.control import (
     CartesianLeg,
     CartesianServo,
+    ControllerConfig,
     LegPlanner,
     LegStatus,
     PostureKinematics,
+    ServoConfig,
 )
 from debrisgrasp.control._rigid import parts
 from debrisgrasp.control.servo import stoppable
@@ -380,3 +382,25 @@ def test_a_leg_takes_finite_poses_only():
         CartesianLeg(T, np.eye(4))
     with pytest.raises(InputError, match="finite"):
         LegPlanner(CHAIN, LIMITS).plan(READY, SE3.from_parts(p=[0, 0, np.nan]))
+
+
+@pytest.mark.parametrize("period", [0.001, 0.004, 0.02])
+def test_a_far_goal_is_approached_as_fast_by_slow_loops_as_by_fast_ones(period):
+    limits = replace(
+        LIMITS, velocity=10 * LIMITS.velocity, acceleration=np.full(7, 1e9)
+    )
+    servo = CartesianServo(CHAIN, limits, period)
+    goal = T.R, T.p + np.array([0.0, 0.0, 0.2])
+    state = servo.start(READY)
+    for _ in range(round(0.2 / period)):
+        state = servo.step(state, *parts(SE3.from_parts(*goal)))
+    moved = CHAIN.fk(np.array(state.q)).p - T.p
+    assert moved[2] == pytest.approx(0.2 * servo.config.max_speed, rel=0.02)
+
+
+def test_a_leg_that_is_faster_than_its_servo_is_refused():
+    servo = ServoConfig(max_speed=0.2, max_turn_rate=1.0)
+    with pytest.raises(ConfigError, match=r"speed.*got 0\.3, expected 1e-06 to 0\.2"):
+        ControllerConfig(speed=0.3, servo=servo)
+    with pytest.raises(ConfigError, match=r"turn_rate.*to 1\.$"):
+        ControllerConfig(turn_rate=1.5, servo=servo)
