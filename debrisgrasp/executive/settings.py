@@ -20,6 +20,8 @@ __all__ = ["Marker", "TaskSettings"]
 
 _FINGER_PERIOD = 0.04
 """Between two looks at the fingers while the arm moves, about [s]."""
+_PERIODS = (5e-4, 0.01)
+"""Of the control loop [s]."""
 
 Marker = Callable[[Capture], BoolArray | None]
 """Says of a capture which pixels belong to the object of interest: a detector, or a
@@ -126,7 +128,16 @@ class TaskSettings:
             require_range(f"TaskSettings.{name} [m/s]", getattr(self, name), 1e-3, 2.0)
         require_range("TaskSettings.carry_speed", self.carry_speed, 0.05, 1.0)
         require_range("TaskSettings.load_share", self.load_share, 0.1, 0.95)
-        require_range("TaskSettings.period [s]", self.period, 5e-4, 0.01)
+        least, most = _PERIODS
+        if not least <= self.period <= most:
+            raise ConfigError(
+                "TaskSettings.period [s]",
+                got=self.period,
+                expected=f"{least:g} to {most:g}",
+                mend="250 Hz is 0.004. Slower loops feel a touch too late, and a hand "
+                "that gives way swings: a driver of slower drives may take commands "
+                "at 100 Hz, and pass on the latest.",
+            )
         require_range("TaskSettings.max_mass [kg]", self.max_mass, 0.1, 1e3)
         low, high = np.array(self.workspace)
         require_metres("TaskSettings.workspace", (low, high))
