@@ -192,7 +192,7 @@ class LegController:
         contact = self.config.contact
         tensor = compliance.tensor_at_hand(pose(*self._servo.kinematics.pose(servo.q)))
         return self.bound.verdict(
-            contact_gain(tensor, contact.lever),
+            contact_gain(tensor, contact.levers),
             contact,
             contact_gain(tensor, contact.mass_lever),
         )

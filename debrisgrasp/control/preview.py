@@ -13,7 +13,13 @@ from debrisgrasp.kinematics import DeflectionLimits
 from ._rigid import parts
 from .compliance import Compliance
 from .filters import WrenchFilter
-from .stability import Contact, StabilityBound, StabilityVerdict, contact_gain
+from .stability import (
+    BESIDE,
+    Contact,
+    StabilityBound,
+    StabilityVerdict,
+    contact_gain,
+)
 
 __all__ = ["Preview", "preview"]
 
@@ -84,8 +90,9 @@ def preview(
     turned = np.array(
         [_moved(compliance, T_base_ee, limits, torque * axis, 3) for axis in axes]
     )
-    gain = contact_gain(compliance.tensor_at_hand(T_base_ee), contact.lever)
-    held = contact_gain(compliance.tensor_at_hand(T_base_ee), contact.mass_lever)
+    tensor = compliance.tensor_at_hand(T_base_ee)
+    gain = contact_gain(tensor, contact.levers)
+    held = contact_gain(tensor, contact.mass_lever)
     verdict = bound.verdict(gain, contact, held)
     lines = [_place(p, axes)]
     lines += [
@@ -106,7 +113,8 @@ def preview(
         f"Forces below {compliance.dead_band_force:g} N and torques below "
         f"{compliance.dead_band_torque:g} N m don't move it."
     )
-    lines.append(_calm(verdict, gain, bound.filter, contact))
+    at_origin = contact_gain(tensor) if contact.lever is None else gain
+    lines.append(_calm(verdict, (at_origin, gain), bound.filter, contact))
     return Preview(
         compliance=compliance,
         T_base_ee=T_base_ee,
@@ -184,16 +192,18 @@ def _number(value: float) -> str:
 
 
 def _calm(
-    verdict: StabilityVerdict, gain: float, filter_: WrenchFilter, contact: Contact
+    verdict: StabilityVerdict,
+    gains: tuple[float, float],
+    filter_: WrenchFilter,
+    contact: Contact,
 ) -> str:
-    if gain <= 0.0:
+    if gains[1] <= 0.0:
         return "It is rigid: nothing makes it yield."
-    stiffest = verdict.bound / gain
-    touched = contact.effective_stiffness
-    words = (
-        f"Against contacts up to {_number(stiffest)} N/m it stays calm; "
-        f"{_number(touched)} N/m is expected"
-    )
+    near, beside = (_number(verdict.bound / max(gain, 1e-12)) for gain in gains)
+    words = f"Against contacts up to {near} N/m it stays calm"
+    if beside != near:
+        words += f", {1000 * BESIDE:.0f} mm beside its origin up to {beside} N/m"
+    words += f"; {_number(contact.effective_stiffness)} N/m is expected"
     if verdict.refusals:
         words += ": it would swing, and is refused"
     elif verdict.warnings:

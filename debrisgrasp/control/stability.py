@@ -30,6 +30,7 @@ from debrisgrasp.geometry import so3
 from .filters import WrenchFilter
 
 __all__ = [
+    "BESIDE",
     "ArmResponse",
     "Contact",
     "StabilityBound",
@@ -38,6 +39,8 @@ __all__ = [
 ]
 
 _MAX_SENSITIVITY = 2.0
+BESIDE = 0.1
+"""So far from its origin a hand touches something with its edges and fingers [m]."""
 
 
 @checked_fields
@@ -153,8 +156,11 @@ class StabilityBound:
         """
         stiffness = contact.effective_stiffness
         product, safe = stiffness * gain, self.gain_safe
+        where = (
+            f", up to {BESIDE:g} m beside the hand," if contact.lever is None else ""
+        )
         numbers = (
-            f"compliance {gain:.3g} m/N at the contact times stiffness "
+            f"compliance {gain:.3g} m/N at the contact{where} times stiffness "
             f"{stiffness:.3g} N/m is {product:.3g}"
         )
         refusals, warnings = [], []
@@ -185,9 +191,10 @@ class Contact:
     """Of what is touched [N/m]; None: unknown, 3e4 is assumed for all together."""
     structure: float | None = None
     """Of arm, wrist and grip in series with it [N/m]; None: rigid."""
-    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """From the hand to the point of contact, axes of base [m]. A long lever turns a
-    small rotation into a large yielding: it counts squared."""
+    lever: tuple[float, float, float] | None = None
+    """From the hand to the point of contact, axes of base [m]; None: unknown, any
+    within 0.1 m. A long lever turns a small rotation into a large yielding: it counts
+    squared."""
     mass: float = 0.0
     """Held in the hand [kg]."""
     mass_lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -200,7 +207,8 @@ class Contact:
                 require_range(f"Contact.{name} [N/m]", value, 1.0, 1e9)
         require_range("Contact.mass [kg]", self.mass, 0.0, 1e4)
         for name in ("lever", "mass_lever"):
-            require_metres(f"Contact.{name} [m]", getattr(self, name))
+            if (value := getattr(self, name)) is not None:
+                require_metres(f"Contact.{name} [m]", value)
 
     @property
     def effective_stiffness(self) -> float:
@@ -209,6 +217,13 @@ class Contact:
             return 3e4
         inverse = 1.0 / self.stiffness
         return 1.0 / (inverse + (1.0 / self.structure if self.structure else 0.0))
+
+    @property
+    def levers(self) -> FloatArray:
+        """Those at which it may be, axes of base [m], shape (n, 3)."""
+        if self.lever is not None:
+            return np.array([self.lever])
+        return BESIDE * np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,14 +240,14 @@ class StabilityVerdict:
 
 
 def contact_gain(tensor: ArrayLike, lever: ArrayLike = (0.0, 0.0, 0.0)) -> float:
-    """Largest yielding of a contact point for a unit force [m/N].
+    """Largest yielding of a contact point for a unit force [m/N]; of several, at worst.
 
     Parameters
     ----------
     tensor
         Compliance at the hand in the axes of base, shape (6, 6).
     lever
-        From the hand to the contact, axes of base [m], shape (3,).
+        From the hand to the contact, axes of base [m], shape (..., 3).
 
     Raises
     ------
@@ -242,5 +257,5 @@ def contact_gain(tensor: ArrayLike, lever: ArrayLike = (0.0, 0.0, 0.0)) -> float
     C, r = np.asarray(tensor, dtype=np.float64), np.asarray(lever, dtype=np.float64)
     require_finite(C, "compliance at the hand")
     require_finite(r, "lever of a contact [m]")
-    J = np.concatenate([np.eye(3), -so3.hat(r)], axis=1)
-    return float(np.linalg.eigvalsh(J @ C @ J.T).max())
+    J = np.concatenate([np.broadcast_to(np.eye(3), (*r.shape, 3)), -so3.hat(r)], -1)
+    return float(np.linalg.eigvalsh(J @ C @ np.swapaxes(J, -1, -2)).max())

@@ -12,6 +12,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
 from .context import Context, LimbState
+from .settings import TURN_STIFFNESS
 
 __all__ = [
     "broken_by",
@@ -46,8 +47,6 @@ _NEAR, _NEAR_GROUND = 0.05, 0.02
 touches the ground only if it is as near as the other length."""
 _STIFFNESS = 3e4
 """Of an arm whose hand meets the hardest thing [N/m]."""
-_TURN_STIFFNESS = 1e4
-"""Of an arm against a turn of its hand: far beside it a touch is softer [N m/rad]."""
 _SENSOR_LAG = 0.012
 """[s]."""
 _FELT_AFTER = 2
@@ -238,8 +237,8 @@ def met_safely(
     """
     force, torque = max(room[0], 0.0), max(room[1], 0.0)
     # The lever at which a torque grows fastest with the way.
-    lever = min(max(reach, 1e-3), sqrt(_TURN_STIFFNESS / _STIFFNESS))
-    give = 1.0 / (_STIFFNESS * lever) + lever / _TURN_STIFFNESS
+    lever = min(max(reach, 1e-3), sqrt(TURN_STIFFNESS / _STIFFNESS))
+    give = 1.0 / (_STIFFNESS * lever) + lever / TURN_STIFFNESS
     depth = min(force / _STIFFNESS, torque * give)
     reacting, stopping = speed * _felt_after(period), speed * braking
     root = np.sqrt(reacting**2 + 2.0 * stopping * depth)

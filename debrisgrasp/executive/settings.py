@@ -10,16 +10,25 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, frozen, require_metres, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp._words import arm_called
-from debrisgrasp.control import ControllerConfig, StabilityBound, WrenchFilter
+from debrisgrasp.control import (
+    ControllerConfig,
+    StabilityBound,
+    WrenchFilter,
+    contact_gain,
+)
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import DeflectionLimits
 
-__all__ = ["Marker", "TaskSettings"]
+__all__ = ["TURN_STIFFNESS", "Marker", "TaskSettings"]
 
 _FINGER_PERIOD = 0.04
 """Between two looks at the fingers while the arm moves, about [s]."""
+TURN_STIFFNESS = 1e4
+"""Of an arm against a turn of its hand [N m/rad]."""
+_FARTHEST = 1.5
+"""What is held is touched no farther from the hand [m]."""
 _PERIODS = (5e-4, 0.01)
 """Of the control loop [s]."""
 
@@ -82,7 +91,8 @@ class TaskSettings:
     """Share of the planned speed while something is carried."""
     compliance: tuple[float, float] = (5e-5, 3e-4)
     """How far the hand gives way while it lifts, [m/N] and [rad/(N m)]. The first stays
-    below what would swing against the hardest thing: 1.2e-4 at a period of 0.004."""
+    below what would swing against the hardest thing: 1.16e-4 at a period of 0.004. The
+    second stays below what would swing at the end of a long object: 4.1e-4."""
     clamp: DeflectionLimits = DeflectionLimits(translation=0.015, rotation=0.03)
     """How far at most; planned for, and given to the controller. At the largest load
     that a hand bears, 150 N and 40 N m, half of it is used."""
@@ -174,18 +184,28 @@ class TaskSettings:
             self._require_place(arm, place)
 
     def _require_calm(self) -> None:
-        """Refuse a compliance with which `LegController.engage` begins no lift."""
-        usual = ControllerConfig(period=self.period)
+        """Refuse a compliance with which a hand, or what it holds, may swing.
+
+        `LegController.engage` begins no lift with more of the first. Far beside the
+        hand a contact is softer, for it turns the arm as well.
+        """
+        usual, (shift, turn) = ControllerConfig(period=self.period), self.compliance
         wrench = WrenchFilter(tau=usual.tau, period=self.period)
-        bound = StabilityBound(usual.arm, wrench)
-        most = bound.gain_safe / usual.contact.effective_stiffness
-        if self.compliance[0] > most:
-            raise ConfigError(
-                "TaskSettings.compliance [m/N]",
-                got=f"{self.compliance[0]:g}",
-                expected=f"{most:.2g} or less at a period of {self.period:g} s",
-                mend="A hand that gives way more swings against hard things.",
-            )
+        calm = StabilityBound(usual.arm, wrench).gain_safe
+        give = 1.0 / usual.contact.effective_stiffness
+        beside = contact_gain(np.diag((0.0,) * 3 + (turn,) * 3), usual.contact.levers)
+        most_turn = calm * (give / _FARTHEST**2 + 1.0 / TURN_STIFFNESS)
+        for unit, got, most in (
+            ("rad/(N m)", turn, most_turn),
+            ("m/N", shift, calm * give - beside),
+        ):
+            if got > most:
+                raise ConfigError(
+                    f"TaskSettings.compliance [{unit}]",
+                    got=f"{got:g}",
+                    expected=f"{most:.3g} or less at a period of {self.period:g} s",
+                    mend="A hand that gives way more swings against hard things.",
+                )
 
     def _require_place(self, arm: str, place: tuple[float, float]) -> None:
         what = f"drop-off of the {arm_called(arm)}"

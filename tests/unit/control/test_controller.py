@@ -190,6 +190,14 @@ def test_a_lever_and_a_held_mass_count():
     assert "40 kg" in refused[0]
 
 
+def test_a_contact_of_unknown_place_may_be_at_the_edge_of_the_hand():
+    hinged = Compliance.diagonal(0.0, 0.02)
+    refused = _engaged(Rig(hinged, config=ControllerConfig())).refusals[0].words
+    assert "0.1 m beside the hand, times stiffness 3e+04 N/m is 6" in refused
+    at_origin = Contact(lever=(0.0, 0.0, 0.0))
+    assert _engaged(Rig(hinged, config=ControllerConfig(contact=at_origin))).is_engaged
+
+
 def _engaged(rig: Rig):
     return rig.controller.engage(rig.reading(0, rig.q_start, (0.0,) * 6))
 

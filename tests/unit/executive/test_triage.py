@@ -9,6 +9,12 @@ from weakref import ref
 import numpy as np
 import pytest
 
+from debrisgrasp.control import (
+    ArmResponse,
+    StabilityBound,
+    WrenchFilter,
+    contact_gain,
+)
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.executive import SimulatedTask, TaskSettings
 from debrisgrasp.executive.choose_grasp import _ordered
@@ -211,6 +217,8 @@ def test_a_height_in_millimetres_is_refused_with_its_unit():
         {"empty_load": 0.0},
         {"compliance": (-1e-5, 3e-4)},
         {"max_dropout": 0.0},
+        {"period": 0.02},
+        {"period": 4.0},
     ],
 )
 def test_settings_out_of_range_are_refused(wrong):
@@ -226,6 +234,20 @@ def test_a_compliance_with_which_no_lift_would_begin_is_refused(period):
     TaskSettings(compliance=(0.99 * most, 3e-4), period=period)
     with pytest.raises(ConfigError, match="compliance"):
         TaskSettings(compliance=(1.05 * most, 3e-4), period=period)
+
+
+@pytest.mark.parametrize("period", [0.0005, 0.004, 0.01])
+def test_a_turn_that_would_swing_at_the_end_of_a_long_object_is_refused(period):
+    bound = StabilityBound(ArmResponse(), WrenchFilter(period=period))
+    with pytest.raises(ConfigError, match=r"compliance .rad/") as refused:
+        TaskSettings(compliance=(5e-5, 0.01), period=period)
+    most = float(re.search(r"expected (\S+) or less", str(refused.value)).group(1))
+    settings = TaskSettings(compliance=(5e-5, 0.99 * most), period=period)
+    for lever in np.linspace(0.0, 1.5, 16):
+        give = 1.0 / 3e4 + lever**2 / 1e4
+        tensor = np.diag(np.repeat(settings.compliance, 3))
+        gain = contact_gain(tensor, (lever, 0.0, 0.0)) / give
+        assert gain < 1.13 * bound.gain_safe
 
 
 @pytest.mark.parametrize(
