@@ -49,6 +49,8 @@ than that [N]."""
 _RESISTANCE = 10.0
 """A finger that feels its share of so much on its side stops until the others do, too
 [N]."""
+_FELT_OVER = 0.05
+"""What closing fingers feel is smoothed over so long [s]."""
 _CLOSING = 0.04
 """Speed of the pads [m/s]."""
 _SLACK = 4.0
@@ -149,6 +151,7 @@ def _shifted(
         targets=openings,
         is_stopped=(False,) * len(openings),
         elapsed=0.0,
+        felt=(),
     )
     return None
 
@@ -278,6 +281,7 @@ def _grip_of(context: Context, limb: LimbState, motion: GraspMotion) -> Held:
             opening=opening,
             width=min(grasp.width, opening),
             resistance=min(_RESISTANCE, squeeze),
+            tau=_FELT_OVER,
             speed=_CLOSING,
             squeeze=squeeze,
             empty_margin=opening,

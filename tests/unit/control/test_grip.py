@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -252,6 +254,39 @@ def test_fingers_of_a_side_stop_at_their_share_of_the_resistance():
     reading = FingerReading((0.1,) * 3, (enough + 1.0, enough + 1.0, enough - 1.0))
     state, _ = grip.step(grip.close(state), reading)
     assert state.is_stopped == (False, True, False)
+
+
+NOISY = GripConfig(
+    opening=0.12, width=0.08, empty_margin=0.12, sides=SIDES, tau=0.05, resistance=10.0
+)
+
+
+@pytest.mark.parametrize(("period", "sigma"), [(0.004, 6.0), (0.01, 3.0)])
+def test_fingers_that_are_smoothed_stop_at_no_spike_and_no_noise_before_they_touch(
+    rng, period, sigma
+):
+    grip = GripController(replace(NOISY, period=period))
+    state = closing(grip)
+    for k in range(round(2.0 / period)):
+        forces = rng.normal(0.0, sigma, 3)
+        forces[k % 3] += 500.0 * (k % 10 == 0)
+        state, _ = grip.step(state, FingerReading((0.1,) * 3, tuple(forces)))
+        assert state.is_stopped == (False,) * 3
+    for _ in range(round(0.3 / period)):
+        forces = np.array([10.0, 5.0, 5.0]) + rng.normal(0.0, sigma, 3)
+        state, _ = grip.step(state, FingerReading((0.08,) * 3, tuple(forces)))
+    assert state.phase is GripPhase.HOLDING
+
+
+@pytest.mark.parametrize("period", [0.001, 0.004, 0.01])
+def test_a_finger_that_is_smoothed_stops_as_soon_at_any_rate(period):
+    grip = GripController(replace(NOISY, period=period))
+    state, n = closing(grip), 0
+    while not state.is_stopped[0]:
+        reading = FingerReading((0.08, 0.1, 0.1), (10.0, 0.0, 0.0))
+        state, _ = grip.step(state, reading)
+        n += 1
+    assert n * period == pytest.approx(1.6 * NOISY.tau, abs=1.5 * period)
 
 
 SIDED = GripConfig(
