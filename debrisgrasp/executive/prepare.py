@@ -20,7 +20,7 @@ from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import LimitFamily
 from debrisgrasp.motion import UnknownSpace
-from debrisgrasp.robot.kinds import odd_openings
+from debrisgrasp.robot.kinds import dead_half, odd_openings
 
 from .context import Context, LimbState
 from .drive import Drive
@@ -141,6 +141,8 @@ def _baseline(context: Context, limb: LimbState) -> FloatArray | FaultFound:
     if isinstance(second, FaultFound):
         return second
     looks = (first, second)
+    if dead := dead_half(np.concatenate([look.raw for look in looks])):
+        return FaultFound("wrench_frozen", dead, limb.name)
     wrong = _sign(limb.loads, looks)
     if wrong:
         return FaultFound("wrench_sign", wrong, limb.name)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import shortened
 from debrisgrasp.geometry import Intrinsics
 from debrisgrasp.kinematics import LimitSet
@@ -14,6 +15,7 @@ from debrisgrasp.kinematics import LimitSet
 from .interface import DepthFrame, Head, Limb
 
 __all__ = [
+    "dead_half",
     "odd_answers",
     "odd_head",
     "odd_image",
@@ -70,6 +72,18 @@ def odd_head(head: Head) -> Iterator[str]:
         yield f"reads {shortened(repr(reading))} without q"
     elif odd := unlike_numbers(reading.q, len(head.joint_names)):
         yield odd
+
+
+def dead_half(raw: FloatArray) -> str:
+    """Say if all forces, or all torques, of wrenches (n, 6) are the same; or ""."""
+    for name, half in (("forces", raw[:, :3]), ("torques", raw[:, 3:])):
+        if (half == half[0]).all():
+            return (
+                f"its {name} are {half[0].tolist()} to the last digit in all "
+                f"{len(raw)} readings: a sensor of all six is needed, for without "
+                "torques no load beside the hand is felt"
+            )
+    return ""
 
 
 def odd_time(said: object) -> str:

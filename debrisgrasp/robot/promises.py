@@ -14,7 +14,14 @@ from debrisgrasp.kinematics import LimitSet
 
 from .gaps import absent, unanswered
 from .interface import DepthFrame, Limb, Robot
-from .kinds import odd_answers, odd_image, odd_openings, odd_time, unlike_numbers
+from .kinds import (
+    dead_half,
+    odd_answers,
+    odd_image,
+    odd_openings,
+    odd_time,
+    unlike_numbers,
+)
 
 __all__ = [
     "answers_whole",
@@ -195,6 +202,8 @@ def wrist_is_read(robot: Robot) -> Iterator[str]:
             continue
         if (raw == raw[0]).all():
             yield f"sensor {name}: equal to the last digit for 0.2 s; is it alive?"
+        elif odd := dead_half(raw):
+            yield f"sensor {name}: {odd}"
         q = limb.arm.read().q
         if _odd_joints(limb, q):
             continue  # `joints_are_read` tells; nobody knows where down is

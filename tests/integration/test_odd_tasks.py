@@ -19,6 +19,7 @@ from tests.tasks import one_beam, run_struck
 from tests.unit.robot.broken_robots import (
     Changed,
     fewer_fingers,
+    forces_only,
     limits_in_degrees,
     lying_limits,
     millimetre_fingers,
@@ -290,6 +291,15 @@ def test_a_wrist_beyond_all_numbers_is_no_finger(pipeline, beam):
     done = run_struck(pipeline, beam, ONE, change=broken)
     assert {fault.fault for fault in done.result.faults} == {"wrench_nan"}
     assert done.result.end is RunEnd.STOPPED
+
+
+def test_a_wrist_that_feels_no_torque_touches_nothing(pipeline, beam):
+    done = run_struck(pipeline, beam, ONE, change=lambda robot, _: forces_only(robot))
+    fault = done.result.faults[0]
+    assert (fault.state, fault.fault) == (State.SELF_TEST, "wrench_frozen")
+    assert "its torques are [0.0, 0.0, 0.0]" in fault.message
+    assert done.fake.truth().peak_force["right"] == 0.0
+    assert done.result.n_removed == 0
 
 
 def test_a_mark_of_no_yes_and_no_is_refused(pipeline, beam):

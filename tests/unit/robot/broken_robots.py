@@ -221,6 +221,16 @@ def frozen_wrench(robot):
     )
 
 
+def forces_only(robot):
+    read = robot.limbs["right"].sensor.read
+
+    def wrench():
+        reading = read()
+        return reading._replace(wrench_ft=(*reading.wrench_ft[:3], 0.0, 0.0, 0.0))
+
+    return with_limb(robot, "sensor", read=wrench)
+
+
 def millimetre_fingers(robot):
     hand = robot.limbs["right"].gripper
 
