@@ -11,6 +11,7 @@ from debrisgrasp._checked import checked_fields
 
 from ._rigid import Rotation, Vector, Wrench
 from .faults import Stop
+from .liveliness import Liveliness
 
 __all__ = ["BiasBound", "Reading", "SafetyConfig", "SafetyState", "Verdict"]
 
@@ -78,7 +79,8 @@ class SafetyConfig:
     stop_after: float = 0.040
     """Without a new wrench, or a tick, for longer, it stops [s]."""
     frozen_after: float = 0.050
-    """A wrench that is equal to the last digit for so long while moving is dead [s]."""
+    """A wrench that is equal to the last digit for so long while moving is dead, and a
+    noisy axis of it that bears a quarter of a limit is at its end [s]."""
     jump_force: float = 60.0
     """Largest change of the force from one sample to the next [N]."""
     jump_torque: float = 15.0
@@ -116,8 +118,8 @@ class SafetyState(NamedTuple):
     """Of the last usable wrench [s]."""
     raw: Wrench
     """That wrench, as read."""
-    changed: float
-    """When the wrench last differed from the one before, or the arm stood [s]."""
+    liveliness: Liveliness
+    """How its axes have changed."""
     q: tuple[float, ...]
     """Last believable measured posture."""
     followed: float

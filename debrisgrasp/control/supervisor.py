@@ -17,6 +17,7 @@ from debrisgrasp.kinematics import LimitSet
 
 from ._rigid import Wrench, floats_of
 from .faults import Fault, Stop
+from .liveliness import Liveliness
 from .loads import LoadModel
 from .posture import PostureKinematics
 from .readings import Reading, SafetyConfig, SafetyState, Verdict
@@ -30,6 +31,8 @@ _FARTHEST = 1.5
 """Whatever is touched is nearer to the hand than this [m]."""
 _USABLE = 0.98
 """Share of a sensor's range up to which it is believed."""
+_MUCH = 0.25
+"""Share of a limit from which on it matters if an axis ends before its range."""
 
 
 def require_sensor_range(loads: LoadModel, limits: LimitSet) -> None:
@@ -84,6 +87,7 @@ class Supervisor:
         self._kinematics, self._period = kinematics, period
         force, torque = loads.sensor_range
         self._range = (_USABLE * force,) * 3 + (_USABLE * torque,) * 3
+        self._much = (_MUCH * limits.force,) * 3 + (_MUCH * limits.torque,) * 3
         self._speeds = tuple((2.0 * limits.velocity).tolist())
 
     def load_limits(self, now: float) -> tuple[float, float]:
@@ -139,7 +143,8 @@ class Supervisor:
         now = float(reading.time)
         stamp = float(reading.wrench_time)
         recent, trend = (load, load), (stamp, load)
-        return SafetyState(now, stamp, raw, now, q, now, recent, load, trend)
+        lively = Liveliness((now,) * 6)
+        return SafetyState(now, stamp, raw, lively, q, now, recent, load, trend)
 
     def step(
         self,
@@ -250,30 +255,38 @@ class Supervisor:
         latest = self.loads.load_ee(raw, R)
         older, last = state.recent
         load = _median(older, last, latest)
-        changed = state.changed if is_moving and raw == state.raw else now
-        before, previous = state.raw, state.load
+        long = 0.5 * self.config.frozen_after
+        lively = state.liveliness.followed(
+            state.raw, raw, now, long, is_moving=is_moving
+        )
+        previous = state.load
         (since, earlier), ahead, trend = state.trend, 0.0, state.trend
         if stamp - since > self.config.trend - 0.5 * self._period:
             ahead = self.config.lead / max(self._period, stamp - since)
             trend = (stamp, load)
         state = SafetyState(
-            now, stamp, raw, changed, q, followed, (last, latest), load, trend
+            now, stamp, raw, lively, q, followed, (last, latest), load, trend
         )
         fault, words = self._judged_load(load, previous, reference, now, earlier, ahead)
         if fault is None:
-            fault, words = self._judged_sensor(raw, before, now - changed)
+            fault, words = self._judged_sensor(raw, lively, now)
         if fault is not None:
             return self._stopped(state, fault, words, now)
         return state, Verdict(load, True, True, (R, p))  # noqa: FBT003 - quicker
 
     def _judged_sensor(
-        self, raw: Wrench, before: Wrench, equal_for: float
+        self, raw: Wrench, lively: Liveliness, now: float
     ) -> tuple[Fault | None, str]:
         if words := self._saturation(raw):
             return Fault.WRENCH_SATURATED, words
-        if raw == before and equal_for > self.config.frozen_after:
-            words = f"for {1000 * equal_for:.0f} ms"
-            return Fault.WRENCH_FROZEN, words
+        equal_for, most = lively.equal_for(now), self.config.frozen_after
+        if equal_for > most:
+            return Fault.WRENCH_FROZEN, f"for {1000 * equal_for:.0f} ms"
+        end = lively.ended(raw, self._much, now - most)
+        if end is not None:
+            words = f"{raw[end]:.4g} N or N m to the last digit for {1000 * most:.0f} "
+            words += "ms, while others change: give LoadModel.sensor_range"
+            return Fault.WRENCH_SATURATED, words
         return None, ""
 
     def _saturation(self, raw: Wrench) -> str:

@@ -131,6 +131,46 @@ def test_a_saturated_sensor_stops():
     assert command.stop.fault is Fault.WRENCH_SATURATED
 
 
+def read_while_moving(told, noise, most=np.inf):
+    """Stop of a leg on which a press grows, and the wrist tells something of it."""
+    rig, rng = Rig(offset=(0.0, 0.0, 0.2)), np.random.default_rng(0)
+    state, q = rig.engaged(), rig.q_start
+    for k in range(1, 250):
+        size = min(max(k - 80, 0), most)
+        press = np.array([0.0, 0.0, -0.9 * size, 0.0, 0.15 * size, 0.0])
+        scatter = rng.normal(0.0, noise, 6) * np.repeat([1.0, 0.05], 3)
+        raw = tuple(told(np.array(rig.raw(q, press + scatter))).tolist())
+        now = k * PERIOD
+        state, command = rig.controller.step(state, Reading(now, q, raw, now))
+        if command.stop is not None:
+            return command.stop, press
+        q = command.q
+    return None, press
+
+
+@pytest.mark.parametrize(
+    ("force", "torque", "end"), [(60.0, 60.0, "60 N"), (600.0, 11.0, "11 N")]
+)
+def test_an_axis_that_ends_before_its_range_stops(force, torque, end):
+    most = np.repeat([force, torque], 3)
+    stop, press = read_while_moving(lambda raw: np.clip(raw, -most, most), 0.3)
+    assert stop.fault is Fault.WRENCH_SATURATED
+    assert end in stop.message
+    assert "sensor_range" in stop.message
+    assert np.linalg.norm(press) < LIMITS.force
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.3])
+def test_a_sensor_of_coarse_steps_is_at_no_end(noise):
+    """Hardly noisy for its steps, it may tell the same for long under a load."""
+    steps = np.array([0.2, 0.2, 0.2, 1e-6, 1e-6, 1e-6])
+    stop, press = read_while_moving(
+        lambda raw: steps * np.round(raw / steps), noise, most=60
+    )
+    assert stop is None
+    assert press[2] == -54.0
+
+
 def test_a_jump_of_the_bias_stops():
     rig = Rig(SOFT)
     _, seen = pushed(rig, [*[wrench(0, 0, 0)] * 10, *[wrench(70, 0, 0)] * 2])
