@@ -117,10 +117,16 @@ def _gripper(context: Context, limb: LimbState) -> FaultFound | None:
             words = f"{gripper.name} has not found its zero in {_INITIALISING:g} s"
             return FaultFound("gripper_uninitialised", words, limb.name)
         context.wait(0.05)
-    if odd := odd_openings(gripper.read().openings):
-        words = f"the gripper of the {arm_called(limb.name)} sends nonsense: {odd}"
-        return FaultFound("connection_lost", words, limb.name)
-    return None
+    return _odd_fingers(limb)
+
+
+def _odd_fingers(limb: LimbState) -> FaultFound | None:
+    """Name a hand whose openings are none that it can have."""
+    hand = limb.hand
+    widest = max(hand.preshape(name).widest for name in hand.preshapes)
+    odd = odd_openings(limb.limb.gripper.read().openings, widest)
+    words = f"the gripper of the {arm_called(limb.name)} sends nonsense: {odd}"
+    return FaultFound("connection_lost", words, limb.name) if odd else None
 
 
 def _baseline(context: Context, limb: LimbState) -> FloatArray | FaultFound:
@@ -128,7 +134,8 @@ def _baseline(context: Context, limb: LimbState) -> FloatArray | FaultFound:
     drive = Drive(context, limb.name)
     preshape = limb.first_preshape
     widest = limb.hand.preshape(preshape).widths[1]
-    fault = open_hand(drive, preshape, widest)
+    # A share of an opening shows once the fingers are open.
+    fault = open_hand(drive, preshape, widest) or _odd_fingers(limb)
     if fault is not None:
         return fault
     first = _look(context, drive, widest)

@@ -29,7 +29,9 @@ _FARTHEST = 50.0
 _FAR_SHARE = 0.05
 """... if so many of the pixels that have any have such."""
 _WIDEST, _NARROWEST = 1.0, -0.005
-"""Of all openings [m]."""
+"""Of all openings [m] ..."""
+_WIDER = 1.5
+"""... and by so many times the widest preshape may be exceeded."""
 
 
 def odd_answers(limb: Limb, n_fingers: int | None = None) -> Iterator[str]:
@@ -93,12 +95,23 @@ def odd_time(said: object) -> str:
     return f"the time is {shortened(repr(said))}; a number is needed"
 
 
-def odd_openings(openings: Sequence[float]) -> str:
-    """Say why numbers are no openings of fingers [m]; "" if they are."""
+def odd_openings(openings: Sequence[float], widest: float = _WIDEST) -> str:
+    """Say why numbers are no openings of fingers [m]; "" if they are.
+
+    Parameters
+    ----------
+    widest
+        Preshape of the hand, if that is known [m].
+    """
     if not np.isfinite(openings).all():
         return f"openings read {np.asarray(openings, dtype=np.float64).tolist()}"
     if max(openings) > _WIDEST:
         return f"opening {max(openings):g}; metres, not millimetres?"
+    if max(openings) > _WIDER * widest:
+        return (
+            f"opening {max(openings):g} of a hand that opens to {widest:g} m; metres, "
+            "not per cent or a share?"
+        )
     if min(openings) < _NARROWEST:
         return f"opening {min(openings):g} m, below zero"
     return ""

@@ -127,6 +127,22 @@ def silent_fingers(robot):
     return with_limb(robot, "gripper", read=lambda: None)
 
 
+def shares_of_fingers(robot):
+    """A hand that tells, and is told, shares of its opening."""
+    hand = robot.limbs["right"].gripper
+    widest = 0.16
+
+    def read():
+        reading = hand.read()
+        return reading._replace(openings=[x / widest for x in reading.openings])
+
+    def command(wanted):
+        openings = tuple(min(x, 1.0) * widest for x in wanted.openings)
+        hand.command(wanted._replace(openings=openings))
+
+    return with_limb(robot, "gripper", read=read, command=command)
+
+
 def fewer_fingers(robot):
     read = robot.limbs["right"].gripper.read
     return with_limb(
