@@ -211,8 +211,9 @@ def _disagreement(
         unit = "N" if i < 3 else "N m"
         words = (
             f"the orientations differ by {spread[i]:.3g} {unit}, expected at most "
-            f"{most[i]:.3g}: the hand touches or holds something, or the tool is not "
-            "the one that was identified"
+            f"{most[i]:.3g}: the hand touches or holds something, the tool is not the "
+            "one that was identified, or the sensor is turned otherwise than "
+            "LoadModel.T_ee_ft says"
         )
         refusals.append(Refusal(RefusalCause.TOUCHED, words))
     return refusals

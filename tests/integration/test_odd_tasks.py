@@ -29,6 +29,7 @@ from tests.unit.robot.broken_robots import (
     shares_of_fingers,
     silent_fingers,
     silent_joints,
+    turned_wrench,
     with_limb,
     worded_fingers,
     worded_joints,
@@ -293,6 +294,14 @@ def test_a_wrist_beyond_all_numbers_is_no_finger(pipeline, beam):
     done = run_struck(pipeline, beam, ONE, change=broken)
     assert {fault.fault for fault in done.result.faults} == {"wrench_nan"}
     assert done.result.end is RunEnd.STOPPED
+
+
+def test_a_wrist_that_is_mounted_otherwise_touches_nothing(pipeline, beam):
+    done = run_struck(pipeline, beam, ONE, change=lambda robot, _: turned_wrench(robot))
+    fault = done.result.faults[0]
+    assert (fault.state, fault.fault) == (State.SELF_TEST, "baseline_contact")
+    assert "the sensor is turned otherwise than LoadModel.T_ee_ft" in fault.message
+    assert done.fake.truth().peak_force["right"] == 0.0
 
 
 def test_a_wrist_that_feels_no_torque_touches_nothing(pipeline, beam):

@@ -143,6 +143,17 @@ def shares_of_fingers(robot):
     return with_limb(robot, "gripper", read=read, command=command)
 
 
+def turned_wrench(robot):
+    """A wrist whose sensor is mounted a quarter turn off."""
+    read = robot.limbs["right"].sensor.read
+
+    def turned():
+        a, b, c, d, e, f = read().wrench_ft
+        return read()._replace(wrench_ft=(-b, a, c, -e, d, f))
+
+    return with_limb(robot, "sensor", read=turned)
+
+
 def fewer_fingers(robot):
     read = robot.limbs["right"].gripper.read
     return with_limb(
