@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from math import isfinite
 
 import numpy as np
@@ -34,10 +35,14 @@ from .result import Done, FaultFound, StepResult
 
 __all__ = ["self_test"]
 
+logger = logging.getLogger(__name__)
+
 _WAITS = 9
 """By so many the period of the loop is measured."""
 _LOOK = 1.02
 """Duration of a look at free space [s]; the sensor's noise is judged over it."""
+_LATE, _OFTEN = 1.5, 0.02
+"""A tick after so many periods is late, and more of them than this share are often."""
 _TURN = np.pi / 2
 """By which a joint of the wrist turns between the looks [rad]."""
 _LEAST_TURN = np.deg2rad(50.0)
@@ -178,6 +183,7 @@ def _look(context: Context, drive: Drive, widest: float) -> BaselineLook | Fault
     readings = drive.stand(_LOOK)
     if isinstance(readings, FaultFound):
         return readings
+    _tell_late(context, [reading.time for reading in readings])
     q = context.posture(limb)
     openings = limb.limb.gripper.read().openings
     T = limb.pose(q)
@@ -189,6 +195,20 @@ def _look(context: Context, drive: Drive, widest: float) -> BaselineLook | Fault
         is_open_and_empty=len(openings) > 0 and min(openings) > widest - 0.01,
         is_standing=bool(np.abs(q - before).max() < 2e-3),
     )
+
+
+def _tell_late(context: Context, times: list[float]) -> None:
+    """Say if ticks at these times often come late: the arms stand, and go on hard."""
+    period = context.settings.period
+    share = float(np.mean(np.diff(times) > _LATE * period))
+    if share > _OFTEN:
+        logger.warning(
+            "%.0f %% of the ticks come late by more than half a period of %g ms, and "
+            "the arms jerk: give the loop a core of its own, or a longer "
+            "TaskSettings.period",
+            100.0 * share,
+            1e3 * period,
+        )
 
 
 def _height(limb: LimbState, T_base_hand: SE3, opening: float) -> float:

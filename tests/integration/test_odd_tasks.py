@@ -296,6 +296,21 @@ def test_a_wrist_beyond_all_numbers_is_no_finger(pipeline, beam):
     assert done.result.end is RunEnd.STOPPED
 
 
+def test_a_loop_that_often_comes_late_is_told(pipeline, beam, caplog):
+    def broken(robot, _):
+        clock, rng = robot.clock, np.random.default_rng(0)
+
+        def wait_until(time):
+            clock.wait_until(time + 0.008 * (rng.random() < 0.1))
+
+        robot = replace(robot, clock=Changed(clock, wait_until=wait_until))
+        return forces_only(robot)  # which ends it after the looks
+
+    done = run_struck(pipeline, beam, ONE, change=broken)
+    assert done.result.faults[0].fault == "wrench_frozen"
+    assert re.search(r"\d+ % of the ticks come late by more than half", caplog.text)
+
+
 def test_a_wrist_that_is_mounted_otherwise_touches_nothing(pipeline, beam):
     done = run_struck(pipeline, beam, ONE, change=lambda robot, _: turned_wrench(robot))
     fault = done.result.faults[0]
