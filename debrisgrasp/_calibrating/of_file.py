@@ -110,12 +110,8 @@ def require_same_robot(stored: StoredCalibration, rig: Rig | None) -> None:
     ConfigError
         If they are not the same.
     """
-    if rig is not None and stored.robot not in (None, rig.robot.name):
-        raise ConfigError(
-            f"calibration {stored.path}",
-            got=f"one of the robot {stored.robot!r}",
-            expected=f"one of {rig.robot.name!r}",
-        )
+    if rig is not None:
+        stored.require_of(rig.robot.name)
     link = rig.link if isinstance(rig, WristRig) else None
     if stored.link != link:
         raise ConfigError(

@@ -40,13 +40,14 @@ def pose_on_arm(
     link, what = str(stored.link), f"calibration {stored.path}"
     if joints is None:
         raise _without_joints(stored, "none")
-    if robot is None or stored.robot not in (None, robot.name):
-        here = "none, a floating hand" if robot is None else repr(robot.name)
+    if robot is None:
         raise ConfigError(
             what,
             got=f"one of a camera on link {link!r} of the robot {stored.robot!r}",
-            expected=f"one of the robot in use: {here}",
+            expected="one of no robot, for a hand without an arm is in use",
+            mend="Name its robot with --robot, or as `robot` of the site.",
         )
+    stored.require_of(robot.name)
     robot.tree.require_link(link, f"link of {what}")
     missing = [name for name in arm_joints_above(robot, link) if name not in joints]
     if missing:

@@ -189,6 +189,8 @@ def planned(
                 expected="one of them",
             )
     pipeline = debrisgrasp.Pipeline.from_settings(settings)
+    if settings.calibration is not None and pipeline.robot is not None:
+        load_calibration(settings.calibration).require_of(pipeline.robot.name)
     pipeline.policy = policy_of(arguments, pipeline.policy)
     if arguments.joints is not None:
         capture = _bare(capture, pipeline, joints_of(arguments.joints))

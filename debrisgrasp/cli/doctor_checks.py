@@ -323,12 +323,13 @@ def _camera(settings: Settings, robot: RobotModel | None) -> Iterator[Finding]:
     if stored.problems:
         yield Finding("camera", "fault", "refused: " + "; ".join(stored.problems))
         return
-    if stored.link is not None:
-        name, links = ("none", ()) if robot is None else (robot.name, robot.tree.shapes)
-        if stored.link not in links or stored.robot not in (None, name):
-            text = f"on link {stored.link!r} of robot {stored.robot!r}, not of this one"
-            yield Finding("camera", "fault", text)
-            return
+    name, links = ("none", ()) if robot is None else (robot.name, robot.tree.shapes)
+    where = "" if stored.link is None else f"on link {stored.link!r} "
+    is_off = robot is not None and stored.robot not in (None, name)
+    if is_off or (where and stored.link not in links):
+        text = f"{where}of robot {stored.robot!r}, not of this one"
+        yield Finding("camera", "fault", text)
+        return
     days = (datetime.now(UTC) - datetime.fromisoformat(stored.date)).days
     sigma = 1e3 * float(np.sqrt(np.trace(stored.covariance[:3, :3]) / 3))
     text = f"calibrated {days} days ago, standard deviation {sigma:.1f} mm"

@@ -254,6 +254,16 @@ class StoredCalibration:
                 ),
             )
 
+    def require_of(self, robot: str) -> None:
+        """Raise `ConfigError` if the calibration names another robot than this."""
+        if self.robot not in (None, robot):
+            raise ConfigError(
+                f"calibration {self.path}",
+                got=f"one of the robot {self.robot!r}",
+                expected=f"one of {robot!r}, the robot in use",
+                mend="Name its robot with --robot, or as `robot` of the site.",
+            )
+
 
 def load_calibration(path: str | os.PathLike[str]) -> StoredCalibration:
     """Read a calibration back, accepted or not.

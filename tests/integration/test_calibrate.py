@@ -92,7 +92,7 @@ def test_a_slip_is_seen_and_mended_with_few_looks(run, calibration_file):
     assert {look["status"] for look in again.json} == {"steady"}
 
 
-def test_what_is_of_another_robot_is_refused(calibration_file, refused, tmp_path):
+def test_what_is_of_another_robot_is_refused(calibration_file, run, refused, tmp_path):
     assert json.loads(calibration_file.read_text())["robot"] == "roman"
     shutil.copy(data_path("robots", "roman.urdf"), tmp_path)
     other = tmp_path / "other.yaml"
@@ -105,6 +105,10 @@ def test_what_is_of_another_robot_is_refused(calibration_file, refused, tmp_path
     ):
         words = refused("calibrate", *given, "--robot", other)
         assert "one of the robot 'roman', expected one of 'other'" in words
+    pile = data_path("captures", "pile.npz")
+    ended = run("plan", pile, "--calibration", calibration_file, "--robot", other)
+    assert ended.status == 2
+    assert "one of the robot 'roman', expected one of 'other'" in ended.err
 
 
 def test_a_wrong_pick_is_no_drift(run, calibration_file):

@@ -187,10 +187,11 @@ def test_a_picture_without_the_joints_of_its_arm_is_refused(
     assert "got none for right_arm_joint7" in refused(*here, "--joints", *less)
     degrees = [*less, "right_arm_joint7=90"]
     assert "90 degrees are 1.571" in refused(*here, "--joints", *degrees)
-    other = "expected one of the robot in use: "
-    assert f"{other}'roman'" in refused(*plan, "--joints", *words)
+    assert "expected one of 'roman', the robot in use" in refused(
+        *plan, "--joints", *words
+    )
     hand = ("--robot", "none", "--gripper", "camhand", "--joints", *words)
-    assert f"{other}none" in refused(*plan, *hand)
+    assert "expected one of no robot" in refused(*plan, *hand)
     assert "--joints NAME=VALUE" in refused("segment", seen, "--calibration", camera)
     assert "Give T_base_link @" in refused("segment", seen, "--camera-pose", camera)
 
