@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
@@ -112,12 +112,13 @@ class Schedule:
     """Share of the run over which the temperature falls; then it stays."""
 
     def __post_init__(self) -> None:
+        require_range("sweeps of the annealing schedule", self.sweeps, 1, 10_000)
         is_cooling = 0 < self.cold <= self.hot < 1 and self.cooling_share > 0
-        if self.sweeps < 1 or not is_cooling:
+        if not is_cooling:
             raise ConfigError(
                 "annealing schedule",
                 got=self,
-                expected="sweeps >= 1, 0 < cold <= hot < 1, cooling_share > 0",
+                expected="0 < cold <= hot < 1, cooling_share > 0",
             )
 
     def beta(self, progress: float) -> float:

@@ -59,7 +59,7 @@ class ClearanceConfig:
         deepest = SPHERE_RADIUS - self.allowance
         require_range("ClearanceConfig.softness", self.softness, 1e-4, deepest)
         require_range("ClearanceConfig.approach", self.approach, 0.0, 1.0)
-        require_range("ClearanceConfig.approach_steps", self.approach_steps, 1)
+        require_range("ClearanceConfig.approach_steps", self.approach_steps, 1, 100)
         require_range("ClearanceConfig.unknown_cost", self.unknown_cost, 0.0, 1.0)
 
 

@@ -26,14 +26,13 @@ SETTLED = 0.8
 """From this score on, searching on hardly finds a better grasp of the same object.
 Below which score other objects are tried, `PipelineConfig.doubtful` says."""
 
+_MOST = 10_000
+"""More walkers, steps or rounds than this fill memory, and outlast every deadline."""
+_EFFORTS = ("walkers", "rounds", "refinement_sweeps", "refinement_steps")
 _COUNTS = (
-    "walkers",
-    "rounds",
     "search_points",
     "final_points",
-    "refinement_sweeps",
     "max_refined",
-    "refinement_steps",
     "exchanged",
     "max_ranked",
     "n_best",
@@ -130,6 +129,8 @@ class PlannerConfig:
             )
         for name in _COUNTS:
             require_range(f"PlannerConfig.{name}", getattr(self, name), 1)
+        for name in _EFFORTS:
+            require_range(f"PlannerConfig.{name}", getattr(self, name), 1, _MOST)
         # Fewer points never make a match, and no pose would resemble anything.
         seen = self.similarity.minimum_seen
         for name in ("search_points", "final_points"):
@@ -152,11 +153,11 @@ class PlannerConfig:
                     "scene.hand_reach",
                     mend="Shorten the way, or raise scene.hand_reach too.",
                 )
-        require_range("PlannerConfig.doubtful_sweeps", self.doubtful_sweeps, 0)
-        require_range("PlannerConfig.doubtful_share", self.doubtful_share, 1)
+        require_range("PlannerConfig.doubtful_sweeps", self.doubtful_sweeps, 0, _MOST)
+        require_range("PlannerConfig.doubtful_share", self.doubtful_share, 1, 100)
         require_range("PlannerConfig.region_size", self.region_size, 0.0)
-        require_range("PlannerConfig.starts", self.starts, self.walkers)
-        require_range("PlannerConfig.alignments", self.alignments, 0)
+        require_range("PlannerConfig.starts", self.starts, self.walkers, _MOST)
+        require_range("PlannerConfig.alignments", self.alignments, 0, 100)
         require_range("PlannerConfig.survivors", self.survivors, 0.01, 1.0)
         many, few = self.refined
         require_range("PlannerConfig.refined", few, 1, many)
@@ -180,5 +181,8 @@ class PlannerConfig:
 
     def wider(self) -> PlannerConfig:
         """Return the settings with which a doubtful search explores once more."""
-        share = self.doubtful_share
-        return replace(self, starts=share * self.starts, walkers=share * self.walkers)
+        starts, walkers = (
+            min(self.doubtful_share * count, _MOST)
+            for count in (self.starts, self.walkers)
+        )
+        return replace(self, starts=starts, walkers=walkers)

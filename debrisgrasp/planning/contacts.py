@@ -85,7 +85,7 @@ class ContactConfig:
         require_range("ContactConfig.margin", self.margin, 0.0, 0.2)
         require_range("ContactConfig.friction", self.friction, 0.05, 5.0)
         require_range("ContactConfig.angle_error", self.angle_error, 0.01, 2.0)
-        require_range("ContactConfig.min_points", self.min_points, 1)
+        require_range("ContactConfig.min_points", self.min_points, 1, 10_000)
         require_range("ContactConfig.least", self.least, 0.0, 0.5)
 
 

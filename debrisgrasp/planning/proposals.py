@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, IntArray, Rng, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.geometry import so3
 from debrisgrasp.prototypes import PackedPrototypes
 
@@ -17,6 +18,7 @@ from .scene import GraspScene
 __all__ = ["Anchors", "GlobalMove", "LocalMove", "MixtureMove"]
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalMove:
     """A Gaussian step in position and rotation, symmetric by construction.
@@ -31,9 +33,10 @@ class LocalMove:
     """Standard deviation per axis at the start and the end [rad]."""
 
     def __post_init__(self) -> None:
-        for name in ("position", "rotation"):
-            for sigma in getattr(self, name):
-                require_range(f"LocalMove.{name}", sigma, 0.0)
+        for sigma in self.position:
+            require_range("LocalMove.position [m]", sigma, 0.0, 1.0)
+        for sigma in self.rotation:
+            require_range("LocalMove.rotation [rad]", sigma, 0.0, np.pi)
 
     def moved(self, Ts: FloatArray, progress: float, rng: Rng) -> FloatArray:
         """Step from each pose (k, 4, 4) at ``progress`` in [0, 1] of the run."""

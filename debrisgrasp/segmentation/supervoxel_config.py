@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
@@ -70,7 +71,4 @@ class SupervoxelConfig:
         ):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ConfigError(name, got=getattr(self, name), expected="0 or more")
-        if self.refinements < 0:
-            raise ConfigError(
-                "refinements", got=self.refinements, expected="0 or more rounds"
-            )
+        require_range("refinements", self.refinements, 0, 100)
