@@ -325,7 +325,8 @@ def _mass_bounds(
     elif build is Build.SHEET:
         low, high = config.sheet[0] * area, config.sheet[1] * area
     else:
-        hull = _hull_volume(points)
+        # What comes out flat, as in coarse steps of depth, is a cell thick.
+        hull = _hull_volume(points) or area * spacing
         low = min(config.shell * area, config.density[0] * hull)
         # Of a convex body of which two sides are seen, the hull holds at least half.
         high = config.density[1] * max(2.0 * hull, 0.5 * float(size.prod()))

@@ -397,6 +397,14 @@ def test_an_uncertain_middle_of_mass_loads_like_its_standard_deviation(levers):
         assert found.lever == pytest.approx(same.lever)
 
 
+def test_what_leaves_no_body_between_outliers_still_has_a_mass():
+    points = np.concatenate([np.diag([0.3, 0.2, 0.1]), -np.diag([0.3, 0.2, 0.1])])
+    what = ObjectMass.from_surface(
+        points, points, np.array([0.0, 0.0, 2.0]), CONFIG, spacing=0.01
+    )
+    assert 0.0 < what.mass[0] <= what.expected_mass <= what.mass[1]
+
+
 def test_bad_masses_and_settings_are_refused():
     points = np.zeros((5, 3))
     for mass in (0.0, -1.0, np.nan, np.inf):
