@@ -17,7 +17,7 @@ from debrisgrasp.io import (
 )
 from debrisgrasp.io.plan_json import SCHEMA as PLAN_SCHEMA
 from debrisgrasp.io.plan_json import plan_to_json
-from debrisgrasp.pipeline import pose_notes
+from debrisgrasp.pipeline import ground_notes
 from debrisgrasp.segmentation import GroundReport
 
 from .capture_arguments import (
@@ -181,7 +181,7 @@ def run_segment(arguments: argparse.Namespace) -> int:
         require_own_labels(arguments.out)
     capture = load_capture(arguments)
     segmentation = debrisgrasp.segment(capture)
-    tell(pose_notes(segmentation.ground))
+    tell(ground_notes(segmentation.ground))
     ground = segmentation.ground
     if arguments.json:
         facts = {
@@ -253,7 +253,7 @@ def run_select(arguments: argparse.Namespace) -> int:
     require_places(arguments.report, REPORT_FORMS, source=arguments.capture)
     capture = load_capture(arguments)
     segmentation = debrisgrasp.segment(capture)
-    tell(pose_notes(segmentation.ground))
+    tell(ground_notes(segmentation.ground))
     site = site_of(arguments)
     own = site.selection()
     if arguments.site is not None:  # its hands may open to other widths

@@ -4,7 +4,7 @@ from .config import PipelineConfig
 from .executable import GraspMotions, first_executable
 from .grasp_chain import GraspMotion, MotionsConfig
 from .inputs import with_hands
-from .notes import mask_notes, pose_notes
+from .notes import ground_notes, mask_notes
 from .passage import Passage
 from .perception import Perception, motion_space
 from .pipeline import Pipeline, Progress
@@ -27,10 +27,10 @@ __all__ = [
     "Target",
     "choose_targets",
     "first_executable",
+    "ground_notes",
     "is_ground",
     "mask_notes",
     "motion_space",
-    "pose_notes",
     "recall_plan",
     "too_small",
     "with_hands",

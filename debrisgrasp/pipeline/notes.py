@@ -11,6 +11,7 @@ from debrisgrasp.segmentation import (
     WHOLE_SHARE,
     Candidate,
     GroundReport,
+    PointKind,
     Segmentation,
 )
 
@@ -18,13 +19,15 @@ from .second_look import BestSoFar
 
 __all__ = [
     "deadline_notes",
+    "ground_notes",
     "mask_notes",
     "mass_notes",
     "part_notes",
-    "pose_notes",
     "warning_notes",
 ]
 
+_DUG = 0.02
+"""A pit with fewer points than this, in shares of the ground, may be a reflection."""
 _LIGHT = 0.05
 """Debris is hardly ever lighter: a tenth of what most pieces weigh at least [kg]."""
 
@@ -39,11 +42,18 @@ def deadline_notes(deadline: float | None, *, is_cut: bool) -> tuple[str, ...]:
     )
 
 
-def pose_notes(ground: GroundReport) -> tuple[str, ...]:
-    """Say what speaks against the pose of the camera, if anything does."""
-    if not ground.pose_doubt:
-        return ()
-    return (f"camera pose in doubt: {ground.pose_doubt}",)
+def ground_notes(ground: GroundReport) -> tuple[str, ...]:
+    """Say what speaks against the pose of the camera, and what lies in a pit."""
+    notes = []
+    if ground.pose_doubt:
+        notes.append(f"camera pose in doubt: {ground.pose_doubt}")
+    for item in ground.surroundings:
+        if item.kind is PointKind.PIT and item.n_points > _DUG * ground.n_removed:
+            notes.append(
+                f"{item.n_points} points lie {item.reason}, as in a trench, and are of "
+                "no object: nothing there is gripped while the ground is taken away"
+            )
+    return tuple(notes)
 
 
 def mass_notes(

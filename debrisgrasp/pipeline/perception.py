@@ -31,7 +31,7 @@ from debrisgrasp.segmentation import (
     with_mark,
 )
 
-from .notes import mask_notes, part_notes, pose_notes
+from .notes import ground_notes, mask_notes, part_notes
 from .targets import Target, whole_of, with_crumbs
 
 __all__ = ["Perception", "motion_space"]
@@ -160,8 +160,8 @@ class Perception:
         return found
 
     def notes(self, chosen: Target | None) -> tuple[str, ...]:
-        """Say what to know of the pose, a mask, and a target that somebody chose."""
-        notes = pose_notes(self.segmentation.ground)
+        """Say what to know of pose, ground and mask, and of a chosen target."""
+        notes = ground_notes(self.segmentation.ground)
         notes += mask_notes(self.is_marked, self.segmentation)
         if chosen is not None:
             notes += part_notes(*self.chosen_and_whole(chosen), self.is_marked)

@@ -31,13 +31,15 @@ class PointKind(IntEnum):
     GROUND = 1
     """Lies on the ground."""
     BELOW = 2
-    """Lies below the ground: side and surroundings of a table, a pit."""
+    """Lies below the ground: side and surroundings of a table."""
     WALL = 3
     """Belongs to a wall that bounds the scene."""
     CONTAINER = 4
     """Belongs to the sides or the floor of what holds most of the scene."""
     OUTSIDE = 5
     """Lies outside such a container."""
+    PIT = 6
+    """Lies below the ground that is seen around it: in a trench, a shaft."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
 from debrisgrasp._checked import checked_fields
@@ -32,6 +33,8 @@ _BEHIND = 0.08
 """Distance behind a wall from which on points speak against it [m]."""
 _BORDER = 0.03
 """Strip of the image, in shares of its size, in which a wall has to end."""
+_AMID = 0.75
+"""Share of what lies deep that has ground around it where there is a pit."""
 _FLAT = float(np.cos(np.deg2rad(15)))
 """Cosine of the largest tilt of the floor of a container."""
 
@@ -98,12 +101,11 @@ def find_surroundings(
         over_plane = cloud.points.take(rest, axis=0) @ report.plane[:3]
         is_below = np.zeros(len(cloud), dtype=bool)
         is_below[rest[over_plane + report.plane[3] < -DEEP]] = True
-        found += _marked(
-            kinds,
-            is_below,
-            PointKind.BELOW,
-            f"more than {100 * DEEP:.0f} cm below the ground",
-        )
+        deep = f"more than {100 * DEEP:.0f} cm below the ground"
+        if _is_amid(cloud.points, is_below, is_ground):
+            found += _marked(kinds, is_below, PointKind.PIT, f"{deep} around them")
+        else:
+            found += _marked(kinds, is_below, PointKind.BELOW, deep)
     sample = spread_sample(cloud, _N_SAMPLES)
     points, normals = cloud.points[sample], cloud.normals[sample]
     standing = np.flatnonzero(kinds[sample] == PointKind.STANDING)
@@ -135,6 +137,16 @@ def find_surroundings(
         surroundings=tuple(found),
         kinds=frozen(kinds, "kinds", (None,), np.uint8),
     )
+
+
+def _is_amid(points: FloatArray, chosen: BoolArray, others: BoolArray) -> bool:
+    """Whether, in plan, most of the chosen points (n, 3) lie among the others."""
+    if not chosen.any():
+        return False
+    around = points[others, :2]
+    sides = ConvexHull(around[:: max(1, len(around) // _N_SAMPLES)]).equations
+    within = points[chosen, :2] @ sides[:, :2].T < -sides[:, 2]
+    return bool(np.mean(within.all(axis=1)) > _AMID)
 
 
 def _marked(

@@ -56,6 +56,7 @@ KIND_COLORS = {
     PointKind.WALL: _rgb("#d05c8a"),
     PointKind.CONTAINER: _rgb("#3d7dca"),
     PointKind.OUTSIDE: _rgb("#6d6d6d"),
+    PointKind.PIT: _rgb("#7a5230"),
 }
 """Colours of what was taken away before objects were sought."""
 HAND_COLORS = tuple(_rgb(text) for text in ("#1a62c6", "#008f6b", "#8b3fb0"))

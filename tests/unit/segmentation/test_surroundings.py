@@ -5,6 +5,7 @@ import pytest
 
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.pipeline import ground_notes
 from debrisgrasp.segmentation import (
     GroundConfig,
     LccpConfig,
@@ -90,6 +91,24 @@ def test_what_lies_below_the_ground_is_reported():
     points[corner, 2] -= 0.4
     report = judged(replace(cloud, points=points))
     assert report.counts["below"] == corner.sum() > 100
+
+
+@pytest.mark.parametrize("depth", [0.15, 0.6])
+def test_a_pit_in_the_ground_is_told_from_what_lies_around_a_table(depth):
+    cloud = scene_cloud(TWO_BOXES)
+    points = cloud.points.copy()
+    low = points[:, 2] < 0.01
+    dug = low & (points[:, 0] > 0.7) & (np.abs(points[:, 1]) < 0.25)
+    points[dug, 2] -= depth
+    report = judged(replace(cloud, points=points))
+    assert report.counts["pit"] == dug.sum() > 1000
+    (note,) = ground_notes(report)
+    assert f"{dug.sum()} points lie more than 10 cm below the ground" in note
+    table = cloud.points.copy()
+    table[low & ~dug, 2] -= 1.0
+    report = judged(replace(cloud, points=table))
+    assert "below" in report.counts
+    assert "pit" not in report.counts
 
 
 def test_counts_and_labels_agree_and_follow_the_order_of_points(rng):
