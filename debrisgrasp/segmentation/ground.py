@@ -26,6 +26,10 @@ __all__ = ["GroundConfig", "find_ground", "spread_sample"]
 _FIT_BANDS = (0.12, 0.08, 0.05, 0.035, 0.025, 0.02)
 """Half widths of the successive slabs whose points are fitted [m]; the last are thinner
 than most things that lie flat, or these would lift the plane."""
+_THIN_START = 2
+"""Slabs that a second fit leaves out."""
+_CLEARLY = 1.1
+"""A second fit is taken where it holds so many times the points of the first."""
 _FIT_POINTS = 18_000
 """About how many points the surface is fitted to."""
 _LOW = 0.06
@@ -270,13 +274,37 @@ def spread_sample(cloud: PointCloud, n_wanted: int) -> IntArray:
 def _fitted_plane(
     points: FloatArray, normals: FloatArray, slope: FloatArray
 ) -> FloatArray | None:
-    """Plane near z = slope . (x, y, 1) through level points, in ever thinner slabs."""
+    """Plane near z = slope . (x, y, 1) through level points.
+
+    A second level in the first slabs, as beyond a kerb, tilts the plane across both; a
+    thinner start finds one of them, and is taken where it holds clearly more.
+    """
     with np.errstate(invalid="ignore"):
         # A point without a normal may be level too.
         tilted = normals[:, 2] < np.cos(np.deg2rad(30))
     x, y, z = points[~tilted].T
     rows = np.stack([x, y, np.ones(len(x))])
-    for band in _FIT_BANDS:
+    best: FloatArray | None = None
+    most = 0.0
+    for bands in (_FIT_BANDS, _FIT_BANDS[_THIN_START:]):
+        found = _fitted_slope(rows, z, slope, bands)
+        if found is None:
+            continue
+        n_held = np.count_nonzero(np.abs(z - found @ rows) < bands[-1])
+        if n_held > most:
+            best, most = found, _CLEARLY * n_held
+    if best is None:
+        return None
+    plane = np.array([-best[0], -best[1], 1.0, -best[2]])
+    unit: FloatArray = plane / np.linalg.norm(plane[:3])
+    return unit
+
+
+def _fitted_slope(
+    rows: FloatArray, z: FloatArray, slope: FloatArray, bands: tuple[float, ...]
+) -> FloatArray | None:
+    """Fit heights z (n,) over rows (x, y, 1), shape (3, n), in ever thinner slabs."""
+    for band in bands:
         near = np.abs(z - slope @ rows) < band
         if near.sum() < 10:
             return None
@@ -284,7 +312,5 @@ def _fitted_plane(
         moments = A @ A.T
         if np.linalg.cond(moments) > 1e10:
             return None
-        slope = np.linalg.solve(moments, A @ z[near])
-    plane = np.array([-slope[0], -slope[1], 1.0, -slope[2]])
-    unit: FloatArray = plane / np.linalg.norm(plane[:3])
-    return unit
+        slope = np.linalg.solve(moments, A @ z[near]).astype(np.float64)
+    return slope

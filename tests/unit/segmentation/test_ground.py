@@ -97,6 +97,17 @@ def test_low_things_do_not_lift_the_ground():
     assert is_ground[-len(board) :].mean() < 0.05
 
 
+@pytest.mark.parametrize("height", [0.08, 0.12])
+def test_a_kerb_does_not_tilt_the_ground_beside_it(height):
+    kerb = box_at(1.5, 1.3, height / 2, (4.0, 2.0, height))
+    cloud = scene_cloud((*TWO_BOXES, kerb))
+    is_ground, report = find_ground(cloud, GroundConfig())
+    assert report.status == "removed"
+    assert report.tilt < np.deg2rad(0.5)
+    street = truth_of(cloud, (*TWO_BOXES, kerb)) == 0
+    assert np.mean(is_ground[street]) > 0.99
+
+
 def test_a_little_ground_is_not_enough_evidence():
     corner = FLOOR[(FLOOR[:, 0] < 0.6) & (FLOOR[:, 1] < 0.0)]
     high = plate((0.6, 1.6), (-0.6, 0.6), z=0.5, spacing=0.01)
