@@ -87,7 +87,7 @@ def report_png(path: str | os.PathLike[str], report: Report) -> None:
     """
     page = Page(*_SIZE)
     plan = report.plan
-    page.text(30, 20, shortened(report.title, 60), 20, weight="bold")
+    page.text(30, 20, shortened(report.title, 50), 20, weight="bold")
     page.text(30, 64, summary(report), 11.5, color=MUTED_INK)
     doubt = shortened(doubt_line(report.segmentation), 265)
     page.text(30, 87, doubt, 9.5, color=WARNING_COLOR)

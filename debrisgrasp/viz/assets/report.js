@@ -44,11 +44,13 @@ function fillPage() {
 
   const image = data.image;
   find("image").src = `data:image/jpeg;base64,${image.jpeg}`;
-  for (const [label, place, u, v] of image.labels) {
+  const rank = ([label, place]) => (label === data.chosen ? 0 : place || 1e9);
+  for (const [label, place, u, v] of image.labels.sort((a, b) => rank(a) - rank(b))) {
     const mark = make("span", place ? `${place}: #${label}` : `#${label}`, label === data.chosen ? "chosen" : "");
     Object.assign(mark.style, { left: `clamp(32px, ${100 * u}%, 100% - 32px)`, top: `clamp(9px, ${100 * v}%, 100% - 9px)` });
     find("picture").append(mark);
   }
+  new ResizeObserver(thinLabels).observe(find("picture"));
   find("picture-note").textContent =
     (image.fromCamera ? "The camera's picture. " : "Rendered from the viewpoint of the cloud. ") +
     "Place in the order: #label; the chosen object is outlined in orange.";
@@ -67,6 +69,18 @@ function fillPage() {
     row.append(cell, make("td", n.toLocaleString("en"), "number"));
   }
   if (!total) find("rejections").tBodies[0].insertRow().append(make("td", "none"));
+}
+
+// Of labels that would cover one another, the one earlier in the order stays.
+function thinLabels() {
+  const kept = [];
+  for (const mark of find("picture").querySelectorAll("span")) {
+    const box = mark.getBoundingClientRect();
+    const isFree = kept.every((other) => box.left > other.right || box.right < other.left ||
+      box.top > other.bottom || box.bottom < other.top);
+    mark.style.visibility = isFree ? "" : "hidden";
+    if (isFree) kept.push(box);
+  }
 }
 
 function fillDetails(grasp) {

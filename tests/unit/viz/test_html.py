@@ -15,6 +15,7 @@ from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import Candidate
 from debrisgrasp.viz import Report, report_html
+from tests import browser
 
 from .conftest import grasp_at
 
@@ -188,3 +189,28 @@ def test_a_failed_write_leaves_the_old_file_whole(
     with pytest.raises(OutputError):
         report_html(folder, report)
     assert folder.is_dir()
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="needs Chromium and playwright")
+def test_long_names_and_many_labels_keep_to_a_small_screen(
+    report: Report, tmp_path: Path
+) -> None:
+    grasps = tuple(replace(g, prototype="a_long_name_" * 9) for g in report.plan.grasps)
+    report_html(
+        tmp_path / "a.html", replace(report, plan=replace(report.plan, grasps=grasps))
+    )
+    with browser.opened(390, 844) as view:
+        view.goto((tmp_path / "a.html").as_uri())
+        view.evaluate(
+            """() => {
+                const mark = find("picture").querySelector("span");
+                find("picture").append(mark.cloneNode(true));
+                thinLabels();
+            }"""
+        )
+        assert view.evaluate("document.documentElement.scrollWidth") <= 390
+        shown = (
+            "[...find('picture').querySelectorAll('span')].map(s => s.style.visibility)"
+        )
+        assert view.evaluate(shown)[-1] == "hidden"
+        assert view.evaluate(shown)[0] == ""
