@@ -17,8 +17,18 @@ def read_pose(fields: Fields) -> SE3:
         raise ConfigError(
             fields.where("rpy"), got="rpy and rpy_deg", expected="one of the two"
         )
-    turned = np.deg2rad(fields.numbers("rpy_deg", 3, (0,) * 3))
-    radians = fields.numbers("rpy", 3, turned)
+    degrees = fields.numbers("rpy_deg", 3, (0,) * 3)
+    eighths = degrees / (np.pi / 4)
+    if 0 < np.abs(eighths).max() < 8.5 and np.allclose(
+        eighths, eighths.round(), 0, 3e-3
+    ):
+        raise ConfigError(
+            fields.where("rpy_deg"),
+            got=degrees.tolist(),
+            expected="degrees: these are parts of pi",
+            mend="If these are radians, say rpy instead of rpy_deg.",
+        )
+    radians = fields.numbers("rpy", 3, np.deg2rad(degrees))
     if "rpy" in fields and np.abs(radians).max() > 2.0 * np.pi + 1e-9:
         raise ConfigError(
             fields.where("rpy"),
