@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
@@ -23,8 +24,10 @@ _AS_TEXT = (
     "That is text in YAML, where a number has no quotes and, before an exponent, a "
     "point, and in it a sign: 1.0e+9."
 )
+_UNIT = "Write the number without its unit; lengths are in metres: 50 mm is 0.05."
 _COMMA = "Decimals come after a point: 0.5, not 0,5."
 
+_WITH_UNIT = re.compile(r"[-+]?\d*[.,]?\d+ ?(mm|cm|dm|m|in|inch|deg|rad|°|kg|g|N)")
 _MISSPELT = 0.75
 """Names as alike as this are one misspelt; rail_length and rail_height are less so."""
 
@@ -224,6 +227,8 @@ def _mend_of_text(value: object) -> str:
         return _AS_TEXT
     if isinstance(value, str) and _is_number_as_text(value.replace(",", ".", 1)):
         return _COMMA
+    if isinstance(value, str) and _WITH_UNIT.fullmatch(value.strip()):
+        return _UNIT
     return ""
 
 

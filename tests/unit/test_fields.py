@@ -32,6 +32,12 @@ def test_a_field_that_was_asked_for_is_not_misspelt():
     assert "Did you mean" not in str(caught.value)
 
 
+@pytest.mark.parametrize("text", ["65 mm", "6.5cm", "6,5 cm", "90°"])
+def test_a_number_with_its_unit_is_told_of(text):
+    with pytest.raises(ConfigError, match="without its unit"):
+        Fields({"width": text}, "a.yaml").number("width", 0.0, 1.0)
+
+
 def test_decimals_after_a_comma_are_told_of():
     with pytest.raises(ConfigError, match=r"0\.5, not 0,5"):
         Fields({"speed": "0,5"}, "a.yaml").number("speed", 0.0, 1.0)
