@@ -141,7 +141,7 @@ def prototype_png(
         slot = Slot(
             _FRAME + column * step_x, _FRAME + 46 + row * step_y, side, side - 16
         )
-        name = shortened(prototype.name, side // 9)
+        name = shortened(prototype.name, side // 10)
         page.text(slot.x, slot.y - 44, name, 11, color=INK, weight="bold")
         hand = f"{prototype.gripper} {prototype.preshape}"
         sizes = f"{1000 * prototype.opening:.0f} → {1000 * prototype.width:.0f} mm"

@@ -57,7 +57,8 @@ function select(i) {
   rows.forEach((row, k) => row.setAttribute("aria-selected", k === i));
   rows[i].scrollIntoView({ block: "nearest" });
   const list = make("dl");
-  for (const [name, value] of [["Points", `${p.count}`], ["Kind", p.kind], ["Half turns", p.turns]])
+  for (const [name, value] of [["Opening", `${mm(p.opening)} → ${mm(p.width)}`], ["Kind", p.kind],
+    ["Points", `${p.count}`], ["Half turns", p.turns]])
     list.append(make("dt", name), make("dd", value));
   find("details").replaceChildren(list);
   find("reasons").replaceChildren(make("p", p.description));
