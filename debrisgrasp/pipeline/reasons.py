@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -27,6 +28,7 @@ __all__ = [
 NOT_TRIED = "not tried: the deadline had passed"
 _FAR = 1.5
 """What is so far beyond the arms is not worth a search, nor advice on it [m]."""
+_SMALL = re.compile(r"^too small: (\d+) cells?")
 _MOSTLY = 0.9
 """Share of an object's points in the plane of the ground that makes it ground."""
 
@@ -131,8 +133,10 @@ def why_empty(
         n = counted(len(segmentation.segments), "object")
         return f"the selection policy put none of {n} into its order"
     labels: dict[str, list[str]] = {}
+    span = _span_of_small(passed.reason for passed in passed_over)
     for passed in passed_over:
-        labels.setdefault(passed.reason, []).append(str(passed.label))
+        reason = _SMALL.sub(span, passed.reason)
+        labels.setdefault(reason, []).append(str(passed.label))
     reasons = "; ".join(
         reason if names == ["0"] else f"{_objects(names)}: {reason}"
         for reason, names in labels.items()
@@ -140,6 +144,14 @@ def why_empty(
     doubts = dict.fromkeys(hand.palm_doubt for hand in hands if hand.palm_doubt)
     said = f"no object offers a grasp: {reasons}"
     return ". ".join([said, *(doubt[0].upper() + doubt[1:] for doubt in doubts)])
+
+
+def _span_of_small(reasons: Iterable[str]) -> str:
+    """Begin one reason for all that are too small: a sparse cloud holds dozens."""
+    counts = [int(found[1]) for reason in reasons if (found := _SMALL.match(reason))]
+    least, most = min(counts, default=0), max(counts, default=0)
+    between = f"{least} to " if least < most else ""
+    return f"too small: {between}{counted(most, 'cell')}"
 
 
 def _objects(labels: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.pipeline import Target
+from debrisgrasp.pipeline.reasons import too_small
 from debrisgrasp.pipeline.second_look import BestSoFar
 from debrisgrasp.planning import SearchResult
 
@@ -215,6 +216,18 @@ def test_at_equal_cost_the_best_score_wins_and_everybody_else_is_named(scores):
     assert best.result.grasps[0].score == pytest.approx(max(scores))
     labels = {passed.label for passed in best.passed_over}
     assert labels == set(range(1, len(scores) + 1)) - {best.target.label}
+
+
+def test_crumbs_of_a_sparse_cloud_share_one_reason():
+    scene = SimpleNamespace(segments=(1, 2, 3))
+    best = BestSoFar(0.25, 2)
+    for label, n_cells in ((3, 47), (1, 60), (2, 1)):
+        reason = too_small(np.arange(3.0 * n_cells).reshape(-1, 3), 0.1, 80)
+        best.pass_over(target(label), reason)
+    told = best.why_empty(scene, [])
+    assert told.endswith(
+        "objects 3, 1, 2: too small: 1 to 60 cells of surface seen, 80 are needed"
+    )
 
 
 def test_a_hand_whose_palm_frame_is_turned_is_named_where_nothing_is_found():
