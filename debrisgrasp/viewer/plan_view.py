@@ -299,7 +299,9 @@ class PlanView:
         gui = self.gui
         colors = gui.add_dropdown("colours", ("segments", "camera"))
         colors.on_update(lambda _: self._paint(self._colors[colors.value]))
-        size = gui.add_slider("point size [mm]", 1.0, 15.0, 0.5, 1e3 * self._size)
+        drawn = round(1e3 * self._size, 1)
+        least, most = min(1.0, drawn), max(15.0, 2.0 * drawn)
+        size = gui.add_slider("point size [mm]", least, most, 0.1, drawn)
 
         def resize(_: object) -> None:
             self._cloud.point_size = 1e-3 * float(size.value)

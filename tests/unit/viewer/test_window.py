@@ -207,6 +207,19 @@ def test_a_capture_is_shown_by_its_objects(pile):
         assert drawn(viewer, "/hands/1") is None
 
 
+@pytest.mark.parametrize("spacing", [2e-4, 0.04])
+def test_dense_and_sparse_clouds_are_shown(spacing):
+    across = np.arange(24) * spacing
+    x, y = np.meshgrid(1.0 + across, across)
+    points = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.3)], axis=1)
+    capture = Capture(
+        points=points, viewpoint=[0.0, 0.0, 1.5], T_base_camera=SE3.identity()
+    )
+    with show(capture) as viewer:
+        size = drawn(viewer, "/cloud").point_size
+        assert spacing < size < 3 * spacing
+
+
 def test_prototypes_are_shown_with_hands_that_close(tmp_path):
     library = content_of(data_path("prototypes", "cylinder_060_tip.yaml"))
     assert isinstance(library, PrototypeLibrary)
