@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike
 from debrisgrasp._arrays import require_metres, require_range
 from debrisgrasp._files import naming_fields, read_schema, require_own, write_atomic
 from debrisgrasp.geometry import SE3, Bounds
-from debrisgrasp.planning import Advice, LoadForecast, Retreat, SuccessForecast
+from debrisgrasp.planning import (
+    SUCCESS_TERMS,
+    Advice,
+    LoadForecast,
+    Retreat,
+    SuccessForecast,
+)
 from debrisgrasp.planning.plan import Grasp, GraspPlan, PassedOver
 
 __all__ = ["SCHEMA", "load_plan", "plan_to_dict", "plan_to_json", "save_plan"]
@@ -119,16 +125,22 @@ def _grasp_to_dict(grasp: Grasp) -> dict[str, Any]:
 def _success_to_dict(success: SuccessForecast) -> dict[str, Any]:
     return {
         "probability": _rounded(success.probability),
-        "terms": _rounded(np.array(success.terms)),
+        "terms": {
+            name: _rounded(term)
+            for name, term in zip(SUCCESS_TERMS, success.terms, strict=False)
+        },
         "outside": list(success.outside),
         "squeezed": _rounded(success.squeezed),
     }
 
 
 def _success_from_dict(content: dict[str, Any]) -> SuccessForecast:
+    # What other models forecast from has no place among the terms of this one.
+    told = content["terms"]
+    is_ours = isinstance(told, dict) and set(told) == set(SUCCESS_TERMS)
     return SuccessForecast(
         probability=float(content["probability"]),
-        terms=tuple(float(term) for term in content["terms"]),
+        terms=tuple(float(told[name]) for name in SUCCESS_TERMS) if is_ours else (),
         outside=tuple(str(name) for name in content["outside"]),
         squeezed=float(content.get("squeezed", 1.0)),
     )

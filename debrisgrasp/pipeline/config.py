@@ -26,7 +26,7 @@ class PipelineConfig:
     doubtful: float = 0.9
     """Below this score, objects whose turn is nearly as due are tried too; 0: none."""
     max_further: int = 2
-    """How many of them at most."""
+    """How many of them at most, once there is a fair grasp."""
     min_object_points: int = 80
     """Fewer thinned points (one per cell of the planner's grid) than this are a crumb
     of segmentation, not an object to grip."""

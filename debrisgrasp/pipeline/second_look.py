@@ -19,6 +19,10 @@ _HOPELESS = 0.005
 """From below this score a search hardly comes to a chance: of 44 objects of 22 piles
 none came from there to more than 0.02."""
 
+_POOR = 0.4
+"""Below this share of a score that is without doubt a grasp is hardly better than none.
+"""
+
 _BEST = 0.95
 """Hardly any grasp scores higher: where even this would not do, none is sought."""
 
@@ -55,7 +59,7 @@ class BestSoFar:
     doubtful
         Below this score a grasp is doubtful, and further objects are tried.
     further
-        How many of them at most.
+        How many of them at most, once a fair grasp was found or promised.
     """
 
     def __init__(self, doubtful: float, further: int) -> None:
@@ -95,10 +99,12 @@ class BestSoFar:
     def has_looked(self) -> bool:
         """Whether no further object is to be looked at before a longer search.
 
-        There is a grasp without doubt, or enough were looked at.
+        There is a grasp without doubt, or a fair one, or the promise of one, and enough
+        were looked at.
         """
         first = self._first
-        if first is None:
+        hope = max(map(self._hope, self._looks), default=0.0)
+        if first is None or hope < _POOR * self._doubtful:
             return False
         n_after = len(self._looks) - 1 - self._looks.index(first)
         return self._most >= self._doubtful or n_after >= self._further
@@ -197,6 +203,11 @@ class BestSoFar:
     def _promise(self, look: _Look) -> float:
         """Worth of what an object may come to."""
         return self._discounted(max(look.result.promise, look.score), look)
+
+    def _hope(self, look: _Look) -> float:
+        """Worth of what an object offers, or may come to."""
+        is_open = look.result.further is not None
+        return self._promise(look) if is_open else self._worth(look)
 
     def _discounted(self, score: float, look: _Look) -> float:
         first = self._first

@@ -60,7 +60,7 @@ def plan(rng) -> GraspPlan:
         ),
         success=SuccessForecast(
             probability=0.875,
-            terms=(-0.75, -0.125, -0.5, 0.016, 0.015),
+            terms=(-0.75, -0.125, 0.5, 0.0, 0.016, -0.75, 0.0, -0.25, -0.125),
             outside=("load",),
         ),
     )
@@ -105,6 +105,17 @@ def test_a_plan_survives_saving(plan, tmp_path):
             else:
                 assert getattr(ours, field.name) == value
         assert_allclose(ours.Q, theirs.Q)
+
+
+@pytest.mark.parametrize("told", [[-0.75, 0.0], {"fit": -0.75, "slack": 0.01}])
+def test_terms_of_another_model_are_none_of_ours(plan, told, tmp_path):
+    content = plan_to_dict(plan)
+    content["grasps"][0]["success"]["terms"] = told
+    path = tmp_path / "grasps.json"
+    path.write_text(json.dumps(content))
+    found = load_plan(path).grasps[0].success
+    assert found.terms == ()
+    assert found.probability == 0.875
 
 
 def test_an_empty_plan_survives_with_its_reason(tmp_path):

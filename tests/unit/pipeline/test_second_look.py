@@ -119,6 +119,22 @@ def test_objects_without_any_grasp_are_counted_as_tries_only_after_the_first():
     assert [passed.label for passed in best.passed_over] == [1, 2, 4]
 
 
+def test_a_poor_grasp_is_no_reason_to_look_no_further():
+    best = BestSoFar(0.9, 1)
+    best.take(found(0.12), target(1))
+    best.take(found(0.1), target(2))
+    assert not best.has_looked
+    best.take(promising(0.3, found(0.2)), target(3))
+    assert not best.has_looked
+    best.take(promising(0.5, found(0.2)), target(4))
+    assert best.has_looked
+    best.search_on()  # it came to less than it promised
+    assert not best.has_looked
+    best.take(found(0.5), target(5))
+    assert best.has_looked
+    assert best.target.label == 5
+
+
 def test_a_first_look_at_others_comes_before_a_longer_search():
     best = BestSoFar(0.9, 2)
     best.take(promising(0.3, found(0.5)), target(1))
