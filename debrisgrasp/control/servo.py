@@ -158,16 +158,15 @@ class CartesianServo:
         R_now, p_now, J = self.kinematics.pose_and_jacobian(state.q)
         error = pose_error(R_now, p_now, R, p)
         gap, angle = norm(error[:3]), norm(error[3:])
-        share = min(
-            self._farthest / max(gap, 1e-12),
-            self._largest_turn / max(angle, 1e-12),
-            1.0,
-        )
-        if share < 1.0:
+        if gap > self._farthest or angle > self._largest_turn:
+            share = min(
+                self._farthest / max(gap, 1e-12),
+                self._largest_turn / max(angle, 1e-12),
+            )
             error = tuple([share * value for value in error])
         wanted, sigma = self.solved(J, error)
         wanted = self._around_stops(state.q, wanted, J, error)
-        return self.limited(state, wanted, sigma, gap, angle, 1.0 / share)
+        return self.limited(state, wanted, sigma, gap, angle)
 
     def _around_stops(
         self, q: Joints, wanted: list[float], J: FloatArray, error: Wrench
@@ -274,24 +273,22 @@ class CartesianServo:
         sigma: float = inf,
         gap: float = 0.0,
         turn: float = 0.0,
-        ahead: float = 1.0,
     ) -> ServoState:
         """Largest part of a displacement (d,) that the joints can make now.
 
-        So that they can come to rest within ``ahead`` times as much. The direction is
-        kept wherever possible. Where a joint can't be slowed down fast enough for that,
-        each joint goes as far as it can on its own.
+        The direction is kept wherever possible. Where a joint can't be slowed down fast
+        enough for that, each joint goes as far as it can on its own.
         """
         share, is_cut, is_near = 1.0, False, False
         room = []
-        for value, last, d, (lower, upper, top, gain, far) in zip(
+        for value, last, d, (lower, upper, most, gain, far) in zip(
             state.q, state.step, wanted, self._bounds, strict=True
         ):
             low, high = last - gain, last + gain
-            if low < -top:
-                low = -top
-            if high > top:
-                high = top
+            if low < -most:
+                low = -most
+            if high > most:
+                high = most
             if value - lower < far or upper - value < far:
                 is_near = True
                 high = min(high, stoppable(upper - value, gain))
@@ -302,8 +299,7 @@ class CartesianServo:
                 size, reach = abs(d), max(high if d > 0.0 else -low, 0.0)
                 if size > reach:
                     # Catching up must end at rest, or the joint swings about the goal.
-                    most = stoppable(ahead * size, gain)
-                    share = min(share, min(most, reach) / size)
+                    share = min(share, min(stoppable(size, gain), reach) / size)
         step = wanted
         if is_cut:
             # Clipped where a joint can't be slowed down fast enough for its share.
