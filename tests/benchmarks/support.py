@@ -36,7 +36,8 @@ from debrisgrasp.segmentation.segmentation import measured_segments
 from .piles import FEWEST_PIXELS, FreshPile, fresh_piles
 from .report import arguments, publish
 
-SEEDS = range(7000, 7200)
+SEEDS = (*range(7_000, 7_200), *range(210_000, 210_200))
+"""Nothing was fitted to these piles, or chosen on them."""
 POLICIES: dict[str, SelectionPolicy] = {
     "support": SupportAware(),
     "eq1": PriorityPoint.at(0.9, 0.0, 1.0),
