@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -24,6 +25,9 @@ HAND = (0.15, 0.45, 0.85)
 PLANNED = (0.95, 0.55, 0.1)
 BACKGROUND = np.array([0.97, 0.97, 0.98])
 NEAR = 0.28
+PHASES = ("approach", "squeeze", "lift", "hold", "pull")
+PER_COLUMN = 48
+"""Letters of the caption."""
 
 
 def save_flight(path: Path, done: Trial) -> None:
@@ -34,27 +38,37 @@ def save_flight(path: Path, done: Trial) -> None:
     OutputError
         If the file can't be written.
     """
-    moments = {} if done.flight is None else {m.phase: m for m in done.flight.moments}
-    phases = [p for p in ("approach", "squeeze", "lift", "hold") if p in moments]
+    shown = _shown(done)
     focus, across = _focus(done)
     views = [np.array([0.8, 0.25, -0.6]), across]
-    count = max(len(phases), 1)
-    figure = Figure(figsize=(5.2 * (count + 1), 8.4), dpi=60)
+    n_columns = len(shown) + 1
+    lines = [fill(line, PER_COLUMN * n_columns) for line in _caption(done).split("\n")]
+    caption = "\n".join(lines)
+    height = 8.0 + 0.25 * (caption.count("\n") + 1)
+    figure = Figure(figsize=(5.2 * n_columns, height), dpi=60, layout="constrained")
+    figure.suptitle(caption, fontsize=13)
     for row, direction in enumerate(views):
         view = View.fitted(focus, direction, SIZE)
         pictures = {"planned": _planned(done, view)}
-        pictures |= {phase: _drawn(moments[phase], view) for phase in phases}
+        pictures |= {title: _drawn(moment, view) for title, moment in shown.items()}
         for column, (title, picture) in enumerate(pictures.items()):
-            axes = figure.add_subplot(2, count + 1, row * (count + 1) + column + 1)
+            axes = figure.add_subplot(2, n_columns, row * n_columns + column + 1)
             axes.imshow(picture)
             axes.set_axis_off()
             if row == 0:
                 axes.set_title(title)
-    figure.suptitle(_caption(done), fontsize=13)
-    figure.tight_layout(rect=(0, 0, 1, 0.95))
     stream = io.BytesIO()
     figure.savefig(stream, format="png", metadata={"Software": ""})
     write_atomic(path, stream.getvalue())
+
+
+def _shown(done: Trial) -> dict[str, Moment]:
+    """Choose what shows what was there: the end of each phase, or the scene."""
+    if done.flight is None:
+        return {"there": Moment(phase="start", world=done.scene.world, hand=())}
+    moments = {moment.phase: moment for moment in done.flight.moments}
+    kept = {phase: moments[phase] for phase in PHASES if phase in moments}
+    return kept or {"start": moments["start"]}
 
 
 def _focus(done: Trial) -> tuple[np.ndarray, np.ndarray]:
@@ -115,7 +129,7 @@ def _floor(world: World) -> Splats:
 def _caption(done: Trial) -> str:
     r = done.record
     if done.grasp is None:
-        return f"{r.tier} {r.seed}: no grasp. {r.why_empty[:150]}"
+        return f"{r.tier} {r.seed}: no grasp. {r.why_empty}"
     return (
         f"{r.tier} {r.seed}: {r.outcome}, {r.kind} {r.mass:.1f} kg, {r.prototype} "
         f"(score {r.score:.2f} Q {r.Q:.2f} S {r.S:.2f} C {r.C:.2f} expected "
