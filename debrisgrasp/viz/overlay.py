@@ -9,19 +9,50 @@ from scipy import ndimage
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp.geometry import PointCloud
-from debrisgrasp.segmentation import PointKind
+from debrisgrasp.segmentation import PointKind, SegmentEdges
 
-from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, KIND_COLORS, label_colors, mixed
+from .colors import (
+    BACKGROUND_COLOR,
+    CHOSEN_COLOR,
+    INK,
+    KIND_COLORS,
+    label_colors,
+    mixed,
+)
 from .raster import Splats, render
 from .report import Image
 from .scene import point_spacing, thinned
 from .view import View
 
-__all__ = ["LabelImage", "label_anchors", "label_image", "painted"]
+__all__ = [
+    "DOUBT_COLOR",
+    "DOUBT_KEY",
+    "UNSURE",
+    "LabelImage",
+    "label_anchors",
+    "label_image",
+    "painted",
+]
+
+DOUBT_COLOR = (1.0, 0.85, 0.1)
+"""Borders at which two segments may be one object."""
+UNSURE = 0.6
+"""Certainty below which a segment may be several objects."""
+DOUBT_KEY = (
+    ("?: may be several objects", INK),
+    ("yellow dashes: may be one object", tuple(mixed(DOUBT_COLOR, (0, 0, 0), 0.35))),
+)
+"""What the marks of doubt mean, and the colours of these words."""
 
 _NOT_MEASURED = np.array([0.13, 0.15, 0.18])
 _STRIPE = 12
 """Distance of the stripes over surroundings [pixels]."""
+_DOUBTFUL = 0.25
+"""Score from which on a border is marked: less is kept apart without doubt."""
+_BRIDGE = 3
+"""Pixels without measurement that a border may span on either side."""
+_DASH = 9
+"""Length of a dash of a doubtful border [pixels]."""
 _RENDERED_SIZE = (960, 720)
 _RENDERED_POINTS = 250_000
 
@@ -117,7 +148,13 @@ def _rendered(cloud: PointCloud, labels: IntArray, kinds: IntArray) -> LabelImag
     return LabelImage(picture.colors, shown, from_camera=False, kinds=marked)
 
 
-def painted(image: LabelImage, chosen: int = 0, *, strength: float = 0.5) -> FloatArray:
+def painted(
+    image: LabelImage,
+    chosen: int = 0,
+    edges: SegmentEdges | None = None,
+    *,
+    strength: float = 0.5,
+) -> FloatArray:
     """Lay the segments over the picture in translucent colours with borders.
 
     Parameters
@@ -126,6 +163,8 @@ def painted(image: LabelImage, chosen: int = 0, *, strength: float = 0.5) -> Flo
         The picture and the labels of its pixels.
     chosen
         Label of the object to outline; 0 for none.
+    edges
+        Where segments touch, to mark borders in doubt; None marks none.
     strength
         Share of the colour of a segment against the picture under it.
 
@@ -150,6 +189,8 @@ def painted(image: LabelImage, chosen: int = 0, *, strength: float = 0.5) -> Flo
         halo = ndimage.binary_dilation(body, iterations=5) & ~body & ~rim
         out[halo] = 1.0
         out[rim] = CHOSEN_COLOR
+    if edges is not None:
+        out[_doubtful_borders(image, edges)] = DOUBT_COLOR
     return np.clip(out, 0.0, 1.0)
 
 
@@ -175,6 +216,27 @@ def _border(labels: IntArray) -> BoolArray:
     edge[:-1] |= labels[:-1] != labels[1:]
     edge[:, :-1] |= labels[:, :-1] != labels[:, 1:]
     return edge
+
+
+def _doubtful_borders(image: LabelImage, edges: SegmentEdges) -> BoolArray:
+    """Pixels of dashed lines along the borders of what may be one object."""
+    n = int(image.labels.max(initial=0)) + 1
+    doubtful = np.zeros((n, n), dtype=np.bool_)
+    pairs = edges.labels[(edges.score >= _DOUBTFUL) & (edges.labels < n).all(axis=1)]
+    doubtful[pairs[:, 0], pairs[:, 1]] = doubtful[pairs[:, 1], pairs[:, 0]] = True
+    marked = np.zeros(image.labels.shape, dtype=np.bool_)
+    for axis in (0, 1):
+        labels, line = np.moveaxis(image.labels, axis, 0), np.moveaxis(marked, axis, 0)
+        meets = doubtful[labels[: -2 * _BRIDGE], labels[2 * _BRIDGE :]]
+        line[_BRIDGE:-_BRIDGE] |= meets
+    # Thinned to the middle of the band, so that all borders are equally wide.
+    depth = ndimage.distance_transform_edt(marked)
+    core = marked & (depth >= ndimage.maximum_filter(depth, 3) - 0.5)
+    wide = ndimage.binary_dilation(core, iterations=1)
+    height, width = image.labels.shape
+    row, column = np.arange(height)[:, None] // _DASH, np.arange(width) // _DASH
+    dash: BoolArray = wide & ((row + column) % 2 == 0)
+    return dash
 
 
 def label_anchors(

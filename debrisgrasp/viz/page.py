@@ -16,10 +16,10 @@ from matplotlib.patheffects import withStroke
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import require_picture, write_atomic
-from debrisgrasp.segmentation import Candidate
+from debrisgrasp.segmentation import Candidate, Segmentation
 
 from .colors import CHOSEN_COLOR, INK, MUTED_INK, hex_color, label_colors, mixed
-from .overlay import LabelImage, label_anchors, painted
+from .overlay import UNSURE, LabelImage, label_anchors, painted
 
 __all__ = [
     "Page",
@@ -184,6 +184,7 @@ def draw_segments(
     *,
     chosen: int,
     order: Sequence[Candidate],
+    segmentation: Segmentation | None = None,
 ) -> None:
     """Draw the segments in colours, with their labels and places in the order.
 
@@ -197,8 +198,13 @@ def draw_segments(
         Label of the object to outline; 0 for none.
     order
         Objects in the order in which they would be taken.
+    segmentation
+        What the labels are of, to mark its doubts (`DOUBT_KEY`); None marks none.
     """
-    scale, left, top = draw_picture(axes, painted(image, chosen), slot)
+    edges = None if segmentation is None else segmentation.edges
+    segments = () if segmentation is None else segmentation.segments
+    unsure = {s.label for s in segments if s.certainty < UNSURE}
+    scale, left, top = draw_picture(axes, painted(image, chosen, edges), slot)
     axes.set_facecolor("#21262d")
     place = {item.label: number for number, item in enumerate(order, start=1)}
     anchors = label_anchors(image.labels)
@@ -218,7 +224,7 @@ def draw_segments(
         axes.text(
             x,
             y,
-            f"{number}#{label}",
+            f"{number}#{label}{'?' * (label in unsure)}",
             fontsize=12.5 if is_chosen else 9.5,
             weight="bold",
             color="white",

@@ -18,8 +18,9 @@ from .colors import (
     label_colors,
     mixed,
 )
+from .overlay import DOUBT_KEY
 from .page import Page, Slot, draw_picture, shortened, wrapped, write_order
-from .support_layer import DOUBT_COLOR, Arrow, Node, SelectionReport, SupportLayer
+from .support_layer import Arrow, Node, SelectionReport, SupportLayer
 from .words import doubt_line
 
 __all__ = ["selection_png"]
@@ -185,10 +186,6 @@ def _draw_legend(page: Page, slot: Slot) -> None:
         ("disc: turn, label beside it", INK),
         ("arrow: rests on (thicker: surer, dashed: leans)", INK),
         ("bars: lies on the ground", INK),
-        ("?: may be several objects", INK),
-        (
-            "yellow dashes: may be one object",
-            tuple(mixed(DOUBT_COLOR, (0, 0, 0), 0.35)),
-        ),
+        *DOUBT_KEY,
     )
     page.row(_FRAME, slot.y + slot.height + 14, parts, 9.5, gap=18)

@@ -22,7 +22,7 @@ from .colors import (
     MUTED_INK,
     WARNING_COLOR,
 )
-from .overlay import label_image
+from .overlay import DOUBT_KEY, label_image
 from .page import (
     Page,
     Slot,
@@ -98,7 +98,15 @@ def segmentation_png(
     page.row(_FRAME, y, counts, 10.5, weight="bold")
     page.text(_FRAME, doubt_y, doubt, 10.5, color=WARNING_COLOR)
     chosen = order[0].label if order else 0
-    draw_segments(page.panel(slot), image, slot, chosen=chosen, order=order)
+    draw_segments(
+        page.panel(slot),
+        image,
+        slot,
+        chosen=chosen,
+        order=order,
+        segmentation=segmentation,
+    )
+    page.row(_FRAME, slot.y + slot.height + 6, DOUBT_KEY, 9.5, gap=18)
     if order:
         page.text(1130, slot.y - 34, "Order of removal", 12, weight="bold")
         write_order(page, 1130, slot.y, order)

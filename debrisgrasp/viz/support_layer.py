@@ -6,37 +6,24 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
-from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import PointCloud
 from debrisgrasp.segmentation import (
     GROUND,
     Candidate,
     Segmentation,
-    SegmentEdges,
     SupportGraph,
 )
 
-from .overlay import LabelImage, label_anchors, label_image, painted
+from .overlay import UNSURE, label_anchors, label_image, painted
 from .report import Image
 
-__all__ = ["DOUBT_COLOR", "Arrow", "Node", "SelectionReport", "SupportLayer"]
-
-DOUBT_COLOR = (1.0, 0.85, 0.1)
-"""Borders at which two segments may be one object."""
+__all__ = ["Arrow", "Node", "SelectionReport", "SupportLayer"]
 
 _SHOWN = 0.25
 """Relations less likely than this would only clutter the picture."""
-_DOUBTFUL = 0.25
-"""Score from which on a border is marked: less is kept apart without doubt."""
-_UNSURE = 0.6
-"""Certainty below which a segment may be several objects."""
-_BRIDGE = 3
-"""Pixels without measurement that a border may span on either side."""
-_DASH = 9
-"""Length of a dash of a doubtful border [pixels]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -111,9 +98,7 @@ class SupportLayer:
             report.cloud, segmentation.labels, report.capture, ground.kinds
         )
         chosen = report.order[0].label if report.order else 0
-        colors = painted(image, chosen, strength=0.42)
-        border = _doubtful_borders(image, segmentation.edges)
-        colors[border] = DOUBT_COLOR
+        colors = painted(image, chosen, segmentation.edges, strength=0.42)
         place = {item.label: turn for turn, item in enumerate(report.order, start=1)}
         below = dict(_supports(support))
         nodes = {
@@ -124,7 +109,7 @@ class SupportLayer:
                 v=v,
                 size=float(np.sqrt(np.count_nonzero(image.labels == label))),
                 is_on_ground=below.get((label, GROUND), (0.0, False))[0] >= 0.5,
-                is_unsure=segmentation.segment(label).certainty < _UNSURE,
+                is_unsure=segmentation.segment(label).certainty < UNSURE,
             )
             for label, (u, v) in label_anchors(image.labels).items()
         }
@@ -148,24 +133,3 @@ def _supports(
         strict=True,
     ):
         yield (a, b), (confidence, is_leaning)
-
-
-def _doubtful_borders(image: LabelImage, edges: SegmentEdges) -> BoolArray:
-    """Pixels of dashed lines along the borders of what may be one object."""
-    n = int(image.labels.max(initial=0)) + 1
-    doubtful = np.zeros((n, n), dtype=np.bool_)
-    pairs = edges.labels[(edges.score >= _DOUBTFUL) & (edges.labels < n).all(axis=1)]
-    doubtful[pairs[:, 0], pairs[:, 1]] = doubtful[pairs[:, 1], pairs[:, 0]] = True
-    marked = np.zeros(image.labels.shape, dtype=np.bool_)
-    for axis in (0, 1):
-        labels, line = np.moveaxis(image.labels, axis, 0), np.moveaxis(marked, axis, 0)
-        meets = doubtful[labels[: -2 * _BRIDGE], labels[2 * _BRIDGE :]]
-        line[_BRIDGE:-_BRIDGE] |= meets
-    # Thinned to the middle of the band, so that all borders are equally wide.
-    depth = ndimage.distance_transform_edt(marked)
-    core = marked & (depth >= ndimage.maximum_filter(depth, 3) - 0.5)
-    wide = ndimage.binary_dilation(core, iterations=1)
-    height, width = image.labels.shape
-    row, column = np.arange(height)[:, None] // _DASH, np.arange(width) // _DASH
-    dash: BoolArray = wide & ((row + column) % 2 == 0)
-    return dash

@@ -14,9 +14,15 @@ from debrisgrasp.segmentation import (
     segment_cloud,
     support_graph,
 )
-from debrisgrasp.viz import SelectionReport, selection_html, selection_png
+from debrisgrasp.viz import (
+    SelectionReport,
+    segmentation_png,
+    selection_html,
+    selection_png,
+)
+from debrisgrasp.viz.overlay import DOUBT_COLOR
 from debrisgrasp.viz.page import Page, write_order
-from debrisgrasp.viz.support_layer import DOUBT_COLOR, SupportLayer
+from debrisgrasp.viz.support_layer import SupportLayer
 from tests.scenes import capture_of
 from tests.unit.segmentation.clouds import STACK
 
@@ -57,6 +63,30 @@ def test_a_doubtful_border_is_dashed(report):
     assert len(report.segmentation.edges)
     assert marked(0.0) == 0
     assert marked(0.45) > 20
+
+
+def test_the_picture_of_the_segments_shows_what_is_in_doubt(report, tmp_path):
+    def shown(score, certainty):
+        edges = report.segmentation.edges
+        segmentation = replace(
+            report.segmentation,
+            edges=replace(edges, score=np.full(len(edges), score)),
+            segments=tuple(
+                replace(segment, certainty=certainty)
+                for segment in report.segmentation.segments
+            ),
+        )
+        path = tmp_path / "a.png"
+        segmentation_png(path, report.capture, report.cloud, segmentation)
+        return np.asarray(Image.open(path).convert("RGB"))
+
+    def n_dashed(picture):
+        return (np.abs(picture - 255.0 * np.array(DOUBT_COLOR)).max(axis=2) < 3).sum()
+
+    plain = shown(0.0, 1.0)
+    assert n_dashed(plain) == 0
+    assert n_dashed(shown(0.45, 1.0)) > 20
+    assert (shown(0.0, 0.5) != plain).any()
 
 
 def test_the_picture_is_complete(report, tmp_path):
