@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import PointCloud
 
 __all__ = [
@@ -23,6 +24,9 @@ __all__ = [
 
 _DENSE_CELLS = 1 << 25
 """Largest table of all cells, occupied or not (128 MB); beyond it cells are sorted."""
+
+_MOST_CELLS = 9e18
+"""So many cells, occupied or not, can be numbered with 64 bits."""
 
 _CELLS_PER_POINT = 32
 """So many times as large as the cloud, a table costs more than to sort the points."""
@@ -106,6 +110,11 @@ def binned(cloud: PointCloud, resolution: float, binning: Binning) -> Bins:
         At least one point, z up.
     resolution
         Edge length [m]; with `Binning.SINGLE_CAMERA` that of a cell at 1 m.
+
+    Raises
+    ------
+    InputError
+        If the points lie so far apart that the cells between can't be numbered.
     """
     axes = grid_axes(cloud, level=binning is Binning.METRIC)
     local = (axes / resolution) @ cloud.points.T
@@ -120,7 +129,16 @@ def binned(cloud: PointCloud, resolution: float, binning: Binning) -> Bins:
         local[0] = np.log(scale)
         local[1:] /= scale
         local /= resolution
-    point_voxel, cells = cell_ids(np.floor(local, out=local).astype(np.int64))
+    np.floor(local, out=local)
+    shape = local.max(axis=1) - local.min(axis=1) + 3
+    if np.prod(shape) > _MOST_CELLS:
+        raise InputError(
+            "extent of the cloud",
+            got=f"{shape.max() * resolution:.3g} m in voxels of {resolution:.2g} m",
+            expected=f"no more than {_MOST_CELLS:.0e} voxels",
+            mend="Drop broken points, or enlarge the voxels.",
+        )
+    point_voxel, cells = cell_ids(local.astype(np.int64))
     return Bins(point_voxel, cells, scale)
 
 

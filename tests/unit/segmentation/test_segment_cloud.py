@@ -142,6 +142,14 @@ def test_empty_clouds_are_refused():
         segment_cloud(cloud_of(np.empty((0, 3))))
 
 
+@pytest.mark.parametrize("far", [1e5, 1e9, 1e25])
+def test_points_too_far_apart_to_be_binned_are_refused(far, rng):
+    points = rng.normal(size=(500, 3))
+    points[:2] = [[-far, -far, far], [far, far, -far]]
+    with pytest.raises(InputError, match="extent of the cloud"):
+        segment_cloud(cloud_of(points))
+
+
 def test_clouds_in_another_frame_are_refused():
     cloud = cloud_of([[0.5, 0.0, 0.3]]).in_frame(SE3.from_parts(), "camera")
     with pytest.raises(FrameMismatchError):
