@@ -139,8 +139,7 @@ def run_plan(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(plan_to_json(result.plan))
     else:
-        if ground.status == "skipped":
-            print(f"ground left in the scene: {ground.reason}")
+        _print_ground_left(ground)
         _print_surroundings(ground)
         print(plan_summary(result.plan))
         best = next(iter(result.plan.grasps), None)
@@ -229,6 +228,12 @@ def run_segment(arguments: argparse.Namespace) -> int:
     return 0 if segmentation.segments else 1
 
 
+def _print_ground_left(ground: GroundReport) -> None:
+    """Say if the ground may be among the objects."""
+    if ground.status == "skipped":
+        print(f"ground left in the scene: {ground.reason}")
+
+
 def _print_surroundings(ground: GroundReport) -> None:
     """Say what was taken away besides objects."""
     for item in ground.surroundings:
@@ -269,6 +274,7 @@ def run_select(arguments: argparse.Namespace) -> int:
         ]
         print(json.dumps(facts, indent=1))
     else:
+        _print_ground_left(segmentation.ground)
         rows = [[str(i), str(c.label), c.reason] for i, c in enumerate(order, start=1)]
         print(columns(["turn", "object", "because"], rows) if rows else _NOTHING)
         print_written(*arguments.report)

@@ -217,6 +217,11 @@ def test_select_orders_objects_with_reasons(run, block_file, tmp_path):
     assert "weight [N]" in page.read_text()
 
 
+def test_select_says_that_the_ground_is_among_the_objects(run, floor_file, block_file):
+    assert "ground left in the scene: only" in run("select", floor_file).out
+    assert "ground left" not in run("select", block_file).out
+
+
 def test_select_takes_the_policy_and_the_pick_of_the_user(run, block_file):
     by_priority = run("select", block_file, "--json", "--policy", "priority").json
     assert "nearest point" in by_priority[0]["reason"]
