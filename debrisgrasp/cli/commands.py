@@ -196,6 +196,7 @@ def run_segment(arguments: argparse.Namespace) -> int:
                     "points": s.n_points,
                     "centroid": s.centroid.round(6).tolist(),
                     "extents": s.extents.round(6).tolist(),
+                    "certainty": round(s.certainty, 6),
                 }
                 for s in segmentation.segments
             ],

@@ -196,6 +196,7 @@ def test_segment_lists_objects_and_writes_labels(run, block_file, tmp_path):
     assert labels.shape == capture.depth.shape
     facts = run("segment", block_file, "--json").json
     assert facts["ground"]["status"] == "removed"
+    assert all(0.5 < entry["certainty"] <= 1.0 for entry in facts["objects"])
     counts = {entry["label"]: entry["points"] for entry in facts["objects"]}
     assert counts == {n: np.count_nonzero(labels == n) for n in counts}
     assert report.read_bytes()[:4] == b"\x89PNG"
