@@ -19,7 +19,7 @@ from debrisgrasp.cli.program import build_parser
 from debrisgrasp.errors import MissingExtraError
 from debrisgrasp.io import data_path
 from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, check
-from debrisgrasp.segmentation import SupportAware
+from debrisgrasp.segmentation import LccpConfig, SupportAware
 from debrisgrasp.settings import SiteLimits
 
 ROOT = Path(__file__).parents[2]
@@ -174,6 +174,12 @@ def test_settings_of_selection_are_listed_with_their_defaults():
     actual = settings(SupportAware())
     del actual["point"]  # an array; the text names it
     assert listed == actual
+
+
+def test_every_setting_of_lccp_is_mapped_to_its_name_in_pcl():
+    table = (ROOT / "docs/segmentation.md").read_text()
+    rows = re.findall(r"^\|[^|]*\|[^|]*\| `([a-z_.]+)` \|", table, re.M)
+    assert sorted(rows) == sorted(settings(LccpConfig()))
 
 
 def settings(config: object, section: str = "") -> dict[str, object]:
