@@ -13,10 +13,9 @@ from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import PointCloud
 
 from .assembly import assembled
-from .ground import find_ground
 from .pipeline import SegmentationConfig
 from .segmentation import PatchGraph, PointKind, Segmentation
-from .surroundings import find_surroundings
+from .survey import surveyed
 
 __all__ = ["segmentation_of_labels"]
 
@@ -65,8 +64,7 @@ def segmentation_of_labels(
     cloud.require_frame("base")
     own = _of_points(cloud, labels)
     is_object = own > 0
-    is_ground, report = find_ground(cloud, config.ground)
-    _, report = find_surroundings(cloud, is_ground, report, config.surroundings)
+    _, report = surveyed(cloud, config.ground, config.surroundings)
     assert report.kinds is not None
     kinds = np.where(is_object, PointKind.STANDING, report.kinds)
     numbers, index = np.unique(own[is_object], return_inverse=True)

@@ -15,7 +15,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import Bounds, PointCloud
+from debrisgrasp.geometry import PointCloud
 
 from .gravity import dominant_plane, pose_doubt, viewpoint_doubt
 from .height_map import DEEP, HeightMap, fitted_height_map, raised_limits
@@ -87,7 +87,7 @@ def find_ground(
     cloud: PointCloud,
     config: GroundConfig,
     *,
-    region: Bounds | None = None,
+    inside: BoolArray | None = None,
     is_cropped: bool = False,
 ) -> tuple[BoolArray, GroundReport]:
     """Decide which points are ground.
@@ -96,8 +96,9 @@ def find_ground(
     ----------
     cloud
         In a frame with z up and the ground at z = 0.
-    region
-        Region of interest; None takes the ground plan of what stands.
+    inside
+        Which points are in the region of interest, shape (n,); None takes the ground
+        plan of what stands.
     is_cropped
         Whether the cloud was cut to a region, so that the share of ground in it means
         nothing; removal is then refused.
@@ -113,7 +114,7 @@ def find_ground(
         return nothing, replace(report, reason="the cloud is marked as cropped")
     sample = spread_sample(cloud, _FIT_POINTS)
     points, normals = cloud.points[sample], cloud.normals[sample]
-    is_ground, report = _weighed(cloud, points, normals, config, region, np.zeros(3))
+    is_ground, report = _weighed(cloud, points, normals, config, inside, np.zeros(3))
     if report.status == "removed":
         return is_ground, report
     largest = dominant_plane(points, normals)
@@ -121,7 +122,7 @@ def find_ground(
     if largest is not None and largest.plane[2] > np.cos(config.max_tilt):
         a, b, c, d = largest.plane
         slope = np.array([-a, -b, -d]) / c
-        is_ground, again = _weighed(cloud, points, normals, config, region, slope)
+        is_ground, again = _weighed(cloud, points, normals, config, inside, slope)
         if again.status == "removed":
             return is_ground, again
     doubt = pose_doubt(
@@ -139,7 +140,7 @@ def _weighed(
     points: FloatArray,
     normals: FloatArray,
     config: GroundConfig,
-    region: Bounds | None,
+    inside: BoolArray | None,
     slope: FloatArray,
 ) -> tuple[BoolArray, GroundReport]:
     """Fit the ground from a first guess, and hold the evidence against the limits."""
@@ -150,13 +151,12 @@ def _weighed(
     over_plane = points @ plane[:3] + plane[3]
     x, y, _ = points[np.abs(over_plane) < _FIT_BANDS[-1]].mean(axis=0)
     ground = fitted_height_map(points, over_plane, cloud.viewpoint)
-    is_ground, inlier_share, inside = _near_ground(cloud, plane, ground, config)
-    if region is not None:
-        inside = region.contains(cloud.points)
-    n_inside = max(int(np.count_nonzero(inside)), 1)
+    is_ground, inlier_share, plan = _near_ground(cloud, plane, ground, config)
+    judged = plan if inside is None else inside
+    n_inside = max(int(np.count_nonzero(judged)), 1)
     n_ground = int(np.count_nonzero(is_ground))
-    n_under = int(np.count_nonzero(is_ground & inside))
-    is_seen_around = region is None and n_under < 0.5 * n_ground
+    n_under = int(np.count_nonzero(is_ground & judged))
+    is_seen_around = inside is None and n_under < 0.5 * n_ground
     report = replace(
         report,
         plane=frozen(plane, "plane", (4,)),

@@ -21,12 +21,13 @@ from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import Bounds, PointCloud, by_place
 
 from .assembly import assembled
-from .ground import GroundConfig, find_ground
+from .ground import GroundConfig
 from .lccp import LccpConfig, lccp
 from .marked import with_mark
 from .segmentation import PatchGraph, Segmentation
 from .singulation import SingulationConfig, singulate
-from .surroundings import SurroundingsConfig, find_surroundings
+from .surroundings import SurroundingsConfig
+from .survey import surveyed
 
 __all__ = ["SegmentationConfig", "segment_cloud"]
 
@@ -198,10 +199,9 @@ def _segmented(
     colors: FloatArray | None,
     of_interest: BoolArray | None,
 ) -> Segmentation:
-    is_ground, report = find_ground(
-        cloud, config.ground, region=region, is_cropped=is_cropped
+    standing, report = surveyed(
+        cloud, config.ground, config.surroundings, region=region, is_cropped=is_cropped
     )
-    standing, report = find_surroundings(cloud, is_ground, report, config.surroundings)
     graph, method = _divided(cloud, standing, config, colors, of_interest)
     result = assembled(
         cloud.points,

@@ -46,14 +46,11 @@ def test_order_of_points_does_not_matter(method, seed):
 def test_scene_and_camera_moved_together_over_the_floor_change_nothing(
     method, yaw, x, y
 ):
-    # The map of the ground has its own grid, so a few points at the foot of things may
-    # change sides.
     cloud = scene_cloud(TWO_BOXES)
     move = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, yaw])), [x, y, 0.0])
     labels = segment_cloud(cloud, METHODS[method]).labels
     moved = segment_cloud(cloud.in_frame(move, "base"), METHODS[method]).labels
-    assert scores(moved, labels).wov > 0.97
-    assert scores(labels, moved).wov > 0.97
+    np.testing.assert_array_equal(moved, labels)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -9,7 +9,7 @@ from debrisgrasp.errors import (
     InputError,
     ShapeError,
 )
-from debrisgrasp.geometry import SE3, image_normals
+from debrisgrasp.geometry import SE3, image_normals, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.segmentation import (
     LccpConfig,
@@ -140,6 +140,24 @@ def test_points_that_are_not_finite_are_refused(bad):
 def test_empty_clouds_are_refused():
     with pytest.raises(InputError, match="no points"):
         segment_cloud(cloud_of(np.empty((0, 3))))
+
+
+@pytest.mark.parametrize("has_image", [True, False])
+def test_a_noisy_scene_moved_with_its_camera_is_divided_the_same(has_image, rng):
+    cloud = scene_cloud(TWO_BOXES)
+    away = cloud.points - cloud.viewpoint
+    noise = 1.0 + rng.normal(0.0, 0.003, (len(cloud), 1))
+    cloud = replace(cloud, points=cloud.viewpoint + noise * away)
+    if not has_image:
+        cloud = replace(cloud, pixels=None, image_shape=None)
+    expected = segment_cloud(cloud)
+    for yaw, x, y in ((0.0, 0.01, 0.0), (0.7, 0.3, -0.2), (-2.0, 1.0, 1.0)):
+        move = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, yaw])), [x, y, 0.0])
+        found = segment_cloud(cloud.in_frame(move, "base"))
+        np.testing.assert_array_equal(found.labels, expected.labels)
+        np.testing.assert_array_equal(found.ground.kinds, expected.ground.kinds)
+        plane = found.ground.plane @ move.matrix
+        np.testing.assert_allclose(plane, expected.ground.plane, atol=1e-9)
 
 
 @pytest.mark.parametrize("far", [1e5, 1e9, 1e25])
