@@ -45,7 +45,7 @@ def surveyed(
     R_seen_base = grid_axes(cloud, level=True)
     below = cloud.viewpoint * [1.0, 1.0, 0.0]
     T_seen_base = SE3.from_parts(R_seen_base, -R_seen_base @ below)
-    seen = cloud.in_frame(T_seen_base, "base")
+    seen = cloud.in_frame(T_seen_base, "seen")
     order: IntArray = np.arange(len(cloud))
     if seen.pixels is None:
         # Samples are taken by order, which must not be that of the base frame.
