@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
 from debrisgrasp._checked import checked_fields
@@ -35,6 +34,9 @@ _BORDER = 0.03
 """Strip of the image, in shares of its size, in which a wall has to end."""
 _AMID = 0.75
 """Share of what lies deep that has ground around it where there is a pit."""
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+_SIDES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+"""Directions in plan in which something can lie farther out than something else."""
 _FLAT = float(np.cos(np.deg2rad(15)))
 """Cosine of the largest tilt of the floor of a container."""
 
@@ -143,10 +145,11 @@ def _is_amid(points: FloatArray, chosen: BoolArray, others: BoolArray) -> bool:
     """Whether, in plan, most of the chosen points (n, 3) lie among the others."""
     if not chosen.any():
         return False
-    around = points[others, :2]
-    sides = ConvexHull(around[:: max(1, len(around) // _N_SAMPLES)]).equations
-    within = points[chosen, :2] @ sides[:, :2].T < -sides[:, 2]
-    return bool(np.mean(within.all(axis=1)) > _AMID)
+    inner, outer = points[chosen, :2], points[others, :2]
+    within = np.ones(len(inner), dtype=bool)
+    for side in _SIDES:
+        within &= inner @ side < (outer @ side).max(initial=-np.inf)
+    return bool(np.mean(within) > _AMID)
 
 
 def _marked(

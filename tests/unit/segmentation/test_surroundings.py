@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import SE3, so3
+from debrisgrasp.geometry import SE3, PointCloud, so3
 from debrisgrasp.pipeline import ground_notes
 from debrisgrasp.segmentation import (
     GroundConfig,
@@ -15,7 +15,7 @@ from debrisgrasp.segmentation import (
     segment_cloud,
 )
 from debrisgrasp.segmentation.ground import find_ground
-from debrisgrasp.segmentation.surroundings import find_surroundings
+from debrisgrasp.segmentation.surroundings import _is_amid, find_surroundings
 
 from .clouds import STACK, TWO_BOXES, box_at, scene_cloud, truth_of
 
@@ -109,6 +109,32 @@ def test_a_pit_in_the_ground_is_told_from_what_lies_around_a_table(depth):
     report = judged(replace(cloud, points=table))
     assert "below" in report.counts
     assert "pit" not in report.counts
+
+
+def test_what_lies_below_two_scan_lines_of_ground_is_in_a_pit(rng):
+    x = np.linspace(0.4, 2.0, 14_000)
+    lines = np.stack([x, np.resize([-0.1, 0.1], len(x)), np.zeros(len(x))], axis=1)
+    box, deep = rng.uniform([0.9, -0.05, 0.15], [1.1, 0.05, 0.15], (2, 600, 3))
+    deep[:, 2] = -0.3
+    points = np.concatenate([lines, box, deep])
+    report = judged(
+        PointCloud(
+            points=points,
+            normals=np.tile([0.0, 0.0, 1.0], (len(points), 1)),
+            viewpoint=np.array([0.0, 0.0, 1.5]),
+            frame="base",
+        )
+    )
+    assert report.status == "removed"
+    assert report.counts["pit"] == 600
+
+
+def test_nothing_lies_amid_what_is_along_a_line():
+    line = np.linspace([0.0, 0.0, 0.0], [1.0, 0.5, 0.0], 9)
+    for others in (line, line[:1], line[:0]):
+        points = np.concatenate([others, [[0.5, 0.3, -0.3]]])
+        is_last = np.arange(len(points)) == len(others)
+        assert not _is_amid(points, is_last, ~is_last)
 
 
 def test_counts_and_labels_agree_and_follow_the_order_of_points(rng):
