@@ -137,9 +137,9 @@ def pose_doubt(
     if abs(largest.height) > max_height:
         side = "above" if largest.height > 0 else "below"
         return (
-            f"{what} is level but lies {abs(largest.height):.2f} m {side} the expected "
-            f"ground: it is a table, a shelf or the floor of a bin, or the height of "
-            f"the camera pose is off; {mend}"
+            f"{what} tilts {degrees:.0f} deg and lies {abs(largest.height):.2f} m "
+            f"{side} the expected ground: it is a table, a shelf or the floor of a "
+            f"bin, or the camera pose is off; {mend}"
         )
     return ""
 

@@ -175,8 +175,8 @@ def _weighed(
         status="removed",
         pose_doubt=viewpoint_doubt(plane, cloud.viewpoint),
         n_removed=n_ground,
-        reason=f"level plane {1e3 * report.height:+z.0f} mm from the expected height, "
-        f"{inlier_share:.0%} of the points on it",
+        reason=f"plane {1e3 * report.height:+z.0f} mm from the expected height, tilted "
+        f"by {np.degrees(report.tilt):.0f} deg, {inlier_share:.0%} of the points on it",
     )
 
 

@@ -79,6 +79,16 @@ def test_tilt_and_height_within_bounds_are_followed():
     assert is_ground[: len(FLOOR)].all()
 
 
+@pytest.mark.parametrize("height", [0.02, 0.4])
+def test_ground_on_a_slope_is_not_called_level(height):
+    turn = so3.from_rpy(np.array([0.0, np.deg2rad(8.0), 0.0]))
+    move = SE3.from_parts(turn, [0.0, 0.0, height + np.tan(np.deg2rad(8.0))])
+    _, report = find_ground(pile_on(FLOOR).in_frame(move, "base"), GroundConfig())
+    said = report.pose_doubt or report.reason
+    assert "8 deg" in said
+    assert "level" not in said
+
+
 def test_uneven_ground_goes_too():
     x, y, _ = FLOOR.T
     floor = FLOOR.copy()
