@@ -10,6 +10,8 @@ from debrisgrasp.geometry import SE3, so3
 
 __all__ = ["read_pose"]
 
+_MAX_DEGREES = 720.0
+
 
 def read_pose(fields: Fields) -> SE3:
     """Pose from ``position`` [m] and ``rpy`` [rad] or ``rpy_deg`` [degrees]."""
@@ -18,10 +20,15 @@ def read_pose(fields: Fields) -> SE3:
             fields.where("rpy"), got="rpy and rpy_deg", expected="one of the two"
         )
     degrees = fields.numbers("rpy_deg", 3, (0,) * 3)
+    largest = float(np.abs(degrees).max())
+    if largest > _MAX_DEGREES:
+        raise ConfigError(
+            fields.where("rpy_deg"),
+            got=degrees.tolist(),
+            expected=f"degrees, at most {_MAX_DEGREES:g}: two turns",
+        )
     eighths = degrees / (np.pi / 4)
-    if 0 < np.abs(eighths).max() < 8.5 and np.allclose(
-        eighths, eighths.round(), 0, 3e-3
-    ):
+    if 0 < largest < 8.5 * np.pi / 4 and np.allclose(eighths, eighths.round(), 0, 3e-3):
         raise ConfigError(
             fields.where("rpy_deg"),
             got=degrees.tolist(),

@@ -89,6 +89,7 @@ def test_round_solids_are_understood(tmp_path: Path) -> None:
         ("[0.04, 0]", "[0.04, 0.01]", r"parallel.closing.*no nearer than 0.020 m"),
         ("rpy_deg", "rpy", r"fingers\[0\].rpy.*radians.*rpy_deg"),
         ("[0, 0, 180]", "[0, 1.57, -3.1416]", r"fingers\[0\].rpy_deg.*say rpy instead"),
+        ("[0, 0, 180]", "[0, 0, 900000]", r"rpy_deg.*900000.*degrees, at most 720"),
         ("axis: [1, 0, 0]", "axis: [0, 0, 0]", r"joint.axis"),
         ("mass: 1.0", "mass: heavy", r"field mass.*finite number"),
         ("mass: 1.0\n", "", r"field mass.*missing"),
