@@ -110,17 +110,20 @@ class UrdfTree:
         """
         path = Path(path)
         try:
-            root = ElementTree.fromstring(path.read_text(encoding="utf-8"))
+            content = path.read_bytes()
         except OSError as error:
             raise ConfigError(
                 "URDF", got=f"{path}: {error.strerror}", expected="a readable file"
             ) from error
-        except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        try:
+            root = ElementTree.fromstring(content)
+        # The others tell of encodings that are unknown, or that XML may not have.
+        except (ElementTree.ParseError, LookupError, ValueError) as error:
             raise ConfigError(
                 "URDF",
                 got=f"{path}: {error}",
                 expected="well-formed XML",
-                mend="A xacro file must be expanded first: xacro FILE > robot.urdf.",
+                mend=_mend_of_xml(content),
             ) from error
         if root.tag != "robot":
             raise ConfigError(
@@ -233,6 +236,22 @@ class UrdfTree:
                 poses[joint.child] = poses[link] @ step
                 waiting.append(joint.child)
         return poses
+
+
+def _mend_of_xml(content: bytes) -> str:
+    """Say what to do about a file that could not be parsed."""
+    if b"<robot" not in content.replace(b"\0", b""):  # UTF-16 has zeros between
+        return "There is no <robot> in it: is it a URDF?"
+    if b"xacro" in content:
+        return "A xacro file must be expanded first: xacro FILE > robot.urdf."
+    try:
+        content.decode()
+    except UnicodeDecodeError:
+        return (
+            "Save it as UTF-8, or let its first line name its encoding: "
+            "<?xml version='1.0' encoding='ISO-8859-1'?>."
+        )
+    return ""
 
 
 def _attribute(element: ElementTree.Element, name: str, path: Path) -> str:

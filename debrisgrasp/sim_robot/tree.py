@@ -153,7 +153,7 @@ def _inertials(model: RobotModel) -> dict[str, ElementTree.Element]:
         If the URDF gives a moving link of an arm no mass.
     """
     found = {}
-    root = ElementTree.fromstring(model.tree.path.read_text(encoding="utf-8"))
+    root = ElementTree.fromstring(model.tree.path.read_bytes())
     for link in root.findall("link"):
         inertial = link.find("inertial")
         if inertial is not None:

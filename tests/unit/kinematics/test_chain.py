@@ -15,6 +15,7 @@ from debrisgrasp.errors import (
     UnknownNameError,
 )
 from debrisgrasp.kinematics import KinematicChain, RobotModel
+from debrisgrasp.kinematics.urdf import UrdfTree
 
 from .robots import ROMAN_URDF, JointText, PinocchioOracle, written
 
@@ -247,6 +248,42 @@ def test_a_malformed_urdf_is_refused_in_words(
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DebrisGraspError, match=words):
         KinematicChain.from_urdf(path, "a", "b")
+
+
+NAMED = "<?xml version='1.0' encoding='{0}'?>"
+LATIN = "<robot name='é'><link name='a'/></robot>"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (LATIN.encode("latin-1"), "line 1.*Save it as UTF-8"),
+        (NAMED.format("klingon").encode() + LATIN.encode(), "unknown encoding: kl"),
+        (NAMED.format("big5").encode() + LATIN.encode(), "multi-byte encodings"),
+        (bytes(range(256)), "no <robot> in it"),
+        (b"<robot><xacro:arm/></robot>", r"xacro FILE > robot\.urdf"),
+    ],
+    ids=["latin", "unknown", "multi-byte", "binary", "xacro"],
+)
+def test_a_urdf_that_is_no_text_of_xml_is_refused_with_its_mend(
+    tmp_path: Path, content: bytes, words: str
+) -> None:
+    path = tmp_path / "bad.urdf"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=rf"bad\.urdf.*{words}") as caught:
+        UrdfTree.load(path)
+    assert ("xacro" in str(caught.value)) == (b"xacro" in content)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16", "utf-8-sig"])
+def test_a_urdf_may_be_in_the_encoding_that_it_names(
+    tmp_path: Path, encoding: str
+) -> None:
+    path = tmp_path / "good.urdf"
+    path.write_bytes(
+        (NAMED.format(encoding.removesuffix("-sig")) + LATIN).encode(encoding)
+    )
+    assert UrdfTree.load(path).name == "é"
 
 
 def test_a_closed_loop_of_links_is_refused(tmp_path: Path) -> None:
