@@ -21,6 +21,7 @@ from debrisgrasp.planning import (
     Grasp,
     GraspPlan,
     GraspPlanner,
+    PassedOver,
     SearchResult,
 )
 from debrisgrasp.prototypes import GripperModel, load_grippers
@@ -39,7 +40,7 @@ from .inputs import (
 )
 from .notes import deadline_notes, mass_notes, warning_notes
 from .perception import Perception
-from .reasons import unfit
+from .reasons import unfit, why_empty
 from .result import PlanningResult
 from .retreat import Retreats
 from .second_look import BestSoFar
@@ -260,6 +261,7 @@ class Pipeline:
             grasps = self._grasps(planner, seen, result, target, watch)
             if (advise or not grasps) and not watch.is_late():
                 advice = self._advice(planner, seen, result, target, seed, watch)
+        passed_over, least = tuple(best.passed_over), self.config.min_object_points
         plan = GraspPlan(
             grasps=grasps,
             object_label=0 if target is None else target.label,
@@ -269,11 +271,11 @@ class Pipeline:
             notes=notes,
             rejections=result.rejections,
             ruled_out=result.ruled_out,
-            passed_over=tuple(best.passed_over),
+            passed_over=passed_over,
             effective_samples=result.effective_samples,
             why_empty=None
             if grasps
-            else best.why_empty(seen.segmentation, self._used_hands()),
+            else why_empty(seen.segmentation, passed_over, least, self._used_hands()),
             advice=advice,
             seconds=dict(watch.seconds),
         )
@@ -348,13 +350,12 @@ class Pipeline:
                 break
             if not best.is_worth_a_look(target):
                 continue
-            reason = self._unfit(seen, target)
-            if reason is None and is_enough:
-                reason = (
-                    f"not tried: the limit of {counted(n_tried, 'object')} was reached"
-                )
-            if reason is not None:
-                best.pass_over(target, reason)
+            left = self._unfit(seen, target)
+            if left is None and is_enough:
+                limit = f"the limit of {counted(n_tried, 'object')}"
+                left = PassedOver(target.label, f"not tried: {limit} was reached")
+            if left is not None:
+                best.pass_over(left)
                 continue
             n_tried += 1
             best.take(first_look(target, best.worth_beating(target), rng), target)
@@ -364,16 +365,14 @@ class Pipeline:
             search_on()
         return best
 
-    def _unfit(self, seen: Perception, target: Target) -> str | None:
+    def _unfit(self, seen: Perception, target: Target) -> PassedOver | None:
         """Why an object isn't worth a search, or None if it is."""
         if not target.label:
             return None
-        own, config = np.flatnonzero(target.is_object), self.config
-        points = seen.cloud.points.take(own, axis=0)
-        ground, grid = config.segmentation.ground, config.planner.scene
-        report, least = seen.segmentation.ground, config.min_object_points
+        points = seen.cloud.points.take(np.flatnonzero(target.is_object), axis=0)
         chains = [arm.chain for arm in self.arms]
-        return unfit(points, target.region, report, ground, grid, least, chains)
+        report, label = seen.segmentation.ground, target.label
+        return unfit(label, points, target.region, report, self.config, chains)
 
     def _advice(
         self,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -14,6 +13,8 @@ from debrisgrasp.kinematics import KinematicChain
 from debrisgrasp.planning import PassedOver, SceneConfig
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import GroundConfig, GroundReport, Segmentation
+
+from .config import PipelineConfig
 
 __all__ = [
     "NOT_TRIED",
@@ -28,7 +29,6 @@ __all__ = [
 NOT_TRIED = "not tried: the deadline had passed"
 _FAR = 1.5
 """What is so far beyond the arms is not worth a search, nor advice on it [m]."""
-_SMALL = re.compile(r"^too small: (\d+) cells?")
 _MOSTLY = 0.9
 """Share of an object's points in the plane of the ground that makes it ground."""
 
@@ -44,9 +44,15 @@ def too_small(points: FloatArray, spacing: float, least: int) -> str | None:
         Number of cells from which on it is worth a search.
     """
     n_cells = voxel_count(points, spacing)
-    if n_cells >= least:
-        return None
-    return f"too small: {counted(n_cells, 'cell')} of surface seen, {least} are needed"
+    return None if n_cells >= least else _small([n_cells], least)
+
+
+def _small(counts: Sequence[int], least: int) -> str:
+    """One reason for all that are too small: a sparse cloud holds dozens."""
+    fewest, most = min(counts), max(counts)
+    between = f"{fewest} to " if fewest < most else ""
+    seen = f"{between}{counted(most, 'cell')}"
+    return f"too small: {seen} of surface seen, {least} are needed"
 
 
 def too_large(region: Bounds, config: SceneConfig) -> str | None:
@@ -102,29 +108,39 @@ def is_ground(
 
 
 def unfit(
+    label: int,
     points: FloatArray,
     region: Bounds,
     report: GroundReport,
-    ground: GroundConfig,
-    scene: SceneConfig,
-    least: int,
+    config: PipelineConfig,
     chains: Sequence[KinematicChain],
-) -> str | None:
-    """Reason to pass over an object with points (n, 3) and region V, or None."""
-    return (
-        too_small(points, scene.spacing, least)
-        or too_far(points, chains)
+) -> PassedOver | None:
+    """Find why an object with points (n, 3) and region V is passed over, if it is."""
+    scene, least = config.planner.scene, config.min_object_points
+    n_cells = voxel_count(points, scene.spacing)
+    if n_cells < least:
+        return PassedOver(label, _small([n_cells], least), n_cells)
+    reason = (
+        too_far(points, chains)
         or too_large(region, scene)
-        or is_ground(points, report, ground)
+        or is_ground(points, report, config.segmentation.ground)
     )
+    return PassedOver(label, reason) if reason else None
 
 
 def why_empty(
     segmentation: Segmentation,
     passed_over: Sequence[PassedOver],
-    hands: Iterable[GripperModel] = (),
+    least: int,
+    hands: Iterable[GripperModel],
 ) -> str:
-    """One sentence for a plan without grasps, and one for each hand that may be why."""
+    """One sentence for a plan without grasps, and one for each hand that may be why.
+
+    Parameters
+    ----------
+    least
+        Number of cells from which on an object is worth a search.
+    """
     if not segmentation.segments:
         return (
             f"no object was found in the capture (ground: {segmentation.ground.reason})"
@@ -133,9 +149,9 @@ def why_empty(
         n = counted(len(segmentation.segments), "object")
         return f"the selection policy put none of {n} into its order"
     labels: dict[str, list[str]] = {}
-    span = _span_of_small(passed.reason for passed in passed_over)
+    counts = [one.n_cells for one in passed_over if one.n_cells is not None]
     for passed in passed_over:
-        reason = _SMALL.sub(span, passed.reason)
+        reason = passed.reason if passed.n_cells is None else _small(counts, least)
         labels.setdefault(reason, []).append(str(passed.label))
     reasons = "; ".join(
         reason if names == ["0"] else f"{_objects(names)}: {reason}"
@@ -144,14 +160,6 @@ def why_empty(
     doubts = dict.fromkeys(hand.palm_doubt for hand in hands if hand.palm_doubt)
     said = f"no object offers a grasp: {reasons}"
     return ". ".join([said, *(doubt[0].upper() + doubt[1:] for doubt in doubts)])
-
-
-def _span_of_small(reasons: Iterable[str]) -> str:
-    """Begin one reason for all that are too small: a sparse cloud holds dozens."""
-    counts = [int(found[1]) for reason in reasons if (found := _SMALL.match(reason))]
-    least, most = min(counts, default=0), max(counts, default=0)
-    between = f"{least} to " if least < most else ""
-    return f"too small: {between}{counted(most, 'cell')}"
 
 
 def _objects(labels: Sequence[str]) -> str:

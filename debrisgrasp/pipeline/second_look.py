@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from debrisgrasp.planning import SETTLED, PassedOver, SearchResult
-from debrisgrasp.prototypes import GripperModel
-from debrisgrasp.segmentation import Segmentation
 
-from .reasons import why_empty
 from .targets import Target
 
 __all__ = ["BestSoFar"]
@@ -142,9 +138,9 @@ class BestSoFar:
         """Take note of what was found on an object."""
         self._looks.append(_Look(target, result))
 
-    def pass_over(self, target: Target, reason: str) -> None:
-        """Note why an object is not searched."""
-        self._unfit.append((len(self._looks), PassedOver(target.label, reason)))
+    def pass_over(self, left: PassedOver) -> None:
+        """Note what is not searched, and why."""
+        self._unfit.append((len(self._looks), left))
 
     @property
     def promises_more(self) -> bool:
@@ -165,12 +161,6 @@ class BestSoFar:
             is_best = look is self._best
             beyond = 0.0 if is_best else self.worth_beating(look.target)
             look.result = look.result.further(beyond)
-
-    def why_empty(
-        self, segmentation: Segmentation, hands: Iterable[GripperModel]
-    ) -> str:
-        """Say why a plan with some hands has no grasps."""
-        return why_empty(segmentation, self.passed_over, hands)
 
     @property
     def _first(self) -> _Look | None:

@@ -113,6 +113,8 @@ class PassedOver:
 
     label: int
     reason: str
+    n_cells: int | None = None
+    """Cells of surface seen of what is too small; not part of the saved plan."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from debrisgrasp.geometry import Bounds
-from debrisgrasp.pipeline import Target
-from debrisgrasp.pipeline.reasons import too_small
+from debrisgrasp.pipeline import PipelineConfig, Target
+from debrisgrasp.pipeline.reasons import unfit, why_empty
 from debrisgrasp.pipeline.second_look import BestSoFar
-from debrisgrasp.planning import SearchResult
+from debrisgrasp.planning import PassedOver, SearchResult
+from debrisgrasp.segmentation import GroundReport
 
 BOX = Bounds(np.zeros(3), np.ones(3))
 
@@ -236,22 +237,24 @@ def test_at_equal_cost_the_best_score_wins_and_everybody_else_is_named(scores):
 
 def test_crumbs_of_a_sparse_cloud_share_one_reason():
     scene = SimpleNamespace(segments=(1, 2, 3))
-    best = BestSoFar(0.25, 2)
-    for label, n_cells in ((3, 47), (1, 60), (2, 1)):
-        reason = too_small(np.arange(3.0 * n_cells).reshape(-1, 3), 0.1, 80)
-        best.pass_over(target(label), reason)
-    told = best.why_empty(scene, [])
+    report, config = GroundReport.skipped(""), PipelineConfig()
+    crumbs = [
+        unfit(label, config.planner.scene.spacing * cells, BOX, report, config, [])
+        for label, n_cells in ((3, 47), (1, 60), (2, 1))
+        for cells in [2.0 * np.arange(3 * n_cells).reshape(-1, 3)]
+    ]
+    told = why_empty(scene, [*crumbs, PassedOver(4, "too small: 9 cells")], 80, [])
     assert told.endswith(
-        "objects 3, 1, 2: too small: 1 to 60 cells of surface seen, 80 are needed"
+        "objects 3, 1, 2: too small: 1 to 60 cells of surface seen, 80 are needed; "
+        "object 4: too small: 9 cells"
     )
 
 
 def test_a_hand_whose_palm_frame_is_turned_is_named_where_nothing_is_found():
     scene = SimpleNamespace(segments=(1,))
-    best = BestSoFar(0.25, 2)
-    best.pass_over(target(1), "3 because the palm would hit something")
+    left = [PassedOver(1, "3 because the palm would hit something")]
     turned = SimpleNamespace(palm_doubt="the palm reaches 90 mm in front of its frame")
     sound = SimpleNamespace(palm_doubt="")
-    told = best.why_empty(scene, [turned, sound])
+    told = why_empty(scene, left, 80, [turned, sound])
     assert told.endswith("hit something. The palm reaches 90 mm in front of its frame")
-    assert best.why_empty(scene, [sound]).endswith("hit something")
+    assert why_empty(scene, left, 80, [sound]).endswith("hit something")
