@@ -1,9 +1,10 @@
 """Layer 3: where the camera is, from points; knows poses and points, not robots."""
 
+from .camera import CalibratedCamera, Known
 from .choice import Choice, choose_places, information_at
 from .decision import CalibrationConfig, Decision, Finding
 from .drift import DriftConfig, DriftMonitor, DriftReport, DriftStatus, Trend
-from .hand_eye import Attempt, Calibration, Known, calibrate
+from .hand_eye import Attempt, Calibration, calibrate
 from .head import Head
 from .marker import MarkerConfig, MarkerFound, MarkerMissing, find_marker
 from .observations import (
@@ -27,6 +28,7 @@ __all__ = [
     "MEASUREMENT_SIGMA",
     "WORKSPACE",
     "Attempt",
+    "CalibratedCamera",
     "Calibration",
     "CalibrationConfig",
     "Choice",

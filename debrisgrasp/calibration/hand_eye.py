@@ -13,6 +13,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
+from .camera import CalibratedCamera, Known
 from .decision import CalibrationConfig, Decision, Evidence, decide
 from .fit import Fit, Prior, Terms, fit_terms
 from .head import Head
@@ -23,7 +24,7 @@ from .rigid import fit_rigid
 from .standing import least_turn, start_standing
 from .uncertainty import WorkspaceError, camera_covariance, lever_arm
 
-__all__ = ["Attempt", "Calibration", "Known", "calibrate"]
+__all__ = ["Attempt", "Calibration", "calibrate"]
 
 
 _FEWEST = 3
@@ -43,34 +44,9 @@ class Attempt:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Known:
-    """What is known about the camera before it is calibrated."""
+class Calibration(CalibratedCamera):
+    """A fitted `CalibratedCamera` with all that speaks for and against it."""
 
-    head: Head
-    """As the robot's model, or an earlier calibration, has it."""
-    mount_covariance: FloatArray | None = None
-    """Of the twist of the camera in its own frame that corrects the mount of ``head``,
-    from an earlier calibration, shape (6, 6); None if ``head`` is only nominal."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Calibration:
-    """A fitted camera pose with all that speaks for and against it."""
-
-    T_link_camera: SE3
-    """Pose of the optical frame in `link` while the head reads `reference`."""
-    covariance: FloatArray
-    """Of that pose, shape (6, 6): twist (v, omega) [m, rad] about the origin of the
-    link, in its axes, ``T_true = exp(twist) @ T_link_camera``."""
-    head: Head
-    """What carries the camera, with mount and offsets as fitted."""
-    reference: FloatArray
-    """Readings of the head's joints that `T_base_camera` belongs to [rad], (k,)."""
-    fit_covariance: FloatArray
-    """Of the twist of the mount in the camera frame, of the head's k offsets and of
-    `fiducial`, shape (9 + k, 9 + k); zero for what was not fitted."""
-    fiducial: FloatArray
-    """Shift of the fiducial from where the model has it, frame of its link [m]."""
     model: str
     """Name of the model that was kept."""
     attempts: tuple[Attempt, ...]
@@ -91,41 +67,14 @@ class Calibration:
     of the camera, not about the error in the workspace."""
     decision: Decision
 
-    @property
-    def head_covariance(self) -> FloatArray:
-        """Of the mount and the offsets, shape (6 + k, 6 + k)."""
-        return self.fit_covariance[:-3, :-3]
-
-    @property
-    def link(self) -> str | None:
-        """Link of the arm that carries the camera; None for base, where none does."""
-        return self.observations.link
-
-    @property
-    def T_base_camera(self) -> SE3:
-        """Pose of the camera in base.
-
-        Raises
-        ------
-        ConfigError
-            If an arm carries the camera: where it is then depends on the joints.
-        """
-        require_in_base("calibration", self.link)
-        return self.T_link_camera
-
     def T_base_camera_at(self, readings: ArrayLike) -> SE3:
         """Pose of the camera for other readings (..., k) of the head [rad]."""
-        require_in_base("calibration", self.link)
+        require_in_base(self._called, self.link)
         return self.head.T_base_camera(readings)
 
     def covariance_at(self, readings: ArrayLike) -> FloatArray:
         """Covariance of that pose, for one reading (k,), shape (6, 6)."""
         return camera_covariance(self.head, np.asarray(readings), self.head_covariance)
-
-    @property
-    def known(self) -> Known:
-        """What the next calibration may start from."""
-        return Known(head=self.head, mount_covariance=self.head_covariance[:6, :6])
 
     @property
     def kept(self) -> Attempt:
@@ -375,6 +324,7 @@ def _described(
     )
     return Calibration(
         T_link_camera=T_base_camera,
+        link=observations.link,
         covariance=covariance,
         head=fit.head,
         reference=at,

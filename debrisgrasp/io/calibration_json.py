@@ -20,11 +20,10 @@ from debrisgrasp._arrays import FloatArray, frozen, require_finite
 from debrisgrasp._files import naming_fields, read_schema, read_text, write_atomic
 from debrisgrasp.calibration import (
     BEFORE_CAMERA,
+    CalibratedCamera,
     Calibration,
     Head,
-    Known,
     displacement,
-    require_in_base,
 )
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.geometry import SE3, so3
@@ -192,21 +191,9 @@ def difference(old: StoredCalibration, new: Mapping[str, Any]) -> dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class StoredCalibration:
+class StoredCalibration(CalibratedCamera):
     """What a calibration's file says about the camera."""
 
-    T_link_camera: SE3
-    """Pose of the camera in `link` while the head reads `reference`."""
-    link: str | None
-    """Link of the arm that carries the camera; None for base, where none does."""
-    covariance: FloatArray
-    """Of that pose, shape (6, 6); see `Calibration`."""
-    head: Head
-    reference: FloatArray
-    fit_covariance: FloatArray
-    """Of mount, offsets and `fiducial`, shape (9 + k, 9 + k); see `Calibration`."""
-    fiducial: FloatArray
-    """Shift of the fiducial from where the model has it, frame of its link [m]."""
     fiducial_given: str | tuple[float, ...] | None
     """Its link, or where it was said to stand in base [m]; None if that is not known.
     """
@@ -218,32 +205,14 @@ class StoredCalibration:
     path: Path
 
     @property
-    def head_covariance(self) -> FloatArray:
-        """Of the mount and the offsets, shape (6 + k, 6 + k)."""
-        return self.fit_covariance[:-3, :-3]
-
-    @property
-    def T_base_camera(self) -> SE3:
-        """Pose of the camera in base.
-
-        Raises
-        ------
-        ConfigError
-            If an arm carries the camera: where it is then depends on the joints.
-        """
-        require_in_base(f"calibration {self.path}", self.link)
-        return self.T_link_camera
-
-    @property
-    def known(self) -> Known:
-        """What a new calibration may start from."""
-        return Known(head=self.head, mount_covariance=self.head_covariance[:6, :6])
+    def _called(self) -> str:
+        return f"calibration {self.path}"
 
     def require_accepted(self) -> None:
         """Raise `ConfigError` if the calibration was refused."""
         if self.problems:
             raise ConfigError(
-                f"calibration {self.path}",
+                self._called,
                 got="one that was refused: " + "; ".join(self.problems),
                 expected="an accepted one",
                 mend="Calibrate again."
@@ -258,7 +227,7 @@ class StoredCalibration:
         """Raise `ConfigError` if the calibration names another robot than this."""
         if self.robot not in (None, robot):
             raise ConfigError(
-                f"calibration {self.path}",
+                self._called,
                 got=f"one of the robot {self.robot!r}",
                 expected=f"one of {robot!r}, the robot in use",
                 mend="Name its robot with --robot, or as `robot` of the site.",
