@@ -40,6 +40,7 @@ LAYERS = {
     "viz": 5,
     "_site_limits": 4,
     "_joints": 4,
+    "_site_file": 6,
     "sim_robot": 6,
     "_calibrating": 6,
     "ros": 6,
