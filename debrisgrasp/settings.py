@@ -202,25 +202,28 @@ class Settings:
             raise ConfigError.about(where, error) from error
 
     def pose_of_camera(
-        self, joints: Mapping[str, float] | None = None
+        self, joints: Mapping[str, float] | None = None, robot: RobotModel | None = None
     ) -> CameraPose | None:
         """Pose of the camera in the base frame; None if captures bring their own.
 
         If an arm carries the camera, ``joints`` are needed: by name [rad or m], when
-        the picture is taken.
+        the picture is taken. A ``robot`` is the one for whose grasps it is taken.
 
         Raises
         ------
         ConfigError
-            If the calibration can't be read, or was refused; as `pose_on_arm` does.
+            If the calibration can't be read, was refused, or is of another robot; as
+            `pose_on_arm` does.
         """
         if self.calibration is None:
             return self.camera_pose
         stored = load_calibration(self.calibration)
         stored.require_accepted()
+        if robot is not None:
+            stored.require_of(robot.name)
         if stored.link is None:
             return stored.T_base_camera
-        return pose_on_arm(stored, self.robot_model(), joints)
+        return pose_on_arm(stored, robot or self.robot_model(), joints)
 
     @checked
     def capture(
@@ -230,6 +233,7 @@ class Settings:
         camera_file: str | os.PathLike[str] | None = None,
         viewpoint: ArrayLike | None = None,
         joints: Mapping[str, float] | None = None,
+        robot: RobotModel | None = None,
     ) -> Capture:
         """Read a capture with the pose and the intrinsics of this site's camera.
 
@@ -245,7 +249,7 @@ class Settings:
             images without one beside them.
         viewpoint
             Of the sensor that saw a cloud, in its frame [m], shape (3,).
-        joints
+        joints, robot
             As for `pose_of_camera`.
 
         Raises
@@ -256,7 +260,7 @@ class Settings:
         if camera_file is None and self.camera_file is not None and lacks_camera(path):
             camera_file = self.camera_file
         capture = Capture.load(path, camera_file=camera_file, viewpoint=viewpoint)
-        pose = self.pose_of_camera(joints)
+        pose = self.pose_of_camera(joints, robot)
         if pose is None:
             return capture
         posed = capture.posed(pose)

@@ -13,6 +13,7 @@ from debrisgrasp._arrays import require_range
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import without_robot
 from debrisgrasp.pipeline.inputs import LEAST_MASS, MOST_MASS
 from debrisgrasp.settings import Settings
@@ -88,10 +89,11 @@ def load_capture(
     arguments: argparse.Namespace,
     settings: Settings | None = None,
     joints: Sequence[tuple[str, float]] | None = None,
+    robot: RobotModel | None = None,
 ) -> Capture:
     """Read the capture as the arguments and the site say.
 
-    With the ``--joints`` of `add_planning`, where there are those.
+    With the ``--joints`` of `add_planning`, where there are those, and for a robot.
     """
     settings = settings or site_of(arguments)
     return settings.capture(
@@ -99,6 +101,7 @@ def load_capture(
         camera_file=arguments.camera_file,
         viewpoint=arguments.viewpoint,
         joints=None if joints is None else joints_of(joints),
+        robot=robot,
     )
 
 
@@ -180,7 +183,8 @@ def planned(
     if arguments.mass is not None:
         require_range("--mass [kg]", arguments.mass, LEAST_MASS, MOST_MASS)
     region = region_of(arguments)
-    capture = load_capture(arguments, settings, arguments.joints)
+    robot = settings.robot_model()
+    capture = load_capture(arguments, settings, arguments.joints, robot)
     for name in ("pick", "object"):
         if capture.mask is not None and getattr(arguments, name) is not None:
             raise ConfigError(
@@ -189,8 +193,6 @@ def planned(
                 expected="one of them",
             )
     pipeline = debrisgrasp.Pipeline.from_settings(settings)
-    if settings.calibration is not None and pipeline.robot is not None:
-        load_calibration(settings.calibration).require_of(pipeline.robot.name)
     pipeline.policy = policy_of(arguments, pipeline.policy)
     if arguments.joints is not None:
         capture = _bare(capture, pipeline, joints_of(arguments.joints))

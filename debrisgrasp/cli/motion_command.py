@@ -83,10 +83,11 @@ def _run(arguments: argparse.Namespace) -> int:
         result = planned(arguments, settings)
     else:
         refuse_planning(arguments, "beside --grasps")
+        robot = settings.robot_model()
         result = recall_plan(
             arguments.grasps,
-            load_capture(arguments, settings, arguments.joints),
-            settings.robot_model(),
+            load_capture(arguments, settings, arguments.joints, robot),
+            robot,
             grippers=settings.grippers,
         )
     found = api.plan_motion(

@@ -106,9 +106,10 @@ def test_what_is_of_another_robot_is_refused(calibration_file, run, refused, tmp
         words = refused("calibrate", *given, "--robot", other)
         assert "one of the robot 'roman', expected one of 'other'" in words
     pile = data_path("captures", "pile.npz")
-    ended = run("plan", pile, "--calibration", calibration_file, "--robot", other)
-    assert ended.status == 2
-    assert "one of the robot 'roman', expected one of 'other'" in ended.err
+    for command in (("plan", pile), ("motion", pile, "--grasps", tmp_path / "g.json")):
+        ended = run(*command, "--calibration", calibration_file, "--robot", other)
+        assert ended.status == 2
+        assert "one of the robot 'roman', expected one of 'other'" in ended.err
 
 
 def test_a_wrong_pick_is_no_drift(run, calibration_file):
