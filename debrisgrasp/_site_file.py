@@ -10,8 +10,9 @@ from typing import Any, Literal
 import numpy as np
 
 from debrisgrasp._fields import Fields
-from debrisgrasp._files import is_yaml, why_not_there
+from debrisgrasp._files import is_yaml
 from debrisgrasp._site_limits import SiteLimits
+from debrisgrasp._unreadable import why_not_there
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import CameraPose, parse_camera_pose

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_metres
-from debrisgrasp._files import UNREADABLE_ARRAY, why_unreadable
+from debrisgrasp._unreadable import UNREADABLE_ARRAY, why_unreadable
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3

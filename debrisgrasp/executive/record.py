@@ -19,14 +19,9 @@ from zipfile import is_zipfile
 
 import numpy as np
 
-from debrisgrasp._files import (
-    is_there,
-    read_json,
-    read_text,
-    why_not_there,
-    write_atomic,
-)
+from debrisgrasp._files import read_json, read_text, write_atomic
 from debrisgrasp._parsing import json_content, json_found
+from debrisgrasp._unreadable import is_there, why_not_there
 from debrisgrasp._words import shortened, shown_path
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.io import Capture

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import why_unreadable
+from debrisgrasp._unreadable import why_unreadable
 from debrisgrasp.errors import CaptureError
 
 __all__ = ["binary_table", "positions", "text_table"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from debrisgrasp._files import UNREADABLE_ARRAY, why_unreadable
+from debrisgrasp._unreadable import UNREADABLE_ARRAY, why_unreadable
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3, Intrinsics
 

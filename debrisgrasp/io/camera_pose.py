@@ -9,13 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_metres
-from debrisgrasp._files import (
-    UNREADABLE_ARRAY,
-    read_json,
-    read_text,
-    read_yaml,
-    why_unreadable,
-)
+from debrisgrasp._files import read_json, read_text, read_yaml
+from debrisgrasp._unreadable import UNREADABLE_ARRAY, why_unreadable
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, so3
 

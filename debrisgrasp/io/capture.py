@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, sealed
 from debrisgrasp._checked import checked, checked_fields
-from debrisgrasp._files import PULL, is_pointer, why_nothing_there, write_atomic
+from debrisgrasp._files import write_atomic
+from debrisgrasp._unreadable import PULL, is_pointer, why_nothing_there
 from debrisgrasp._words import as_text, shortened
 from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.geometry import (

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import read_json, read_yaml, why_not_there
+from debrisgrasp._files import read_json, read_yaml
+from debrisgrasp._unreadable import why_not_there
 from debrisgrasp.errors import CaptureError, ConfigError, InputError
 from debrisgrasp.geometry import SE3, Intrinsics
 

@@ -11,7 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._files import naming_fields, read_schema, require_own, write_atomic
+from debrisgrasp._files import (
+    naming_fields,
+    read_schema,
+    require_own,
+    write_atomic,
+)
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.kinematics import Trajectory
 

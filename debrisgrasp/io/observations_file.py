@@ -17,9 +17,9 @@ from debrisgrasp._files import (
     read_text,
     read_yaml,
     require_suffix,
-    why_not_there,
     write_atomic,
 )
+from debrisgrasp._unreadable import why_not_there
 from debrisgrasp.errors import ConfigError, OutputError
 
 __all__ = [

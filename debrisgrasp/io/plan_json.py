@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import require_metres, require_range
-from debrisgrasp._files import naming_fields, read_schema, require_own, write_atomic
+from debrisgrasp._files import (
+    naming_fields,
+    read_schema,
+    require_own,
+    write_atomic,
+)
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.planning import (
     SUCCESS_TERMS,

@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._files import UNREADABLE_ARRAY, PathLike, write_atomic
+from debrisgrasp._files import write_atomic
+from debrisgrasp._unreadable import UNREADABLE_ARRAY, PathLike
 from debrisgrasp.errors import ConfigError, OutputError
 
 from . import descent, formulas, reach_map, serial

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import PULL, is_pointer
+from debrisgrasp._unreadable import PULL, is_pointer
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
 

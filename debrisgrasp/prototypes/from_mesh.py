@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray
-from debrisgrasp._files import PULL, is_pointer
+from debrisgrasp._unreadable import PULL, is_pointer
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from debrisgrasp._files import is_yaml, read_json, why_nothing_there
+from debrisgrasp._files import is_yaml, read_json
+from debrisgrasp._unreadable import why_nothing_there
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive.record import load_run
 from debrisgrasp.io import Capture, point_colors

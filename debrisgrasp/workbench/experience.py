@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._files import is_there, read_text, why_not_there, write_atomic
+from debrisgrasp._files import read_text, write_atomic
 from debrisgrasp._parsing import json_content
+from debrisgrasp._unreadable import is_there, why_not_there
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 from debrisgrasp.geometry import SE3, PointCloud
 from debrisgrasp.planning import Grasp

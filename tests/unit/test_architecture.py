@@ -23,6 +23,7 @@ LAYERS = {
     "_files": 2,
     "_fields": 2,
     "_stopwatch": 1,
+    "_unreadable": 1,
     "_signals": 1,
     "_workers": 1,
     "geometry": 2,

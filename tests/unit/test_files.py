@@ -11,7 +11,6 @@ import pytest
 
 from debrisgrasp._files import (
     data_path,
-    is_pointer,
     read_json,
     read_yaml,
     require_folder,
@@ -20,6 +19,7 @@ from debrisgrasp._files import (
     require_writable,
     write_atomic,
 )
+from debrisgrasp._unreadable import is_pointer
 from debrisgrasp._words import as_text
 from debrisgrasp.errors import ConfigError, OutputError
 
