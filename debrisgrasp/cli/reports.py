@@ -88,8 +88,6 @@ def require_places(
     """
     wanted = [path for path in reports if path]
     what = f"a {_FORMS.get(tuple(forms), 'picture or page')}"
-    for path in wanted:
-        require_suffix(path, forms, what)
     read = () if source is None else files_read(source)
     taken = {os.path.realpath(path) for path in read}
     for path in (*wanted, *(path for path in others if path)):
