@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -78,7 +78,7 @@ class SupportAware:
         surface = labelled_surface(segmentation, cloud, self.support)
         graph = graph_of_surface(segmentation, cloud, surface, self.support)
         distance = nearest_distances(segmentation, cloud, self.point)
-        found = []
+        found, carried = [], {}
         for segment in segmentation.segments:
             row = segment.label - 1
             corridor = freest_corridor(surface, segment.label)
@@ -91,8 +91,13 @@ class SupportAware:
                 + self.too_wide * is_wide
                 + self.distance * distance[row]
             )
+            above, confidence = graph.resting_on(segment.label)
+            sure = carried[segment.label] = above[confidence >= CLEAR]
+            likely = above[confidence >= _WORTH_SAYING]
             reasons = [
-                _carried(graph, segment.label, self.support.gravity),
+                _carried(graph, segment.label, sure, self.support.gravity)
+                or _borne(likely, confidence)
+                or _held(graph, segment.label),
                 _way_out(corridor),
             ]
             if is_wide:
@@ -102,16 +107,16 @@ class SupportAware:
                 )
             reasons.append(f"{distance[row]:.2f} m from the priority point")
             reason = "; ".join(text for text in reasons if text)
-            warning = _warned(graph, segment.label)
+            warning = _warned(sure, segment.label)
             found.append(Candidate(segment.label, float(cost), reason, warning))
-        return _feasible(sorted(found, key=lambda c: (c.cost, c.label)), graph)
+        return _feasible(sorted(found, key=lambda c: (c.cost, c.label)), carried)
 
 
 def _feasible(
-    candidates: Sequence[Candidate], graph: SupportGraph
+    candidates: Sequence[Candidate], carried: Mapping[int, IntArray]
 ) -> tuple[Candidate, ...]:
     """Keep the order, but take what surely lies on an object before the object."""
-    above = {c.label: set(_surely_on(graph, c.label).tolist()) for c in candidates}
+    above = {label: set(sure.tolist()) for label, sure in carried.items()}
     waiting, order = list(candidates), []
     while waiting:
         left = {c.label for c in waiting}
@@ -123,35 +128,35 @@ def _feasible(
     return tuple(order)
 
 
-def _surely_on(graph: SupportGraph, label: int) -> IntArray:
-    """Labels of what clearly rests on an object."""
-    above, confidence = graph.resting_on(label)
-    return above[confidence >= CLEAR]
-
-
-def _warned(graph: SupportGraph, label: int) -> str:
-    """Say what comes down when an object is pulled out."""
-    sure = _surely_on(graph, label)
+def _warned(sure: IntArray, label: int) -> str:
+    """Say what comes down when an object is pulled out on which that surely lies."""
     if not len(sure):
         return ""
     lies = "it lies" if len(sure) == 1 else "they lie"
     return f"{_named(sure)} may fall: {lies} on object {label}"
 
 
-def _carried(graph: SupportGraph, label: int, gravity: float) -> str:
-    """Say what lies on an object."""
-    above, confidence = graph.resting_on(label)
-    sure, likely = _surely_on(graph, label), confidence >= _WORTH_SAYING
-    if len(sure):
-        low, high = graph.load[label - 1] / gravity
-        first = min(sure, key=lambda k: np.flatnonzero(graph.removal_order == k)[0])
-        load = f"up to {in_kilograms(max(high, 0.1))}"
-        if low >= 0.05:
-            load = in_kilograms(low, high)
-        return f"carries {load} of {_named(sure)}; take {first} first"
-    if likely.any():
-        share = 100 * float(confidence.max())
-        return f"{_named(above[likely])} may bear on it ({share:.0f} %)"
+def _carried(graph: SupportGraph, label: int, sure: IntArray, gravity: float) -> str:
+    """Say of an object how heavy is what surely lies on it, if anything does."""
+    if not len(sure):
+        return ""
+    low, high = graph.load[label - 1] / gravity
+    first = min(sure, key=lambda k: np.flatnonzero(graph.removal_order == k)[0])
+    load = f"up to {in_kilograms(max(high, 0.1))}"
+    if low >= 0.05:
+        load = in_kilograms(low, high)
+    return f"carries {load} of {_named(sure)}; take {first} first"
+
+
+def _borne(likely: IntArray, confidence: FloatArray) -> str:
+    """Say what may lie on an object, if anything may."""
+    if not len(likely):
+        return ""
+    return f"{_named(likely)} may bear on it ({100 * confidence.max():.0f} %)"
+
+
+def _held(graph: SupportGraph, label: int) -> str:
+    """Say what may hide something that lies on an object, or what holds it."""
     occluded = float(graph.occluded[label - 1])
     if occluded >= _WORTH_SAYING:
         return f"others hide {100 * occluded:.0f} % of its outline and may bear on it"
