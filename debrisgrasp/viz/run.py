@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import arm_called, counted
 from debrisgrasp.prototypes import GripperModel, with_shipped
 
@@ -100,7 +101,8 @@ class _Try:
     object: Mapping[str, Any] | None = None
     capture: str = ""
     faults: list[Mapping[str, Any]] = field(default_factory=list)
-    rows: list[list[float]] = field(default_factory=list)
+    traces: list[FloatArray] = field(default_factory=list)
+    """Time [s], force [N] and torque [N m] of each state, shapes (n, 3)."""
     facts: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -212,7 +214,7 @@ def _tries(events: Sequence[Mapping[str, Any]]) -> list[_Try]:
         if kind == "fault":
             now.faults.append(event)
         if kind == "trace":
-            now.rows += event.get("rows", [])
+            now.traces.append(np.array(event.get("rows") or np.empty((0, 3))))
         if kind == "attempt":
             now.facts = event
             found.append(_Try(now.number + 1))
@@ -241,24 +243,25 @@ def _timeline(
         )
     shown = {group.get(state, "other") for state, _, _ in lasting}
     picture = f'<svg viewBox="0 0 1000 54">{"".join(bars)}</svg>'
-    return picture + _ticks(total) + _key(shown, has_faults=bool(faults))
+    return picture + _ticks(0.0, total) + _key(shown, has_faults=bool(faults))
 
 
-def _ticks(total: float) -> str:
+def _ticks(begin: float, span: float) -> str:
     """Write times below an axis: 1, 2 or 5 times a power of ten, about ten of them.
 
     They are no part of the picture, so that they can be read where that is small.
 
     Parameters
     ----------
-    total
-        Length of the axis [s].
+    begin, span
+        Time of the robot at which the axis begins, and its length [s].
     """
-    size = 10.0 ** np.floor(np.log10(total / 10.0))
-    step = next(k * size for k in (1, 2, 5, 10) if k * size >= total / 10.0)
+    size = 10.0 ** np.floor(np.log10(span / 10.0))
+    step = next(k * size for k in (1, 2, 5, 10) if k * size >= span / 10.0)
+    first = np.ceil((begin + 0.02 * span) / step)
     times = "".join(
-        f'<span style="left:{100.0 * t / total:.2f}%">{t:g} s</span>'
-        for t in np.arange(step, 0.96 * total, step)
+        f'<span style="left:{100.0 * (t - begin) / span:.2f}%">{t:g} s</span>'
+        for t in step * np.arange(first, (begin + 0.96 * span) / step)
     )
     return f'<div class="ticks">{times}</div>'
 
@@ -331,38 +334,39 @@ def _card(item: _Try, run: RecordedRun, hands: Mapping[str, GripperModel]) -> st
     return (
         f'<div class="card try"><div>{_picture(item, run, hands)}</div><div>'
         f'<h3>{item.number}. <span class="{style}">{fate}</span></h3>'
-        f"<ul>{text}</ul>{_forces(item.rows)}{table}</div></div>"
+        f"<ul>{text}</ul>{_forces(item.traces)}{table}</div></div>"
     )
 
 
-def _forces(rows: Sequence[Sequence[float]]) -> str:
-    """Force and torque at the hand over time."""
-    if len(rows) < 2:
+def _forces(traces: Sequence[FloatArray]) -> str:
+    """Force and torque at the hand, at the times of the timeline."""
+    if sum(map(len, traces)) < 2:
         return ""
-    values = np.array(rows)
-    t, force, torque = values.T
-    span = max(float(t[-1] - t[0]), 1e-9)
-    x = 560.0 / span * (t - t[0])
+    values = np.concatenate(traces)
+    begin, span = float(values[0, 0]), max(float(np.ptp(values[:, 0])), 1e-9)
     curves, words = "", ""
-    for series, color, unit, top in (
-        (force, "#c2702a", "N", 150.0),
-        (torque, "#3b6ea5", "N m", 40.0),
+    for column, color, unit, top in (
+        (1, "#c2702a", "N", 150.0),
+        (2, "#3b6ea5", "N m", 40.0),
     ):
-        most = max(top, float(series.max()))
-        digits = ".0f" if series.max() >= 1.0 else ".1f"
-        y = 110.0 - 100.0 * series / most
-        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-        curves += (
-            f'<polyline points="{points}" fill="none" stroke="{color}" '
-            'stroke-width="1.3"/>'
-        )
+        largest = float(values[:, column].max())
+        most = max(top, largest)
+        digits = ".0f" if largest >= 1.0 else ".1f"
+        for rows in traces:
+            x = 560.0 / span * (rows[:, 0] - begin)
+            y = 110.0 - 100.0 * rows[:, column] / most
+            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+            curves += (
+                f'<polyline points="{points}" fill="none" stroke="{color}" '
+                'stroke-width="1.3"/>'
+            )
         words += (
-            f'<span style="color:{color}">at most {series.max():{digits}} {unit} '
+            f'<span style="color:{color}">at most {largest:{digits}} {unit} '
             f"(full height {most:.0f} {unit})</span>"
         )
     frame = '<path d="M0 10V110H560" fill="none" stroke="#c9cfd8"/>'
     picture = f'<svg viewBox="0 0 560 112">{frame}{curves}</svg>'
-    return f'<p class="most">{words}</p>{picture}{_ticks(span)}'
+    return f'<p class="most">{words}</p>{picture}{_ticks(begin, span)}'
 
 
 def _picture(item: _Try, run: RecordedRun, hands: Mapping[str, GripperModel]) -> str:

@@ -114,14 +114,29 @@ def test_an_object_is_named_with_its_look(tmp_path):
     assert "object 1 of look 2 at" in page
 
 
-def test_the_forces_of_an_attempt_have_a_time_axis(tmp_path):
+def test_the_forces_of_an_attempt_are_at_the_times_of_the_timeline(tmp_path):
     trace = {"event": "trace", "rows": [[3.0, 10.0, 1.0], [23.0, 60.0, 5.0]]}
     page = page_of(
         tmp_path, *states("capture", "lift"), trace,
         {"event": "attempt", "number": 1, "removed": True},
     )  # fmt: skip
     forces = page.split('viewBox="0 0 560')[1].split("</svg>")[1].split("</div>")[0]
-    assert [f">{t} s<" in forces for t in (2, 10, 18, 20)] == [True, True, True, False]
+    assert [f">{t} s<" in forces for t in (2, 4, 12, 22)] == [False, True, True, True]
+    assert 'left:5.00%">4 s<' in forces
+
+
+def test_no_force_is_drawn_where_none_was_read(tmp_path):
+    page = page_of(
+        tmp_path,
+        *states("capture", "lift"),
+        {"event": "trace", "rows": [[0.0, 10.0, 1.0], [1.0, 10.0, 1.0]]},
+        {"event": "trace", "rows": [[9.0, 60.0, 5.0], [10.0, 60.0, 5.0]]},
+        {"event": "attempt", "number": 1, "removed": True},
+    )
+    curves = re.findall(r'<polyline points="([^"]*)"', page)
+    assert len(curves) == 4
+    assert curves[0] == "0.0,103.3 56.0,103.3"
+    assert curves[1] == "504.0,70.0 560.0,70.0"
 
 
 def test_drop_offs_and_what_was_put_down_are_shown_from_above(tmp_path):
