@@ -293,4 +293,4 @@ def _looks(
 ) -> tuple[ObservationFile, Rig | None]:
     path = Path(observations)
     given = load_observations(path)
-    return given, rig_of(given, path.parent, robot, fiducial)
+    return given, rig_of(given, path, robot, fiducial)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from debrisgrasp._files import is_yaml
+from debrisgrasp._unreadable import why_not_there
 from debrisgrasp.calibration import CalibrationConfig, Observations
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io.calibration_json import StoredCalibration
@@ -61,13 +63,13 @@ def limits_with(config: CalibrationConfig, given: ObservationFile) -> Calibratio
 
 def rig_of(
     given: ObservationFile,
-    folder: Path,
+    path: Path,
     robot: str | Path | None = None,
     fiducial: str | Sequence[float] | None = None,
 ) -> Rig | None:
     """Rig that a file, or the caller instead, names; None if neither names a robot.
 
-    A robot's file that the observations name lies beside them.
+    A robot's file that the observations name is sought from where they are, ``path``.
 
     Raises
     ------
@@ -86,8 +88,15 @@ def rig_of(
             "camera, its place in base",
             mend="Name it in the observations (`fiducial:`) or with --fiducial.",
         )
-    if robot is None and (folder / name).suffix in (".yaml", ".yml"):
-        name = folder / name
+    if robot is None and is_yaml(name):
+        name = path.parent / name
+        if why := why_not_there(name, "file"):
+            raise ConfigError(
+                f"robot of {path}",
+                got=f"{why}: {name}",
+                expected="a robot's file; its path is relative to that one",
+                mend="Correct `robot` in it, or give the robot's file as --robot.",
+            )
     model = RobotModel.load(name)
     if is_carried(model):
         return WristRig(robot=model, fiducial=place)

@@ -126,7 +126,7 @@ def run_solve(arguments: argparse.Namespace) -> int:
     if arguments.out:
         require_own(arguments.out, CALIBRATION_SCHEMA, "a calibration")
     given = _with_sigma(load_observations(source), arguments)
-    rig = rig_given(arguments, given, source.parent)
+    rig = rig_given(arguments, given, source)
     previous = load_calibration(arguments.previous) if arguments.previous else None
     known = None if rig is None else Known(head=rig.head)
     if previous is not None:

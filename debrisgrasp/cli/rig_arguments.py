@@ -81,14 +81,14 @@ def view_of(site: Settings) -> View:
 
 
 def rig_given(
-    arguments: argparse.Namespace, given: ObservationFile, folder: Path
+    arguments: argparse.Namespace, given: ObservationFile, path: Path
 ) -> Rig | None:
     """Rig of the arguments, the observations or, where these name none, the site."""
     robot = arguments.robot
     has_fiducial = arguments.fiducial is not None or given.fiducial is not None
     if arguments.site is not None and given.robot is None and has_fiducial:
         robot = site_of(arguments).robot
-    return rig_of(given, folder, robot, arguments.fiducial)
+    return rig_of(given, path, robot, arguments.fiducial)
 
 
 def require_same_fiducial(stored: StoredCalibration, rig: Rig | None) -> None:

@@ -45,7 +45,7 @@ def run_watch(arguments: argparse.Namespace) -> int:
     stored = load_calibration(arguments.calibration)
     stored.require_accepted()
     given = load_observations(arguments.looks)
-    rig = rig_given(arguments, given, arguments.looks.parent)
+    rig = rig_given(arguments, given, arguments.looks)
     require_same_robot(stored, rig)
     require_same_fiducial(stored, rig)
     looks = observations_of(given, rig)

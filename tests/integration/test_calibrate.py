@@ -216,6 +216,11 @@ def test_a_robots_file_is_found_from_where_its_postures_were_written_or_picked(
     rows = [view["observation"] for view in content["views"]]
     picked.write_text(json.dumps({**content["header"], "observations": rows}))
     assert "no point for look_1" in refused("calibrate", picked)
+    moved = shutil.move(todo, tmp_path)
+    said = refused("calibrate", moved)
+    assert f"robot of {moved}: got no file there: {tmp_path}" in said
+    assert "its path is relative to that one. Correct `robot` in it, or give" in said
+    assert "no point for look_1" in refused("calibrate", moved, "--robot", "roman.yaml")
 
 
 def test_the_camera_sees_what_was_chosen_and_nothing_is_touched(rig, rng):
