@@ -10,6 +10,8 @@ from debrisgrasp.geometry import SE3
 from debrisgrasp.io.calibration_json import StoredCalibration
 from debrisgrasp.kinematics import RobotModel
 
+from .wrist import link_before
+
 __all__ = ["pose_on_arm"]
 
 
@@ -25,7 +27,7 @@ def pose_on_arm(
     stored
         Its calibration, with a `link`.
     robot
-        The robot that it was made with; any other is refused.
+        The robot that it was made with; any other, or another camera, is refused.
     joints
         Values by name when the picture is taken [rad or m]. Each joint of an arm that
         moves the camera must be there; others stand at rest if they are not.
@@ -33,7 +35,7 @@ def pose_on_arm(
     Raises
     ------
     ConfigError
-        For another robot, a joint that is missing or beyond its limits.
+        For another robot or camera, a joint that is missing or beyond its limits.
     UnknownNameError, InputError
         For a joint that the robot lacks, or that is no number.
     """
@@ -49,6 +51,16 @@ def pose_on_arm(
         )
     stored.require_of(robot.name)
     robot.tree.require_link(link, f"link of {what}")
+    own = link if robot.camera is None else link_before(robot, robot.camera)
+    if own != link:
+        raise ConfigError(
+            what,
+            got=f"one of a camera on link {link!r}",
+            expected=f"one of a camera on {own!r}, which carries {robot.camera!r}, the "
+            f"camera of {robot.name}",
+            mend="Calibrate this camera, or name as `camera` of the robot's file the "
+            "frame of the one that was calibrated.",
+        )
     missing = [name for name in arm_joints_above(robot, link) if name not in joints]
     if missing:
         raise _without_joints(stored, f"none for {', '.join(missing)}")

@@ -18,12 +18,18 @@ from debrisgrasp.kinematics import ArmCollision, KinematicChain, RobotModel
 
 from .rows import kinematic_sigma_of, points_of, require_joints, sigmas_of
 
-__all__ = ["WristRig", "is_carried"]
+__all__ = ["WristRig", "is_carried", "link_before"]
 
 
 def is_carried(robot: RobotModel) -> bool:
     """Whether an arm of the robot carries its camera, beyond all its joints."""
     return _carrier(robot) is not None
+
+
+def link_before(robot: RobotModel, frame: str) -> str:
+    """Link that the last joint above a frame moves; the base, if none does."""
+    joints = robot.tree.joints_above(frame)
+    return next((j.child for j in joints if j.kind != "fixed"), robot.base)
 
 
 def _carrier(robot: RobotModel) -> str | None:
@@ -79,8 +85,7 @@ class WristRig:
     @cached_property
     def link(self) -> str:
         """Link in which the camera is sought: the last that a joint moves."""
-        above = self.robot.tree.joints_above(str(self.robot.camera))
-        return next(joint.child for joint in above if joint.kind != "fixed")
+        return link_before(self.robot, str(self.robot.camera))
 
     @cached_property
     def head(self) -> Head:

@@ -148,6 +148,25 @@ def test_what_is_stored_poses_a_capture_by_the_joints(
     assert capture.T_base_camera.matrix == pytest.approx(expected.matrix)
 
 
+def test_a_calibration_of_another_link_than_the_camera_is_on_is_refused(
+    robot_file, stored, chosen, tmp_path
+):
+    joints = load_observations(chosen[0]).rows[0].joints
+    shutil.copy(data_path("robots", "roman.urdf"), tmp_path)
+    text = robot_file.read_text("utf-8")
+    for camera, link in (
+        ("parent: left_camhand_palm_link", "left_arm_link7"),
+        ("parent: ptu_tilt_link", "ptu_tilt_link"),
+    ):
+        other = tmp_path / "other.yaml"
+        moved = text.replace("parent: right_robotiq_palm_link", camera)
+        other.write_text(moved, "utf-8")
+        settings = Settings(robot=str(other), calibration=stored)
+        words = f"got one of a camera on link '{LINK}', expected .*'{link}'.*'eye'"
+        with pytest.raises(ConfigError, match=words):
+            settings.pose_of_camera(joints)
+
+
 @pytest.fixture
 def posed(robot, stored, pipe_capture, tmp_path):
     """Capture without a pose, a calibration that gives it its own, and the joints."""
