@@ -31,6 +31,12 @@ _FARTHEST = 1.5
 """Whatever is touched is nearer to the hand than this [m]."""
 _USABLE = 0.98
 """Share of a sensor's range up to which it is believed."""
+_STAMP = (
+    "Its time (WrenchReading.time of a driver) is when it was measured, by the clock "
+    "of the loop: see that the driver hands on the latest, and stamps it so. Only for "
+    "a sensor that is slower than that raise hold_after."
+)
+"""What to do about a wrench that is too old."""
 _MUCH = 0.25
 """Share of a limit from which on it matters if an axis ends before its range."""
 
@@ -131,12 +137,15 @@ class Supervisor:
                 expected=f"{self._kinematics.n_joints} and 6 finite numbers",
                 mend="See why the driver sends none; nothing is moved without.",
             )
-        if not abs(reading.time - reading.wrench_time) <= self.config.hold_after:
+        age = reading.time - reading.wrench_time
+        most = self.config.hold_after
+        if not abs(age) <= most:
             raise StartError(
                 RefusalCause.STALE,
                 "age of the first wrench [s]",
-                got=reading.time - reading.wrench_time,
-                expected=f"at most {self.config.hold_after:g}",
+                got=f"{age:.3g}",
+                expected=f"at most {most:g} (SafetyConfig.hold_after)",
+                mend=_STAMP,
             )
         R, _ = self._kinematics.pose(q)
         load = self.loads.load_ee(raw, R)
@@ -235,7 +244,8 @@ class Supervisor:
         age = now - state.wrench_time
         state = state._replace(time=now, q=q, followed=followed)
         if age >= self.config.stop_after - _CLOCK:
-            words = f"the last one is {1000 * age:.0f} ms old"
+            words = f"the last one is {1000 * age:.0f} ms old; the limit is "
+            words += f"{1000 * self.config.stop_after:g} (SafetyConfig.stop_after)"
             return self._stopped(state, Fault.WRENCH_LOST, words, now)
         may_advance = age <= self.config.hold_after + _CLOCK
         return state, self._verdict(state, is_fresh=False, may_advance=may_advance)

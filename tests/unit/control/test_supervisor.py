@@ -96,6 +96,7 @@ def test_a_wrench_that_is_no_number_holds_then_pauses_then_stops(value):
     assert shares[-1] < 0.95 * shares[2]
     assert stopped == 10  # 40 ms
     assert command.stop.fault is Fault.WRENCH_LOST
+    assert "the limit is 40 (SafetyConfig.stop_after)" in command.stop.message
     assert np.isfinite(state.filtered).all()
 
 
@@ -322,8 +323,12 @@ def test_a_first_reading_must_be_whole_and_recent():
         rig.controller.engage(good._replace(wrench_ft=(np.nan,) * 6))
     with pytest.raises(InputError, match="first reading"):
         rig.controller.engage(good._replace(q=(0.0,)))
-    with pytest.raises(InputError, match="age of the first wrench"):
-        rig.controller.engage(good._replace(wrench_time=-0.05))
+    with pytest.raises(
+        InputError,
+        match=r"age of the first wrench \[s\]: got 0\.024, expected at most 0\.012 "
+        r"\(SafetyConfig\.hold_after\)\. .*WrenchReading\.time",
+    ):
+        rig.controller.engage(good._replace(wrench_time=-0.024))
 
 
 def test_an_inverted_sensor_reads_the_same_load():
