@@ -9,6 +9,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import arm_called
+from debrisgrasp.control import SafetyConfig
 from debrisgrasp.geometry import SE3, Intrinsics
 from debrisgrasp.kinematics import LimitSet
 
@@ -39,7 +40,7 @@ __all__ = [
 ]
 
 _OLD = 0.2
-"""A reading older than this is not of now [s]."""
+"""A reading older than this is not of now [s]; a wrench must be younger."""
 _FREE_LOAD = (20.0, 5.0)
 """Load of an idle hand, at most [N, N m]."""
 
@@ -104,16 +105,16 @@ def clock_runs(robot: Robot) -> Iterator[str]:
 def times_rise(robot: Robot) -> Iterator[str]:
     """Check that readings are of now, and later ones are later."""
     clock = robot.clock
-    readers: list[tuple[str, Callable[[], Any]]] = []
+    readers: list[tuple[str, Callable[[], Any], float]] = []
     for name, limb in robot.limbs.items():
         readers += [
-            (f"arm {name}", limb.arm.read),
-            (f"sensor {name}", limb.sensor.read),
-            (f"gripper {name}", limb.gripper.read),
+            (f"arm {name}", limb.arm.read, _OLD),
+            (f"sensor {name}", limb.sensor.read, SafetyConfig().hold_after),
+            (f"gripper {name}", limb.gripper.read, _OLD),
         ]
     if robot.head is not None:
-        readers.append(("head", robot.head.read))
-    for device, read in readers:
+        readers.append(("head", robot.head.read, _OLD))
+    for device, read, oldest in readers:
         first = read().time
         if odd := odd_time(first):
             yield f"{device}: {odd}"
@@ -124,8 +125,11 @@ def times_rise(robot: Robot) -> Iterator[str]:
             yield f"{device}: the time is {first}, then {second}"
         elif second <= first:
             yield f"{device}: a reading 0.1 s later bears no later time"
-        elif not now - _OLD <= second <= now + 1e-3:
-            yield f"{device}: a reading is of {second:g} s when the clock says {now:g}"
+        elif not now - oldest <= second <= now + 1e-3:
+            yield (
+                f"{device}: a reading is of {second:.3f} s when the clock says "
+                f"{now:.3f}; it may be {1e3 * oldest:g} ms old"
+            )
 
 
 def joints_are_read(robot: Robot) -> Iterator[str]:

@@ -195,6 +195,16 @@ def frozen_time(robot):
     return with_limb(robot, "arm", read=lambda: arm.read()._replace(time=1.0))
 
 
+def late_wrench(robot):
+    sensor = robot.limbs["right"].sensor
+
+    def read():
+        reading = sensor.read()
+        return reading._replace(time=reading.time - 0.024)
+
+    return with_limb(robot, "sensor", read=read)
+
+
 def timeless(robot):
     arm = robot.limbs["right"].arm
     return with_limb(robot, "arm", read=lambda: arm.read()._replace(time=None))
