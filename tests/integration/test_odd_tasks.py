@@ -15,7 +15,7 @@ from debrisgrasp.errors import DriverError
 from debrisgrasp.executive import FAULTS, RunEnd, Simulated, State, TaskSettings
 from debrisgrasp.geometry import SE3
 from debrisgrasp.worlds import World
-from tests.tasks import one_beam, run_struck
+from tests.tasks import one_beam, run_struck, trust_the_camera
 from tests.unit.robot.broken_robots import (
     Changed,
     fewer_fingers,
@@ -47,7 +47,8 @@ def assert_within_limits(done):
     assert truth.overloads == ()
 
 
-def test_what_is_too_heavy_is_dragged_to_the_drop_off(pipeline):
+def test_what_is_too_heavy_is_dragged_to_the_drop_off(pipeline, monkeypatch):
+    trust_the_camera(monkeypatch)
     settings = replace(ONE, max_mass=3.0)
     done = run_struck(pipeline, one_beam(4.0), settings)
     (fault,) = done.result.faults
@@ -71,7 +72,8 @@ def test_what_is_too_heavy_is_dragged_to_the_drop_off(pipeline):
     assert_within_limits(done)
 
 
-def test_where_nothing_lies_the_way_is_clear_and_that_is_said(pipeline):
+def test_where_nothing_lies_the_way_is_clear_and_that_is_said(pipeline, monkeypatch):
+    trust_the_camera(monkeypatch)
     (beam,) = one_beam().bodies
     nowhere = World((beam.at(SE3.from_parts(p=[8.0, 0.0, 0.0445])),))
     done = run_struck(pipeline, nowhere, replace(ONE, max_removals=None))
@@ -82,7 +84,10 @@ def test_where_nothing_lies_the_way_is_clear_and_that_is_said(pipeline):
     assert_within_limits(done)
 
 
-def test_a_drop_off_in_the_pile_ends_the_run_before_anything_is_touched(pipeline):
+def test_a_drop_off_in_the_pile_ends_the_run_before_anything_is_touched(
+    pipeline, monkeypatch
+):
+    trust_the_camera(monkeypatch)
     (beam,) = one_beam().bodies
     # It lies in the way, and its end where things are to be put down.
     across = SE3.from_parts(beam.T_base_body.R, [0.8, -0.55, 0.0445])
@@ -97,7 +102,9 @@ def test_a_drop_off_in_the_pile_ends_the_run_before_anything_is_touched(pipeline
 
 
 @pytest.mark.parametrize("state", [State.SELF_TEST, State.PREGRASP, State.LIFT])
-def test_joints_that_are_no_numbers_stop_the_robot(pipeline, beam, state):
+def test_joints_that_are_no_numbers_stop_the_robot(pipeline, beam, monkeypatch, state):
+    trust_the_camera(monkeypatch)
+
     def blind(robot, record):
         arm = robot.limbs["right"].arm
 
@@ -151,7 +158,12 @@ def ended_at(state, robot, record):
     ("device", "state"),
     [("arm", "calib_check"), ("sensor", "calib_check"), ("gripper", "pregrasp")],
 )
-def test_a_device_that_is_gone_for_good_stops_the_robot(pipeline, beam, device, state):
+def test_a_device_that_is_gone_for_good_stops_the_robot(
+    pipeline, beam, monkeypatch, device, state
+):
+    if state != "calib_check":
+        trust_the_camera(monkeypatch)
+
     def gone(robot, record):
         here = getattr(robot.limbs["right"], device)
 
@@ -209,8 +221,11 @@ def test_a_driver_that_sends_nonsense_is_named_before_anything_moves(
     ],
 )
 def test_a_driver_that_begins_to_send_nonsense_is_named_and_no_error_of_ours(
-    pipeline, beam, device, answer, state, words
+    pipeline, beam, monkeypatch, device, answer, state, words
 ):
+    if state is not State.CALIB_CHECK:
+        trust_the_camera(monkeypatch)
+
     def broken(robot, record):
         here = getattr(robot.limbs["right"], device)
 
@@ -328,7 +343,8 @@ def test_a_wrist_that_feels_no_torque_touches_nothing(pipeline, beam):
     assert done.result.n_removed == 0
 
 
-def test_a_mark_of_no_yes_and_no_is_refused(pipeline, beam):
+def test_a_mark_of_no_yes_and_no_is_refused(pipeline, beam, monkeypatch):
+    trust_the_camera(monkeypatch)
     task = replace(ONE, mark=lambda taken: np.full(taken.depth.shape, np.nan))
     done = run_struck(pipeline, beam, task)
     assert (
