@@ -22,6 +22,9 @@ __all__ = [
     "Surrounding",
 ]
 
+_STRAYS = 0.005
+"""Share of the points of a segment beyond either end of it."""
+
 
 class PointKind(IntEnum):
     """What a point was taken for before the rest was divided into objects."""
@@ -119,7 +122,8 @@ class Segment:
     axes: FloatArray
     """Principal axes as rows, longest first, right-handed, shape (3, 3)."""
     extents: FloatArray
-    """Length along each principal axis [m], shape (3,)."""
+    """Length along each principal axis [m], shape (3,); the farthest 0.5 % of the
+    points at either end are taken for strays, such as flying pixels at edges."""
     certainty: float = 1.0
     """How sure it is that this is one object, in [0, 1]: the score of the weakest join
     of notable parts; 1 if there was nothing to join."""
@@ -283,10 +287,12 @@ def measured_segments(
     axes = np.swapaxes(np.linalg.eigh(covariance)[1][:, :, ::-1], 1, 2)
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     extents = np.empty((n_labels, 3))
-    for i in range(3):
-        along = sum(np.repeat(axes[:, i, j], count) * centered[j] for j in range(3))
-        extents[:, i] = np.maximum.reduceat(along, starts)
-        extents[:, i] -= np.minimum.reduceat(along, starts)
+    beyond = (_STRAYS * count).astype(int)
+    for k, (start, n, few) in enumerate(zip(starts, count, beyond, strict=True)):
+        along = np.partition(
+            axes[k] @ centered[:, start : start + n], (few, n - 1 - few)
+        )
+        extents[k] = along[:, n - 1 - few] - along[:, few]
     lower = np.minimum.reduceat(coordinates, starts, axis=1).T - 1e-6
     upper = np.maximum.reduceat(coordinates, starts, axis=1).T + 1e-6
     centroids = centroids.T
