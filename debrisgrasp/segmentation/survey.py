@@ -46,24 +46,21 @@ def surveyed(
     below = cloud.viewpoint * [1.0, 1.0, 0.0]
     T_seen_base = SE3.from_parts(R_seen_base, -R_seen_base @ below)
     seen = cloud.in_frame(T_seen_base, "seen")
-    order: IntArray = np.arange(len(cloud))
+    inside = None if region is None else region.contains(cloud.points)
+    order: IntArray | None = None
     if seen.pixels is None:
         # Samples are taken by order, which must not be that of the base frame.
         order = by_place(seen.points)[0]
         seen = seen.selected(order)
-    is_ground, report = find_ground(
-        seen,
-        ground,
-        inside=None if region is None else region.contains(cloud.points)[order],
-        is_cropped=is_cropped,
-    )
+        inside = None if inside is None else inside[order]
+    is_ground, report = find_ground(seen, ground, inside=inside, is_cropped=is_cropped)
     standing, report = find_surroundings(seen, is_ground, report, surroundings)
+    if report.plane is not None:
+        plane = frozen(report.plane @ T_seen_base.matrix, "plane", (4,))
+        report = replace(report, plane=plane)
+    if order is None:
+        return standing, report
     assert report.kinds is not None
-    is_standing, kinds = np.empty_like(standing), np.empty_like(report.kinds)
-    is_standing[order], kinds[order] = standing, report.kinds
-    plane = None if report.plane is None else report.plane @ T_seen_base.matrix
-    return is_standing, replace(
-        report,
-        kinds=frozen(kinds, "kinds", (None,), np.uint8),
-        plane=None if plane is None else frozen(plane, "plane", (4,)),
-    )
+    back = np.argsort(order)
+    kinds = frozen(report.kinds[back], "kinds", (None,), np.uint8)
+    return standing[back], replace(report, kinds=kinds)
