@@ -19,11 +19,12 @@ from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.motion import MotionSpace, UnknownSpace
 from debrisgrasp.segmentation import Segment
 
-from .context import Context, LimbState
+from .context import Context
 from .drive import Drive
 from .dropoff import postures_at
 from .fingers import open_hand
 from .folding import free_share, straight
+from .limb_state import LimbState
 from .marks import Mark
 from .moves import CAUGHT, planned
 from .obstacles import room_for

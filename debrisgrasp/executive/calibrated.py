@@ -20,9 +20,10 @@ from debrisgrasp.motion import MotionSpace, UnknownSpace
 from debrisgrasp.pipeline.self_filter import body_at, own_pixels
 from debrisgrasp.robot import DepthFrame
 
-from .context import Context, LimbState
+from .context import Context
 from .drive import Drive
 from .gaze import look_of, turn_head
+from .limb_state import LimbState
 from .moves import planned, reversed_motion
 from .obstacles import BARE
 from .perceive import sight_of

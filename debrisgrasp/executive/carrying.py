@@ -16,12 +16,13 @@ from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.motion import MotionPlan, MotionPlanner, MotionSpace, UnknownSpace
 
-from .context import Context, Held, LimbState
+from .context import Context, Held
 from .drag import drag
 from .drive import Drive
 from .dropoff import drop_postures, longer, may_lie, no_place, room_below
 from .folding import free_share, is_folded
 from .hanging import looked_at
+from .limb_state import LimbState
 from .loaded import carrying
 from .moves import LAST_RESORT, planned, within_limits
 from .obstacles import box_around, room_for, space_of

@@ -17,11 +17,12 @@ from debrisgrasp.control import (
 from debrisgrasp.control._rigid import Wrench
 from debrisgrasp.pipeline import GraspMotion
 
-from .context import Context, Held, LimbState
+from .context import Context, Held
 from .drive import Drive
 from .dropoff import object_in_hand
 from .fingers import run_grip
 from .grasping import STANDING, motion_of, opening_of
+from .limb_state import LimbState
 from .result import Done, FaultFound, StepResult
 from .senses import STILL_FELT
 

@@ -13,7 +13,8 @@ from debrisgrasp.control import CartesianLeg, LegPlanner
 from debrisgrasp.geometry import SE3, so3, voxel_downsample
 from debrisgrasp.kinematics import solve, solve_distinct
 
-from .context import Context, LimbState
+from .context import Context
+from .limb_state import LimbState
 from .obstacles import box_around, lying
 from .pacing import widest_corners
 

@@ -17,8 +17,8 @@ from debrisgrasp.control import (
 )
 from debrisgrasp.motion import ExactTest, MotionSpace
 
-from .context import LimbState
 from .drive import Drive
+from .limb_state import LimbState
 from .obstacles import BARE
 from .result import FaultFound, LegEnd
 

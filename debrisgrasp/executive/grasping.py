@@ -22,9 +22,10 @@ from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.pipeline import GraspMotion
 from debrisgrasp.planning import Grasp
 
-from .context import Context, LimbState
+from .context import Context
 from .drive import Drive
 from .fingers import open_hand
+from .limb_state import LimbState
 from .moves import planned
 from .obstacles import room_for
 from .result import Done, FaultFound, LegEnd, StepResult

@@ -10,8 +10,9 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.kinematics import LimitSet
 
-from .context import Context, LimbState
+from .context import Context
 from .drive import Drive
+from .limb_state import LimbState
 from .pacing import cubic_time
 from .result import FaultFound
 from .stopping import stop_all

@@ -17,8 +17,8 @@ from debrisgrasp.kinematics.urdf import UrdfJoint
 from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.robot import Robot
 
-from .context import LimbState
 from .grasping import require_room
+from .limb_state import LimbState
 from .reposition import FARTHEST
 from .settings import TaskSettings
 
@@ -183,7 +183,6 @@ def limbs_of(
             hand=hands[model.arm(name).gripper],
             kinematics=PostureKinematics(reach.chain),
             loads=limb.loads,
-            commissioned_bias=np.array(limb.loads.bias),
             is_own_joint=_own_joints(robot, name),
         )
     require_own_sides({n: limb.reach for n, limb in limbs.items()}, settings.drop_off)

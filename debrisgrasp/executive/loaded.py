@@ -13,7 +13,8 @@ from debrisgrasp.kinematics.pairs import without_idle_pairs
 from debrisgrasp.kinematics.solids import solids_of_shape
 from debrisgrasp.motion import MotionPlanner
 
-from .context import Context, LimbState
+from .context import Context
+from .limb_state import LimbState
 from .obstacles import box_around
 
 __all__ = ["carrying"]

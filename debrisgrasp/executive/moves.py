@@ -19,10 +19,11 @@ from debrisgrasp.motion import (
     MotionSpace,
 )
 
-from .context import Context, LimbState
+from .context import Context
 from .drive import Drive
 from .fingers import loosen
 from .folding import free_share, straight
+from .limb_state import LimbState
 from .noticed import OUTSIDE, misplaced
 from .pacing import lying_speed
 from .relief import standing_load, with_room

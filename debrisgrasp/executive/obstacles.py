@@ -13,7 +13,8 @@ from debrisgrasp.kinematics.urdf import UrdfShape
 from debrisgrasp.motion import MotionPlanner, MotionSpace, UnknownSpace
 from debrisgrasp.pipeline.self_filter import are_near
 
-from .context import Context, LimbState
+from .context import Context
+from .limb_state import LimbState
 
 __all__ = ["BARE", "box_around", "lying", "room_for", "space_of"]
 

@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
-from .context import Context, LimbState
+from .context import Context
+from .limb_state import LimbState
 from .settings import TURN_STIFFNESS
 
 __all__ = [

@@ -23,10 +23,11 @@ from debrisgrasp.kinematics import LimitFamily
 from debrisgrasp.motion import UnknownSpace
 from debrisgrasp.robot.kinds import dead_half, odd_openings
 
-from .context import Context, LimbState
+from .context import Context
 from .drive import Drive
 from .fingers import open_hand
 from .guarded import nonsense
+from .limb_state import LimbState
 from .moves import planned
 from .noticed import misplaced
 from .obstacles import space_of
@@ -160,7 +161,7 @@ def _baseline(context: Context, limb: LimbState) -> FloatArray | FaultFound:
         return FaultFound("wrench_sign", wrong, limb.name)
     age = context.now() - limb.baseline_time if limb.baseline_time else _FIRST_AGE
     verdict = judge_baseline(
-        looks, limb.loads, limb.commissioned_bias, age=age, drift=BiasBound()
+        looks, limb.loads, limb.limb.loads.bias, age=age, drift=BiasBound()
     )
     if verdict.bias is None:
         causes = {refusal.cause for refusal in verdict.refusals}

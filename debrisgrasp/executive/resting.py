@@ -15,12 +15,13 @@ from debrisgrasp.errors import DriverError
 from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.motion import MotionPlan, MotionSpace, UnknownSpace
 
-from .context import Context, LimbState
+from .context import Context
 from .drag import drive_back
 from .drive import Drive
 from .felt import feel_out
 from .folding import is_folded, straight, unfolds
 from .hanging import looked_after, looked_again, looked_around
+from .limb_state import LimbState
 from .moves import LAST_RESORT, planned, pull_of, reversed_motion
 from .obstacles import space_of
 from .pacing import cubic_time
