@@ -319,7 +319,7 @@ def _remember(context: Context, mark: Mark, own: FloatArray, shift: FloatArray) 
     cycle.around = np.concatenate([others, own + shift])
     mark.centroid, mark.within = mark.centroid + shift, _WITHIN
     if not context.is_in_way((own + shift).mean(axis=0)):
-        context.dropped.append(own + shift)
+        context.memory.dropped.append(own + shift)
 
 
 def _left(context: Context, drive: Drive, way: FloatArray) -> FaultFound | None:

@@ -20,6 +20,7 @@ from debrisgrasp.robot.kinds import odd_image
 
 from .limb_state import LimbState
 from .marks import Marks
+from .obstacle_memory import ObstacleMemory
 from .result import FaultFound, FaultRaised
 from .settings import TaskSettings
 from .states import State
@@ -155,14 +156,7 @@ class Context:
     """Where the base stood when the task began: in that frame the workspace is."""
     last_seen: Perception | None = None
     """The last look, until the base moves; a new cycle has none of its own at first."""
-    dropped: list[FloatArray] = field(default_factory=list)
-    """Surfaces of what was put down, as it is guessed, base frame [m], each (n, 3)."""
-    lain: list[FloatArray] = field(default_factory=list)
-    """The same where it was seen since."""
-    fallen: list[FloatArray] = field(default_factory=list)
-    """The same of what was let go among what the camera sees, until it looks again."""
-    felt: list[FloatArray] = field(default_factory=list)
-    """The same of what empty hands touched on their ways, until then."""
+    memory: ObstacleMemory = field(default_factory=ObstacleMemory)
     dragged: SE3 | None = None
     """How far the base has moved with an object, ``T_before_now``; None: not at all, or
     it is back."""
@@ -173,11 +167,6 @@ class Context:
     [s], and the largest force and torque at the hand [N, N m]."""
     left: dict[str, str] = field(default_factory=dict)
     """Objects that stay, and why, by the last look."""
-
-    @property
-    def put_down(self) -> list[FloatArray]:
-        """All that was put down, guessed or seen, base frame [m], each (n, 3)."""
-        return [*self.dropped, *self.lain]
 
     @property
     def n_changes(self) -> int:
@@ -214,8 +203,7 @@ class Context:
         self.T_base_way = T_now_before @ self.T_base_way
         if self.dragged is not None:
             self.dragged = self.dragged @ T_now_before.inverse()
-        for bodies in (self.dropped, self.lain, self.fallen, self.felt):
-            bodies[:] = [T_now_before.apply(body) for body in bodies]
+        self.memory.moved(T_now_before)
         self.marks.moved(T_now_before)
         cycle = self.cycle
         if cycle.centroid is not None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.ndimage import maximum_filter
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.control import CartesianLeg, LegPlanner
@@ -39,8 +37,8 @@ _BESIDE = 0.03
 """So far from the base [m]."""
 _FROM_REST, _FEW = 0.03, 200
 """So far from the arm at rest is what is put down [m], by so many of its points."""
-_CELL = 0.04
-"""Of the map of what lies there already [m]; it counts in all cells beside it, too."""
+_STEP = 0.04
+"""Spacing of points of what was not seen of an object [m]."""
 _AS_LOW = 0.05
 """Places that differ by less in how high things lie there are about as empty [m]."""
 _TILTS = ((0.35, 0.0), (-0.35, 0.0), (0.0, 0.35), (0.0, -0.35))
@@ -122,15 +120,15 @@ def longer(points_hand: FloatArray, T_base_hand: SE3, room: float) -> FloatArray
         Shape (2 m, 3).
     """
     n = len(points_hand)
-    if not _CELL < room < _LONGEST or n < 2 * _FEWEST or n % 2:
+    if not _STEP < room < _LONGEST or n < 2 * _FEWEST or n % 2:
         return points_hand
     seen, under = np.split(T_base_hand.apply(points_hand), 2)
     axis = np.linalg.eigh(np.cov(seen.T))[1][:, -1]
     axis = axis if axis[2] < 0.0 else -axis
     down = axis if axis[2] < -_STEEP else np.array([0.0, 0.0, -1.0])
     along = seen @ down
-    end = seen[along > along.max() - _CELL]
-    steps = np.arange(_CELL, room / -down[2] + _CELL, _CELL)
+    end = seen[along > along.max() - _STEP]
+    steps = np.arange(_STEP, room / -down[2] + _STEP, _STEP)
     reached = np.minimum(steps, room / -down[2])
     more = (end + reached[:, None, None] * down).reshape(-1, 3)
     return T_base_hand.inverse().apply(np.concatenate([seen, more, under, more]))
@@ -274,8 +272,8 @@ def may_lie(
 
 def room_below(context: Context, points: FloatArray) -> float:
     """How far points (n, 3) are over the ground, or what was put down there [m]."""
-    heights = _Lies.of(context.put_down).heights(points)
-    return float((points[:, 2] - heights).min(initial=np.inf))
+    above = points[:, 2] - context.memory.heights(points)
+    return float(above.min(initial=np.inf))
 
 
 def _at_rest(context: Context, limb: LimbState) -> FloatArray:
@@ -359,8 +357,8 @@ def _poses(
     p[..., :2] = (drop_off + shifts)[:, None] - middle
     where = np.tile(thin @ Rs.transpose(0, 2, 1), (len(shifts), 1, 1, 1))
     where[..., :2] += p[..., None, :2]
-    lies = _Lies.of(context.put_down)
-    p[..., 2] = np.maximum((lies.heights(where) - where[..., 2]).max(axis=-1), -bottom)
+    under = context.memory.heights(where) - where[..., 2]
+    p[..., 2] = np.maximum(under.max(axis=-1), -bottom)
     raised = np.floor((p[..., 2] + bottom) / _AS_LOW)
     where[..., 2] += p[..., None, 2]
     is_in_way = np.any(context.is_in_way(where), axis=-1)
@@ -369,30 +367,3 @@ def _poses(
     poses[..., :3, :3], poses[..., :3, 3] = Rs, p
     order = np.lexsort([raised.ravel(), is_in_way.ravel()])
     return SE3(poses.reshape(-1, 4, 4)[order])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Lies:
-    """How high things lie, cell by cell."""
-
-    corner: FloatArray
-    """Of the map [m], shape (2,)."""
-    cells: FloatArray
-    """Heights [m], shape (a, b)."""
-
-    @classmethod
-    def of(cls, bodies: Sequence[FloatArray]) -> _Lies:
-        """Of points of what was put down, base frame [m], each (n, 3)."""
-        points = np.concatenate([np.zeros((1, 3)), *bodies])
-        corner = points[:, :2].min(axis=0) - 2.0 * _CELL
-        at = np.floor((points[:, :2] - corner) / _CELL).astype(np.intp)
-        cells = np.zeros(at.max(axis=0) + 3)
-        np.maximum.at(cells, tuple(at.T), points[:, 2])
-        return cls(corner, maximum_filter(cells, size=3))
-
-    def heights(self, points: FloatArray) -> FloatArray:
-        """Heights below points (..., 2 or more) [m], shape (...)."""
-        at = np.floor((points[..., :2] - self.corner) / _CELL).astype(np.intp)
-        inside = np.asarray(((at >= 0) & (at < self.cells.shape)).all(axis=-1))
-        x, y = np.moveaxis(np.where(inside[..., None], at, 0), -1, 0)
-        return np.asarray(np.where(inside, self.cells[x, y], 0.0))

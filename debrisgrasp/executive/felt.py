@@ -34,7 +34,7 @@ def feel_out(senses: Senses) -> None:
     found = touched_at(np.array(senses.load), hand)
     if found is not None:
         T_base_hand = limb.pose(context.posture(limb))
-        context.felt.append(T_base_hand.apply(_patch(*found)))
+        context.memory.felt.append(T_base_hand.apply(_patch(*found)))
 
 
 def touched_at(

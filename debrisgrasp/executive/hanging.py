@@ -201,18 +201,11 @@ def looked_again(
     leaned = own[_away(stood, place) < _PLACE]
     gone = stood[np.isin(own, leaned) & ~np.isin(own, still)]
 
-    def left(body: FloatArray, near: BoolArray) -> FloatArray:
-        return body[~(near & (body[:, 2] > _STANDS))]
-
     def is_gone(body: FloatArray) -> BoolArray:
         is_near = _near(gone, body, _TOGETHER)
         return np.asarray(is_near & ~_near(stands, body, _TOGETHER))
 
-    context.lain[:] = [left(body, is_gone(body)) for body in context.lain]
-    # A guess is one thing: it stands, or it does not.
-    context.dropped[:] = [
-        left(body, np.full(len(body), is_gone(body).any())) for body in context.dropped
-    ]
+    context.memory.topple(is_gone, _STANDS)
 
 
 def _is_beside(place: FloatArray, ground: FloatArray) -> BoolArray:
@@ -250,10 +243,7 @@ def _lying(
         # Nor does anything lie where the robot stands.
         return body[~_are_own(context, arm, preshape, opening, body)]
 
-    left = map(still, context.dropped)
-    context.dropped[:] = [body for body in left if len(body)]
-    lain = np.concatenate([*map(still, context.lain), points])
-    context.lain[:] = [lain[voxel_downsample(lain, _CELL)]] if len(lain) else []
+    context.memory.settle(points, still)
     return points
 
 

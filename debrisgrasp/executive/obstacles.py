@@ -61,8 +61,9 @@ def space_of(
         points = context.cycle.around
     elif seen is not None and without is not None:
         points = points[~without]
-    guesses = [*context.dropped, *context.fallen] if with_guesses else []
-    points = np.concatenate([points, *context.lain, *context.felt, *guesses])
+    memory = context.memory
+    guesses = memory.guesses if with_guesses else []
+    points = np.concatenate([points, *memory.settled, *memory.felt, *guesses])
     if stands is not None:
         planner, tree = stands[0], cKDTree(points)
         balls = [planner.balls_at(q, _STANDS_FREE) for q in np.atleast_2d(stands[1])]

@@ -318,7 +318,7 @@ def _is_near(context: Context, where: FloatArray) -> BoolArray:
         others = others[others[:, 2] > _GROUND]
     elif seen is not None:
         others = seen.cloud.points[seen.segmentation.labels != 0]
-    others = np.concatenate([others, *context.put_down, *context.fallen])
+    others = np.concatenate([others, *context.memory.lying])
     least = _NEAR if context.held is not None else _NEAR_GROUND
     is_near: BoolArray = where[..., 2].min(axis=1) < least
     if len(others):

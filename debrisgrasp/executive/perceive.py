@@ -247,8 +247,7 @@ def segment(context: Context) -> StepResult:
     if context.settings.mark is not None and context.last_seen is None:
         notes = mask_notes(seen.is_marked, seen.segmentation)
     context.cycle.seen = context.last_seen = seen
-    context.fallen.clear()
-    context.felt.clear()
+    context.memory.refresh()
     ground = seen.segmentation.ground
     if ground.pose_doubt:
         return FaultFound("calibration_off", ground.pose_doubt)

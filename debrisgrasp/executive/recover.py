@@ -188,7 +188,8 @@ def _remember(context: Context, held: Held) -> FloatArray | None:
     lies = body - [0.0, 0.0, high]
     if high > _LOW:
         lies = np.concatenate([body, lies])  # it stands: its lower end was not seen
-    (context.fallen if is_seen else context.dropped).append(lies)
+    memory = context.memory
+    (memory.fallen if is_seen else memory.dropped).append(lies)
     return None if is_seen else lies.mean(axis=0)
 
 

@@ -49,7 +49,7 @@ def release(context: Context) -> StepResult:
     # Let go a second time it lies, or nearly, where it was let go first.
     if len(points) and context.released is not held:
         body = lying(T, points)
-        context.dropped.append(body)
+        context.memory.dropped.append(body)
         context.cycle.place = body.mean(axis=0)
     context.cycle.hung = None  # what is caught in the hand now lies where it belongs
     context.cycle.is_removed = False

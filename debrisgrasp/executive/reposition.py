@@ -113,8 +113,7 @@ def _room(context: Context) -> float:
     """Tell how far ahead the base meets nothing that was seen, or put down [m]."""
     seen = context.cycle.seen
     assert seen is not None
-    clouds = [seen.cloud.points, *context.put_down, *context.fallen]
-    points = np.concatenate(clouds)
+    points = np.concatenate([seen.cloud.points, *context.memory.lying])
     front, half_width = _front(context)
     is_ahead = (np.abs(points[:, 1]) < half_width + _BESIDE) & (points[:, 0] > front)
     ahead = points[is_ahead & (points[:, 2] > _LOW), 0]

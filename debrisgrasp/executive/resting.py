@@ -235,7 +235,7 @@ def _way_to(
         (UnknownSpace.IGNORED, stands, False),
         (UnknownSpace.IGNORED, gone, False),
     ):
-        if leaves is stands and not (with_guesses or context.dropped or context.fallen):
+        if leaves is stands and not (with_guesses or context.memory.guesses):
             continue
         space = space_of(
             context, unknown=unknown, stands=leaves, with_guesses=with_guesses

@@ -81,17 +81,17 @@ def test_what_a_hand_met_is_an_obstacle_until_the_next_look(pipeline, monkeypatc
     met = FaultFound("plan_collision", "touched", "right")
     monkeypatch.setattr(Drive, "_followed", lambda *_: met)
     assert drive.follow(None) is met
-    (patch,) = context.felt
+    (patch,) = context.memory.felt
     assert np.ptp(patch @ T.R[:, 2]) < 1e-6  # across the push
     assert np.linalg.norm(patch - T.p, axis=1).max() < 0.2
     space = space_of(context, unknown=UnknownSpace.IGNORED, with_guesses=False)
     assert space.measured.distance(patch).max() < 0.03  # cells of 2 cm
     moved = SE3.from_parts(p=[0.3, 0.0, 0.0])
     context.stands_elsewhere(moved)
-    np.testing.assert_allclose(context.felt[0], moved.apply(patch))
+    np.testing.assert_allclose(context.memory.felt[0], moved.apply(patch))
     capture(context)
     segment(context)
-    assert context.felt == []
+    assert context.memory.felt == []
 
 
 def test_what_presses_on_a_load_is_not_taken_for_a_touch_of_the_hand(pipeline):
@@ -100,7 +100,7 @@ def test_what_presses_on_a_load_is_not_taken_for_a_touch_of_the_hand(pipeline):
     drive.load = (0.0, 0.0, 40.0, 0.0, 0.0, 0.0)
     context.held = holding()
     feel_out(drive)
-    assert context.felt == []
+    assert context.memory.felt == []
 
 
 def test_fingers_that_tell_no_numbers_do_not_keep_a_touch_from_being_felt(
@@ -112,4 +112,4 @@ def test_fingers_that_tell_no_numbers_do_not_keep_a_touch_from_being_felt(
     read = HandReading(0.0, (np.nan,) * 3, (0.0,) * 3)
     monkeypatch.setattr(FakeGripper, "read", lambda _: read)
     feel_out(drive)
-    assert len(task.context.felt) == 1
+    assert len(task.context.memory.felt) == 1

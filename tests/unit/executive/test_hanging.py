@@ -159,14 +159,15 @@ def test_what_was_put_down_is_seen_where_it_lies(lifted):
     hand = T_base_hand(context).p + 0.004 * np.random.default_rng(0).normal(size=(9, 3))
     grid = np.stack(np.meshgrid(*3 * [[-0.03, 0.0, 0.03]]), axis=-1).reshape(-1, 3)
     guess = grid + np.array([0.75, -0.85, 0.5])
-    context.dropped[:] = [hand, guess]
-    assert len(looked_after(context, "right", context.dropped[-1].mean(axis=0))) > 50
-    (lying,) = context.lain
+    context.memory.dropped[:] = [hand, guess]
+    place = context.memory.dropped[-1].mean(axis=0)
+    assert len(looked_after(context, "right", place)) > 50
+    (lying,) = context.memory.settled
     assert lying[:, 2].max() == pytest.approx(0.2, abs=0.03)
     beside = np.abs(lying[:, :2] - [0.75, -0.85]).max(axis=1) < 0.18
     assert beside.mean() > 0.95
     # Where the image has no depth, the guess remains.
-    assert sum(map(len, context.dropped)) < 0.2 * (len(hand) + len(guess))
+    assert sum(map(len, context.memory.dropped)) < 0.2 * (len(hand) + len(guess))
 
 
 @pytest.mark.parametrize(("height", "border"), [(0.6, 0), (1.1, 0), (1.1, 4)])
@@ -188,9 +189,9 @@ def test_what_stands_on_end_is_seen_up_to_its_top(lifted, monkeypatch, height, b
     fake.change_world(
         lambda w: World((*w.bodies, post.at(SE3.from_parts(p=place))), w.ground)
     )
-    context.dropped[:] = [np.add(place, [[-0.05, 0.0, -0.2], [0.05, 0.0, 0.2]])]
-    assert len(looked_after(context, "right", context.dropped[-1].mean(axis=0))) > 50
-    (lying,) = context.lain
+    context.memory.dropped[:] = [np.add(place, [[-0.05, 0.0, -0.2], [0.05, 0.0, 0.2]])]
+    assert len(looked_after(context, "right", np.array(place))) > 50
+    (lying,) = context.memory.settled
     assert lying[:, 2].max() == pytest.approx(height, abs=0.03)
 
 
@@ -218,17 +219,17 @@ def test_what_leaned_on_the_hand_is_not_believed_to_stand_when_that_is_away(
     posts = [post_at(x) for x in (0.75, 1.0, 1.4)]
     looks = []
     monkeypatch.setattr(hanging, "looked_after", lambda *_: looks.append(1) or seen)
-    context.lain[:] = [np.concatenate(posts)]
-    context.dropped[:] = [np.add(post, [0.02, 0.0, 0.0]) for post in posts]
+    context.memory.settled[:] = [np.concatenate(posts)]
+    context.memory.dropped[:] = [np.add(post, [0.02, 0.0, 0.0]) for post in posts]
     place = np.array([0.75, -0.85, 0.3])
     hanging.looked_again(context, "right", place, post_at(0.75, high=0.15))
     assert not looks  # what lies can't fall
     hanging.looked_again(context, "right", place, np.concatenate(posts))
-    (lain,) = context.lain
+    (lain,) = context.memory.settled
     for i, (x, height) in enumerate(zip((0.75, 1.0, 1.4), heights, strict=True)):
         top = lain[np.abs(lain[:, 0] - x) < 0.1, 2].max()
         assert top == pytest.approx(height, abs=0.02)
-        assert context.dropped[i][:, 2].max() == pytest.approx(height, abs=0.02)
+        assert context.memory.dropped[i][:, 2].max() == pytest.approx(height, abs=0.02)
 
 
 def test_a_head_at_its_stop_takes_no_picture_twice(lifted, monkeypatch):
@@ -237,14 +238,14 @@ def test_a_head_at_its_stop_takes_no_picture_twice(lifted, monkeypatch):
     place = [0.6, -0.75, 0.55]
     post = make_body("brick", sizes, 2.0, name="post").at(SE3.from_parts(p=place))
     fake.change_world(lambda w: World((*w.bodies, post), w.ground))
-    context.dropped[:] = [np.add(place, [[-0.05, 0.0, -0.2], [0.05, 0.0, 0.2]])]
+    context.memory.dropped[:] = [np.add(place, [[-0.05, 0.0, -0.2], [0.05, 0.0, 0.2]])]
     stop = hanging.look_towards(context, np.array([*place[:2], 0.25]))
     monkeypatch.setattr(hanging, "look_towards", lambda *_: stop)
     taken = []
     monkeypatch.setattr(
         hanging, "image", lambda *a, **k: taken.append(a) or image(*a, **k)
     )
-    assert len(looked_after(context, "right", context.dropped[-1].mean(axis=0))) > 50
+    assert len(looked_after(context, "right", np.array(place))) > 50
     assert len(taken) == 1
 
 

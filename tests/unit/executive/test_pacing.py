@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from debrisgrasp.executive import TaskSettings
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.moves import planned
+from debrisgrasp.executive.obstacle_memory import ObstacleMemory
 from debrisgrasp.executive.obstacles import space_of
 from debrisgrasp.executive.pacing import (
     broken_by,
@@ -174,8 +175,7 @@ def test_a_hand_is_no_faster_than_a_touch_allows_and_slower_near_the_ground(
     context = SimpleNamespace(
         cycle=SimpleNamespace(seen=object(), around=np.zeros((0, 3))),
         held=object() if is_holding else None,
-        put_down=[],
-        fallen=[],
+        memory=ObstacleMemory(),
         settings=TaskSettings(),
     )
     limb, room = SimpleNamespace(reach=SimpleNamespace(chain=chain), limits=limits), 105

@@ -225,7 +225,7 @@ def test_an_object_goes_where_nothing_lies_and_not_into_the_way(pipeline):
     assert is_in_way[n - is_in_way.sum() :].all()
     # A box where the first would go: the next one lies beside it, on the ground.
     box = np.array(np.meshgrid([x - 0.1, x + 0.1], [y - 0.1, y + 0.1], [0.3])).T
-    context.dropped.append(box.reshape(-1, 3))
+    context.memory.dropped.append(box.reshape(-1, 3))
     raised, where, n = poses()
     n_low = np.count_nonzero(raised < 1e-6)
     assert n // 4 < n_low < n
@@ -233,12 +233,12 @@ def test_an_object_goes_where_nothing_lies_and_not_into_the_way(pipeline):
     # With things everywhere it goes onto them.
     far = np.arange(-1.5, 1.5, 0.04)
     slab = np.array(np.meshgrid(x + far, y + far, [0.3])).T
-    context.dropped[:] = [slab.reshape(-1, 3)]
+    context.memory.dropped[:] = [slab.reshape(-1, 3)]
     raised, _, n = poses()
     assert raised == pytest.approx(np.full(n, 0.3))
     words = no_place(context, limb, points, SE3.identity())
     assert "it is full, 30 cm high" in words
-    context.dropped.clear()
+    context.memory.dropped.clear()
     assert "full" not in no_place(context, limb, points, SE3.identity())
 
 
@@ -251,7 +251,7 @@ def test_what_hangs_low_over_what_was_put_down_may_be_put_down_on_it(pipeline):
     )
     held = holding(points_hand=point)
     assert not _is_beside(context, limb, held)
-    context.dropped.append(np.array([[0.2, -0.9, 0.5]]))
+    context.memory.dropped.append(np.array([[0.2, -0.9, 0.5]]))
     assert _is_beside(context, limb, held)
 
 

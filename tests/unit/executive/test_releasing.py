@@ -108,7 +108,7 @@ def test_what_is_let_go_twice_lies_in_one_place(pipeline, monkeypatch):
         context.cycle.reached.append(State.RELEASE)
         assert isinstance(releasing.release(context), Done)
         context.held = held  # it still hangs in the hand
-    assert len(context.dropped) == 1
+    assert len(context.memory.dropped) == 1
 
 
 def test_what_was_let_go_at_the_drop_off_is_taken_back_nowhere(pipeline, monkeypatch):
@@ -120,5 +120,5 @@ def test_what_was_let_go_at_the_drop_off_is_taken_back_nowhere(pipeline, monkeyp
     monkeypatch.setattr(releasing, "put_down", lambda *_: None)
     assert isinstance(releasing.release(context), Done)
     assert context.cycle.hung is None
-    (body,) = context.dropped
+    (body,) = context.memory.dropped
     np.testing.assert_allclose(context.cycle.place, body.mean(axis=0))

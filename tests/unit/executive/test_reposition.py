@@ -24,7 +24,7 @@ def test_a_base_drives_to_where_the_arms_reach_and_takes_along_what_it_knows(pip
     place, beside = np.array([1.3, 0.0, 0.05]), np.array([0.25, 0.75, 0.1])
     failed = FaultFound("unreachable", "no arm gets there")
     context.marks.add(place, failed, n_changes=0, is_search=True)
-    context.dropped.append(beside[None])
+    context.memory.dropped.append(beside[None])
     border = np.array([1.89, 0.0, 0.0])
     assert context.is_in_way(border)
     moved = repositioned(context, [place])
@@ -33,7 +33,7 @@ def test_a_base_drives_to_where_the_arms_reach_and_takes_along_what_it_knows(pip
     shift = np.array([moved, 0.0, 0.0])
     assert context.marks.of(place - shift).searches == 1
     assert not context.marks.why_left(place - shift, context.n_changes, tries=1)
-    np.testing.assert_allclose(context.dropped[0][0], beside - shift, atol=1e-6)
+    np.testing.assert_allclose(context.memory.dropped[0][0], beside - shift, atol=1e-6)
     assert not context.is_in_way(border)
     assert context.is_in_way(border - shift)
     assert fake.truth().violations == ()
@@ -65,7 +65,7 @@ def test_a_base_stays_where_something_stands_before_it(pipeline):
     context = task.context
     look(context)
     n = len(context.cycle.seen.cloud.points)
-    context.fallen.append(np.tile([[0.5, 0.1, 0.2]], (n // 20, 1)))
+    context.memory.fallen.append(np.tile([[0.5, 0.1, 0.2]], (n // 20, 1)))
     assert repositioned(context, [np.array([1.3, 0.0, 0.1])]) == 0.0
     assert np.linalg.norm(fake.base.T_odom_base.p) == 0.0
 
@@ -91,7 +91,7 @@ def test_the_room_ahead_begins_at_the_front_of_the_base(pipeline, monkeypatch, a
     context = task.context
     look(context)
     n = len(context.cycle.seen.cloud.points)
-    context.fallen.append(np.tile([[0.95, 0.1, 0.2]], (n // 20, 1)))
+    context.memory.fallen.append(np.tile([[0.95, 0.1, 0.2]], (n // 20, 1)))
     moved = SE3.from_parts(p=[ahead, 0.0, 0.0])
     solids = [solid.moved(moved) for solid in context.model.fixed_solids()]
     monkeypatch.setattr(RobotModel, "fixed_solids", lambda _: solids)

@@ -161,7 +161,7 @@ def test_a_wrist_that_can_not_be_turned_says_what_is_in_the_way(fake, pipeline):
     task = Executive(fake.robot, pipeline=pipeline, rng=np.random.default_rng(0))
     limb = task.context.limbs["right"]
     hand = limb.pose(task.context.posture(limb)).p
-    task.context.lain.append(hand + POINTS)
+    task.context.memory.settled.append(hand + POINTS)
     found = _turn(task.context, limb)
     assert isinstance(found, FaultFound)
     assert "no free turn of the wrist" in found.message

@@ -148,13 +148,13 @@ def test_at_last_nothing_but_what_was_seen_is_in_the_way(pipeline):
     shell = hand + 0.4 * around / np.linalg.norm(around, axis=1, keepdims=True)
     goal = context.posture(limb)
     goal[0] += 1.2
-    context.dropped[:] = [shell]
+    context.memory.dropped[:] = [shell]
     for with_guesses in (True, False):
         space = space_of(
             context, unknown=UnknownSpace.IGNORED, with_guesses=with_guesses
         )
         assert limb.planner.stands_free(goal, space) is not with_guesses
-    context.lain[:], context.dropped[:] = [shell], []
+    context.memory.settled[:], context.memory.dropped[:] = [shell], []
     space = space_of(context, unknown=UnknownSpace.IGNORED, with_guesses=False)
     assert not limb.planner.stands_free(goal, space)
 
@@ -173,7 +173,7 @@ def test_what_came_into_the_way_since_does_not_trap_an_arm(pipeline):
     hand = limb.pose(context.posture(limb)).p
     around = np.random.default_rng(0).normal(size=(4000, 3))
     shell = hand + 0.25 * around / np.linalg.norm(around, axis=1, keepdims=True)
-    context.lain[:] = [shell]
+    context.memory.settled[:] = [shell]
     seen = space_of(
         context,
         unknown=UnknownSpace.IGNORED,
@@ -225,7 +225,7 @@ def test_what_leans_on_an_arm_does_not_hold_it(pipeline):
     plate = np.stack(np.meshgrid(grid, grid, [0.0]), axis=-1).reshape(-1, 3)
     for limb in limbs:
         q = context.posture(limb)
-        context.lain[:] = [limb.pose(q).p + plate]
+        context.memory.settled[:] = [limb.pose(q).p + plate]
         space = space_of(context, unknown=ignored)
         assert not limb.planner.stands_free(q, space)
         cleared = room_for(context, limbs, unknown=ignored)
@@ -244,9 +244,9 @@ def test_what_was_put_down_is_in_the_way_wherever_the_base_stands(pipeline):
     hand = limb.pose(context.posture(limb)).p
     wall = hand + np.random.default_rng(0).uniform(-0.1, 0.1, (4000, 3))
     T_now_before = SE3.from_parts(so3.from_rpy(np.array([0.0, 0.0, 0.6])), [0.5, 0, 0])
-    context.dropped[:] = [T_now_before.inverse().apply(wall)]
+    context.memory.dropped[:] = [T_now_before.inverse().apply(wall)]
     context.stands_elsewhere(T_now_before)
-    np.testing.assert_allclose(context.dropped[0], wall, atol=1e-9)
+    np.testing.assert_allclose(context.memory.dropped[0], wall, atol=1e-9)
     space = space_of(context, unknown=UnknownSpace.HIDDEN)
     assert not limb.planner.stands_free(context.posture(limb), space)
     assert context.last_seen is None
@@ -345,4 +345,4 @@ def test_a_hand_that_rises_into_something_goes_off_it_again(
     ways = [(0.0, 0.0, 0.12), (0.0, 0.0, -0.05)]
     is_met = outcome is LegOutcome.CONTACT
     np.testing.assert_allclose(gone, ways[: 1 + is_met], atol=1e-9)
-    assert len(context.felt) == is_met
+    assert len(context.memory.felt) == is_met
