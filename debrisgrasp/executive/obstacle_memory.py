@@ -39,9 +39,9 @@ class ObstacleMemory:
         return [*self.dropped, *self.fallen]
 
     @property
-    def lying(self) -> list[FloatArray]:
-        """All that a hand let go."""
-        return [*self.dropped, *self.settled, *self.fallen]
+    def surfaces(self) -> list[FloatArray]:
+        """All that is remembered."""
+        return [*self.guesses, *self.settled, *self.felt]
 
     def heights(self, points: FloatArray) -> FloatArray:
         """How high what was put down lies below points (..., 2 or more) [m], (...)."""
@@ -76,7 +76,8 @@ class ObstacleMemory:
 
         self.settled = [left(body, is_gone(body)) for body in self.settled]
         # A guess is one thing: it stands, or it does not.
-        self.dropped = [left(body, is_gone(body).any()) for body in self.dropped]
+        stood = (left(body, is_gone(body).any()) for body in self.dropped)
+        self.dropped = [body for body in stood if len(body)]
 
     def moved(self, T_now_before: SE3) -> None:
         """Take all along when the base has moved."""

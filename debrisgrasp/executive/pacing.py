@@ -310,7 +310,7 @@ def careful(
 
 
 def _is_near(context: Context, where: FloatArray) -> BoolArray:
-    """Whether any of points (n, k, 3) is near what was seen, or the ground, (n,)."""
+    """Whether any of points (n, k, 3) is near what is known, or the ground, (n,)."""
     seen, n = context.cycle.seen, len(where)
     others = np.zeros((0, 3))
     if context.cycle.around is not None:
@@ -318,7 +318,7 @@ def _is_near(context: Context, where: FloatArray) -> BoolArray:
         others = others[others[:, 2] > _GROUND]
     elif seen is not None:
         others = seen.cloud.points[seen.segmentation.labels != 0]
-    others = np.concatenate([others, *context.memory.lying])
+    others = np.concatenate([others, *context.memory.surfaces])
     least = _NEAR if context.held is not None else _NEAR_GROUND
     is_near: BoolArray = where[..., 2].min(axis=1) < least
     if len(others):

@@ -110,10 +110,10 @@ def _way(context: Context, wanted: float, room: float) -> float:
 
 
 def _room(context: Context) -> float:
-    """Tell how far ahead the base meets nothing that was seen, or put down [m]."""
+    """Tell how far ahead the base meets nothing that is known to be there [m]."""
     seen = context.cycle.seen
     assert seen is not None
-    points = np.concatenate([seen.cloud.points, *context.memory.lying])
+    points = np.concatenate([seen.cloud.points, *context.memory.surfaces])
     front, half_width = _front(context)
     is_ahead = (np.abs(points[:, 1]) < half_width + _BESIDE) & (points[:, 0] > front)
     ahead = points[is_ahead & (points[:, 2] > _LOW), 0]

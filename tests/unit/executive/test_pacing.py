@@ -151,13 +151,8 @@ def test_a_run_that_breaks_a_limit_is_told_by_its_joint(at, off, words):
     assert "acceleration of b" in broken_by(path, limits, PERIOD)
 
 
-@pytest.mark.parametrize(
-    ("height", "is_near"), [(0.015, (True, True)), (0.045, (False, True)), (2.0, ())]
-)
-@pytest.mark.parametrize("is_holding", [False, True])
-def test_a_hand_is_no_faster_than_a_touch_allows_and_slower_near_the_ground(
-    height, is_near, is_holding
-):
+def slid_along_x(height, *, is_holding=False, memory=None):
+    """Paces of a hand that slides by 1 m at a height, at 0.5 m/s; room 105 N."""
     q = np.linspace(0.0, 1.0, 21)[:, None]
     trajectory = Trajectory(
         joint_names=("slide",),
@@ -175,17 +170,37 @@ def test_a_hand_is_no_faster_than_a_touch_allows_and_slower_near_the_ground(
     context = SimpleNamespace(
         cycle=SimpleNamespace(seen=object(), around=np.zeros((0, 3))),
         held=object() if is_holding else None,
-        memory=ObstacleMemory(),
+        memory=memory or ObstacleMemory(),
         settings=TaskSettings(),
     )
-    limb, room = SimpleNamespace(reach=SimpleNamespace(chain=chain), limits=limits), 105
-    paces = careful(context, limb, np.zeros((1, 3)), trajectory, 1.0, (room, 28.0))
+    limb = SimpleNamespace(reach=SimpleNamespace(chain=chain), limits=limits)
+    return careful(context, limb, np.zeros((1, 3)), trajectory, 1.0, (105, 28.0))
+
+
+@pytest.mark.parametrize(
+    ("height", "is_near"), [(0.015, (True, True)), (0.045, (False, True)), (2.0, ())]
+)
+@pytest.mark.parametrize("is_holding", [False, True])
+def test_a_hand_is_no_faster_than_a_touch_allows_and_slower_near_the_ground(
+    height, is_near, is_holding
+):
+    paces = slid_along_x(height, is_holding=is_holding)
     way = 0.5 * paces * 0.02 + paces**2 * 0.5 * (0.5 / 2.0) / 2.0
     if is_near and is_near[is_holding]:
-        assert (3e4 * way < room).all()
+        assert (3e4 * way < 105).all()
         np.testing.assert_allclose(paces, TaskSettings().lift_speed / 0.5)
     else:
-        np.testing.assert_allclose(3e4 * way, room)
+        np.testing.assert_allclose(3e4 * way, 105)
+
+
+@pytest.mark.parametrize("kind", ["dropped", "settled", "fallen", "felt"])
+def test_a_hand_is_slower_near_what_is_remembered(kind):
+    memory = ObstacleMemory(**{kind: [np.array([[0.5, 0.0, 2.0]])]})
+    free, paces = slid_along_x(2.0), slid_along_x(2.0, memory=memory)
+    slow = TaskSettings().lift_speed / 0.5
+    assert paces[len(paces) // 2] == pytest.approx(slow)
+    assert slow < free.min()
+    np.testing.assert_allclose(paces[[0, -1]], free[[0, -1]])
 
 
 @pytest.fixture(scope="module")
