@@ -51,7 +51,8 @@ def relieve(
 ) -> FaultFound | None:
     """Give way in small steps while the load on a hand is near or over its limit.
 
-    Each step goes where the load pushes, or back out of the pile. It is stopped at once
+    Each step goes back where the hand came from, if that is known, where the load
+    pushes, or out of the pile. It is stopped at once
     if the load grows beyond what it was when the step began; a way on which it does not
     fall is not tried again.
 
@@ -87,15 +88,19 @@ def relieve(
         T = limb.pose(context.posture(limb))
         force = T.R @ load[:3]
         push = force / max(float(np.linalg.norm(force)), 1e-9)
-        way = (push, -T.R[:, 2], 0.5 * (push - T.R[:, 2]))[n_failed]
-        after = _stepped(context, drive, way, load)
+        ways = [push, -T.R[:, 2], 0.5 * (push - T.R[:, 2])]
+        if back is not None:
+            ways.insert(0, back / np.linalg.norm(back))
+        if n_failed == len(ways):
+            break
+        after = _stepped(context, drive, ways[n_failed], load)
         if isinstance(after, FaultFound):
             return after
         load = after
-        if share_of(load, limits) > _FALLS * before:
+        # Nothing was where it came from, whatever it rubs on, on the way there.
+        is_back = back is not None and n_failed == 0
+        if share_of(load, limits) > (1.0 if is_back else _FALLS * before):
             n_failed += 1
-        if n_failed > 2:
-            break
     if share_of(load, limits) < 1.0:
         return None
     words = f"the force on the hand is {hypot(*load[:3]):.0f} N already, and no way "

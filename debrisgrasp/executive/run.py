@@ -60,7 +60,8 @@ class Executive:
     settings
         What is to be done.
     pipeline
-        Plans the grasps; None: one for the robot's model.
+        Plans the grasps; None: one for the robot's model. Of one that plans for further
+        arms than `TaskSettings.arms` the grasps of those are left out.
     observers
         Hear of every state.
     record
@@ -89,7 +90,9 @@ class Executive:
     ) -> None:
         settings = settings or TaskSettings()
         robot = replace(robot, clock=SteadyClock(robot.clock))
-        pipeline = pipeline or Pipeline(robot=robot.model)
+        if pipeline is None:
+            arm = settings.arms[0] if len(settings.arms) == 1 else None
+            pipeline = Pipeline(robot=robot.model, arm=arm)
         hands = with_shipped(pipeline.grippers)
         model = with_hands(robot.model, hands)
         model.joint_values(settings.look)

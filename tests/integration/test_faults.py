@@ -9,6 +9,7 @@ from debrisgrasp.control import FaultClass
 from debrisgrasp.executive import RunEnd, TaskSettings
 from debrisgrasp.executive.simulated import injections_of
 from debrisgrasp.geometry import SE3, Bounds, Box, so3
+from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import INJECTABLE, Injection
 from debrisgrasp.worlds import Body, World
 from tests.tasks import run_struck, trust_the_camera
@@ -69,6 +70,12 @@ EARLIER = dict.fromkeys(
 """Those that any motion shows strike in the first one in the pile: that is soon."""
 SEVERITY = {"unreachable": 0.95, "plan_collision": 0.3}
 BARRED = Bounds(np.array([0.6, -0.5, 0.01]), np.array([1.4, 0.4, 0.25]))
+
+
+@pytest.fixture(scope="module")
+def pipeline():
+    """Plans for the arm that the task uses."""
+    return Pipeline(arm="right")
 
 
 def task(fault=""):
