@@ -270,7 +270,12 @@ def run_select(arguments: argparse.Namespace) -> int:
             write_selection_report(capture, segmentation, order, path)
     if arguments.json:
         facts = [
-            {"object": c.label, "cost": round(c.cost, 6), "reason": c.reason}
+            {
+                "object": c.label,
+                "cost": round(c.cost, 6),
+                "reason": c.reason,
+                "warning": c.warning,
+            }
             for c in order
         ]
         print(json.dumps(facts, indent=1))

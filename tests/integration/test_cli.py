@@ -223,6 +223,15 @@ def test_select_says_that_the_ground_is_among_the_objects(run, floor_file, block
     assert "ground left" not in run("select", block_file).out
 
 
+def test_the_json_of_select_warns_of_what_would_fall(run):
+    pile = data_path("captures", "pile.npz")
+    entries = run("select", pile, "--json").json
+    warnings = [entry["warning"] for entry in entries if entry["warning"]]
+    assert warnings
+    assert all("may fall: " in warning for warning in warnings)
+    assert len(warnings) < len(entries)
+
+
 def test_select_takes_the_policy_and_the_pick_of_the_user(run, block_file):
     by_priority = run("select", block_file, "--json", "--policy", "priority").json
     assert "nearest point" in by_priority[0]["reason"]
