@@ -183,7 +183,8 @@ def planned(
     if arguments.mass is not None:
         require_range("--mass [kg]", arguments.mass, LEAST_MASS, MOST_MASS)
     region = region_of(arguments)
-    robot = settings.robot_model()
+    # Only a calibration asks whose it is, before the pipeline is made.
+    robot = None if settings.calibration is None else settings.robot_model()
     capture = load_capture(arguments, settings, arguments.joints, robot)
     for name in ("pick", "object"):
         if capture.mask is not None and getattr(arguments, name) is not None:

@@ -14,11 +14,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from debrisgrasp._files import (
-    require_picture,
-    require_suffix,
-    require_writable,
-)
+from debrisgrasp._files import require_picture, require_suffix, require_writable
 from debrisgrasp.errors import OutputError
 from debrisgrasp.io import Capture
 from debrisgrasp.io.depth_images import files_read

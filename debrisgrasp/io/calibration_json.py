@@ -17,12 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite
-from debrisgrasp._files import (
-    naming_fields,
-    read_schema,
-    read_text,
-    write_atomic,
-)
+from debrisgrasp._files import naming_fields, read_schema, read_text, write_atomic
 from debrisgrasp.calibration import (
     BEFORE_CAMERA,
     CalibratedCamera,
