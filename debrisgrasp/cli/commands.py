@@ -18,7 +18,12 @@ from debrisgrasp.io import (
 from debrisgrasp.io.plan_json import SCHEMA as PLAN_SCHEMA
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.pipeline import ground_notes
-from debrisgrasp.segmentation import GroundReport
+from debrisgrasp.segmentation import (
+    GroundReport,
+    LccpConfig,
+    SegmentationConfig,
+    SingulationConfig,
+)
 
 from .capture_arguments import (
     add_capture,
@@ -50,6 +55,7 @@ if TYPE_CHECKING:
 
 Subparsers = Any  # argparse gives its subparsers no public type
 _NOTHING = "no object was found beside the ground and what else was taken away"
+_METHODS = {"singulation": SingulationConfig, "lccp": LccpConfig}
 _LIKELY = 0.5
 """Scores below which a plan is proposed to be asked for advice."""
 
@@ -160,6 +166,12 @@ def add_segment(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser("segment", help="divide a capture into objects")
     add_capture(parser)
     parser.add_argument(
+        "--method",
+        choices=_METHODS,
+        default="singulation",
+        help="singulation (default), or lccp: the paper's, with which to compare",
+    )
+    parser.add_argument(
         "--out",
         type=some_path,
         metavar="FILE",
@@ -179,11 +191,13 @@ def run_segment(arguments: argparse.Namespace) -> int:
     if arguments.out:
         require_own_labels(arguments.out)
     capture = load_capture(arguments)
-    segmentation = debrisgrasp.segment(capture)
+    config = SegmentationConfig(method=_METHODS[arguments.method]())
+    segmentation = debrisgrasp.segment(capture, config)
     tell(ground_notes(segmentation.ground))
     ground = segmentation.ground
     if arguments.json:
         facts = {
+            "method": segmentation.method,
             "ground": {
                 "status": ground.status,
                 "reason": ground.reason,

@@ -25,7 +25,7 @@ from debrisgrasp.viz.scene import (
     point_spacing,
     thinned,
 )
-from debrisgrasp.viz.words import load_rows
+from debrisgrasp.viz.words import load_rows, object_doubt
 
 from .contents import PlanContent
 from .recording import RecordPanel
@@ -286,6 +286,8 @@ class PlanView:
             size = " × ".join(f"{100 * v:.0f}" for v in segment.extents)
             text = f"**Object {segment.label}**, {size} cm\n\n"
             text += f"turn {turn}: {reason}" if turn else "not in the order"
+            doubt = object_doubt(content.segmentation, segment.label)
+            text += f"\n\nIt {doubt}." if doubt else ""
 
             def choose(_: object, label: int = segment.label, text: str = text) -> None:
                 note.content = text

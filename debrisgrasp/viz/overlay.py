@@ -23,11 +23,11 @@ from .raster import Splats, render
 from .report import Image
 from .scene import point_spacing, thinned
 from .view import View
+from .words import DOUBTFUL
 
 __all__ = [
     "DOUBT_COLOR",
     "DOUBT_KEY",
-    "UNSURE",
     "LabelImage",
     "label_anchors",
     "label_image",
@@ -36,8 +36,6 @@ __all__ = [
 
 DOUBT_COLOR = (1.0, 0.85, 0.1)
 """Borders at which two segments may be one object."""
-UNSURE = 0.6
-"""Certainty below which a segment may be several objects."""
 DOUBT_KEY = (
     ("?: may be several objects", INK),
     ("yellow dashes: may be one object", tuple(mixed(DOUBT_COLOR, (0, 0, 0), 0.35))),
@@ -47,8 +45,6 @@ DOUBT_KEY = (
 _NOT_MEASURED = np.array([0.13, 0.15, 0.18])
 _STRIPE = 12
 """Distance of the stripes over surroundings [pixels]."""
-_DOUBTFUL = 0.25
-"""Score from which on a border is marked: less is kept apart without doubt."""
 _BRIDGE = 3
 """Pixels without measurement that a border may span on either side."""
 _DASH = 9
@@ -222,7 +218,7 @@ def _doubtful_borders(image: LabelImage, edges: SegmentEdges) -> BoolArray:
     """Pixels of dashed lines along the borders of what may be one object."""
     n = int(image.labels.max(initial=0)) + 1
     doubtful = np.zeros((n, n), dtype=np.bool_)
-    pairs = edges.labels[(edges.score >= _DOUBTFUL) & (edges.labels < n).all(axis=1)]
+    pairs = edges.labels[(edges.score >= DOUBTFUL) & (edges.labels < n).all(axis=1)]
     doubtful[pairs[:, 0], pairs[:, 1]] = doubtful[pairs[:, 1], pairs[:, 0]] = True
     marked = np.zeros(image.labels.shape, dtype=np.bool_)
     for axis in (0, 1):

@@ -19,7 +19,8 @@ from debrisgrasp._files import require_picture, write_atomic
 from debrisgrasp.segmentation import Candidate, Segmentation
 
 from .colors import CHOSEN_COLOR, INK, MUTED_INK, hex_color, label_colors, mixed
-from .overlay import UNSURE, LabelImage, label_anchors, painted
+from .overlay import LabelImage, label_anchors, painted
+from .words import UNSURE
 
 __all__ = [
     "Page",

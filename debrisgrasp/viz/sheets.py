@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._words import counted
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, PointCloud
 from debrisgrasp.prototypes import GraspPrototype, GripperModel
@@ -39,6 +40,9 @@ from .view import View
 from .words import doubt_line
 
 __all__ = ["prototype_png", "segmentation_png"]
+
+_BY = {"singulation": "", "lccp": " by LCCP", "given": " as given"}
+"""How segments came about, where it isn't as usual."""
 
 _FRAME = 30
 _LINE = 20
@@ -73,9 +77,9 @@ def segmentation_png(
     """
     report = segmentation.ground
     image = label_image(cloud, segmentation.labels, capture, report.kinds)
-    n = len(segmentation.segments)
     name = "Segments" if capture is None else capture.name
-    found = f"{n} segment{'s' * (n != 1)}; ground {report.status}: {report.reason}"
+    found = counted(len(segmentation.segments), "segment")
+    found += f"{_BY[segmentation.method]}; ground {report.status}: {report.reason}"
     columns = 190 if order else 130
     note = wrapped([found], columns, 3)
     counts = [

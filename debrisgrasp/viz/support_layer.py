@@ -17,8 +17,9 @@ from debrisgrasp.segmentation import (
     SupportGraph,
 )
 
-from .overlay import UNSURE, label_anchors, label_image, painted
+from .overlay import label_anchors, label_image, painted
 from .report import Image
+from .words import UNSURE
 
 __all__ = ["Arrow", "Node", "SelectionReport", "SupportLayer"]
 

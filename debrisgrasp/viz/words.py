@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from debrisgrasp._words import counted
 from debrisgrasp.planning import Grasp, GraspPlan
 from debrisgrasp.segmentation import Segmentation
@@ -9,16 +11,24 @@ from debrisgrasp.segmentation import Segmentation
 from .report import Report
 
 __all__ = [
+    "DOUBTFUL",
+    "UNSURE",
     "doubt_line",
     "grasp_row",
     "headline",
     "load_rows",
+    "object_doubt",
     "object_reason",
     "percent",
     "rejection_rows",
     "remarks",
     "summary",
 ]
+
+UNSURE = 0.6
+"""Certainty below which a segment may be several objects."""
+DOUBTFUL = 0.25
+"""Score of a border from which on two segments may be one object."""
 
 
 def summary(report: Report) -> str:
@@ -56,14 +66,35 @@ def headline(report: Report) -> str:
 
 
 def object_reason(report: Report) -> str:
-    """Why the chosen object was chosen; empty if nothing is known about it."""
+    """Why the chosen object was chosen, and what its limits leave in doubt."""
     label = report.plan.object_label
     if label <= 0:
         return ""
+    said = f"Object {label}"
     for place, item in enumerate(report.order, start=1):
         if item.label == label:
-            return f"Object {label}, number {place} in the order: {item.reason}"
-    return f"Object {label}."
+            said += f", number {place} in the order: {item.reason}"
+    doubt = object_doubt(report.segmentation, label)
+    return f"{said}. It {doubt}." if doubt else f"{said}."
+
+
+def object_doubt(segmentation: Segmentation, label: int) -> str:
+    """Say what an object may be part of, or made of; empty if nothing is in doubt."""
+    found = []
+    certainty = segmentation.segment(label).certainty
+    if certainty < UNSURE:
+        found.append(f"may be several objects (certainty {certainty:.2f})")
+    edges = segmentation.edges
+    near = np.flatnonzero((edges.labels == label).any(axis=1))
+    others = {
+        int(edges.labels[place].sum()) - label: edges.score[place]
+        for place in near[np.argsort(-edges.score[near], kind="stable")]
+        if edges.score[place] >= DOUBTFUL
+    }
+    if others:
+        named = " or ".join(f"{other} ({score:.2f})" for other, score in others.items())
+        found.append(f"may be one with object {named}")
+    return " and ".join(found)
 
 
 def remarks(report: Report) -> list[str]:

@@ -202,6 +202,19 @@ def test_segment_lists_objects_and_writes_labels(run, block_file, tmp_path):
     assert report.read_bytes()[:4] == b"\x89PNG"
 
 
+def test_segment_divides_by_the_method_of_the_paper_on_demand(run):
+    pile = data_path("captures", "pile.npz")
+
+    def labels(*options):
+        facts = run("segment", pile, "--json", *options).json
+        return facts["method"], [entry["points"] for entry in facts["objects"]]
+
+    default, paper = labels(), labels("--method", "lccp")
+    assert default[0] == "singulation"
+    assert paper[0] == "lccp"
+    assert default[1] != paper[1]
+
+
 def test_select_orders_objects_with_reasons(run, block_file, tmp_path):
     report = tmp_path / "order.png"
     ended = run("select", block_file, "--report", report)

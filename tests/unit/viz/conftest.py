@@ -14,6 +14,7 @@ from debrisgrasp.prototypes import GripperModel
 from debrisgrasp.segmentation import (
     Candidate,
     GroundReport,
+    Segment,
     Segmentation,
     SegmentEdges,
 )
@@ -35,7 +36,17 @@ def roman() -> RobotModel:
 def segmentation_of(labels: np.ndarray) -> Segmentation:
     return Segmentation(
         labels=labels,
-        segments=(),
+        segments=tuple(
+            Segment(
+                label=label,
+                n_points=int(np.count_nonzero(labels == label)),
+                centroid=np.zeros(3),
+                bounds=Bounds(-np.ones(3), np.ones(3)),
+                axes=np.eye(3),
+                extents=2.0 * np.ones(3),
+            )
+            for label in range(1, labels.max(initial=0) + 1)
+        ),
         edges=SegmentEdges(
             labels=np.zeros((0, 2), dtype=int),
             convexity=np.zeros(0),
@@ -45,7 +56,7 @@ def segmentation_of(labels: np.ndarray) -> Segmentation:
         ),
         patches=labels,
         ground=GroundReport.skipped("no evidence"),
-        method="by hand",
+        method="given",
     )
 
 

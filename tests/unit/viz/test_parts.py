@@ -18,7 +18,13 @@ from debrisgrasp.viz.scene import (
     shown_ranks,
     thinned,
 )
-from debrisgrasp.viz.words import headline, object_reason, percent, rejection_rows
+from debrisgrasp.viz.words import (
+    headline,
+    object_doubt,
+    object_reason,
+    percent,
+    rejection_rows,
+)
 
 from .conftest import grasp_at
 
@@ -152,6 +158,23 @@ def test_the_words_name_object_reasons_and_shares(
     assert [n for _, n in rejection_rows(report.plan)] == [30, 10]
     assert percent(1, 1000).startswith("<1")
     assert percent(0, 0).startswith("0")
+
+
+def test_the_words_tell_what_an_object_may_be_part_or_made_of(report: Report) -> None:
+    assert "may be" not in object_reason(report)
+    known = report.segmentation
+    edges = replace(
+        known.edges,
+        labels=np.array([[1, 2], [1, 3], [2, 3]]),
+        score=np.array([0.3, 0.4, 0.24]),
+    )
+    unsure = replace(known.segments[0], certainty=0.45)
+    in_doubt = replace(known, edges=edges, segments=(unsure, *known.segments[1:]))
+    assert object_reason(replace(report, segmentation=in_doubt)).endswith(
+        "It may be several objects (certainty 0.45)"
+        " and may be one with object 3 (0.40) or 2 (0.30)."
+    )
+    assert not object_doubt(replace(in_doubt, edges=known.edges), 2)
 
 
 def test_long_text_is_cut_with_an_ellipsis() -> None:
