@@ -25,6 +25,7 @@ __all__ = [
     "require_range",
     "require_trailing",
     "sealed",
+    "shared",
     "unmasked",
 ]
 
@@ -192,6 +193,11 @@ def sealed(array: NDArray[Any]) -> NDArray[Any]:
     """Hand over a new array, of which nobody has a view, read-only."""
     array.flags.writeable = False
     return array if array.base is not None else array.view(_Sealed)
+
+
+def shared(array: NDArray[Any]) -> NDArray[Any]:
+    """Hand what one record holds to another: it came out of `frozen`."""
+    return array.view(_Sealed)
 
 
 def is_sealed(array: object) -> bool:

@@ -17,6 +17,7 @@ from debrisgrasp._arrays import (
     require_finite,
     require_trailing,
     sealed,
+    shared,
 )
 from debrisgrasp.errors import FrameMismatchError, InputError, ShapeError
 
@@ -190,6 +191,7 @@ class PointCloud:
             normals=sealed(T_frame_own.rotate(self.normals)),
             viewpoint=T_frame_own.apply(self.viewpoint),
             frame=frame,
+            pixels=None if self.pixels is None else shared(self.pixels),
         )
 
     def require_frame(self, frame: str) -> None:

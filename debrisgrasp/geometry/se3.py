@@ -159,7 +159,11 @@ class SE3:
         To put every pose on every point write ``Ts[:, None].apply(points)``.
         """
         points = as_floats(points, "points", (3,))
-        return _turned(self.R, points) + self.p
+        turned = _turned(self.R, points)
+        if self.R.ndim == 2:
+            turned += self.p
+            return turned
+        return turned + self.p
 
     def rotate(self, vectors: ArrayLike) -> FloatArray:
         """Turn directions (..., 3) without moving them."""

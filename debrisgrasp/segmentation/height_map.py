@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, grey_dilation, grey_erosion, uniform_filter
+from scipy.ndimage import (
+    gaussian_filter,
+    gaussian_filter1d,
+    grey_dilation,
+    grey_erosion,
+    uniform_filter,
+)
 
 from debrisgrasp._arrays import FloatArray, IntArray
 
@@ -35,6 +42,8 @@ _MEAN_BAND = 0.03
 alone did that are ground by themselves, boards in noise would seem lower."""
 _MAX_MAP = 1e7
 """Largest height map, in cells; beyond it the plane alone has to do."""
+_MAX_MATRIX = 400
+"""Longest side of a map that is smoothed by matrices, in cells."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,15 +228,32 @@ def _lower_envelope(mean: FloatArray) -> FloatArray:
     return _smoothed(np.where(lowest < 0.5, lowest, np.nan))
 
 
+def _blurred(maps: FloatArray, width: float) -> FloatArray:
+    """Gaussian smoothing of maps (k, rows, columns) with nothing around them."""
+    if max(maps.shape) > _MAX_MATRIX:
+        wide: FloatArray = gaussian_filter(maps, (0.0, width, width), mode="constant")
+        return wide
+    # Several times faster than the filter on maps of the usual size.
+    rows, columns = (_gaussian(n, width) for n in maps.shape[1:])
+    smooth: FloatArray = rows @ maps @ columns.T
+    return smooth
+
+
+@lru_cache(maxsize=32)
+def _gaussian(n: int, width: float) -> FloatArray:
+    """Matrix that smooths a line of n values, shape (n, n)."""
+    kernels: FloatArray = gaussian_filter1d(np.eye(n), width, axis=0, mode="constant")
+    kernels.flags.writeable = False
+    return kernels
+
+
 def _smoothed(mean: FloatArray) -> FloatArray:
     """Gaussian smoothing that fills gaps from afar; without any data the plane."""
     seen_and_mean = np.stack([np.isfinite(mean), np.nan_to_num(mean)])
     surface = np.zeros(mean.shape)
     missing = np.ones(mean.shape)
     for width in (_MAP_SMOOTHING, 3 * _MAP_SMOOTHING, 9 * _MAP_SMOOTHING):
-        weight, value = gaussian_filter(
-            seen_and_mean, (0.0, width, width), mode="constant"
-        )
+        weight, value = _blurred(seen_and_mean, width)
         share = np.minimum(weight / 0.1, 1.0) * missing
         surface += share * value / np.maximum(weight, 1e-9)
         missing -= share

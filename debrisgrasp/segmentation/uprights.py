@@ -167,13 +167,14 @@ def _fitted(
     members, face = members[inside], face[:, inside]
     if len(members) < _MIN_POINTS:
         return None
+    lower, upper = np.percentile(face, (1, 99), axis=1)
     return UprightPlane(
         normal=normal,
         offset=float(normal @ center),
         members=members,
         band=float(np.clip(3.5 * spread, 0.012, _BAND)),
-        lower=np.percentile(face, 1, axis=1),
-        upper=np.percentile(face, 99, axis=1),
+        lower=lower,
+        upper=upper,
         area=area,
     )
 

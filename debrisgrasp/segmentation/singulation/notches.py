@@ -13,6 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp.geometry import so3
 
 from .cells import CellImage
 from .patches import PlanarPatches, measured_patches
@@ -140,9 +141,10 @@ def _bars(
     if len(edge) < _MIN_FREE:
         return None
     normal = plane / np.linalg.norm(plane)
-    first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-    first /= np.linalg.norm(first)
-    basis = np.stack([first, np.cross(normal, first)], axis=1)
+    times = so3.hat(normal)
+    first = times[:, np.abs(normal).argmin()]
+    first = first / np.linalg.norm(first)
+    basis = np.stack([first, times @ first], axis=1)
 
     def rays(index: IntArray) -> FloatArray:
         row, column = np.divmod(index, cells.values.shape[1])
