@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.geometry.solids import Solid
 
 from .gripper import GripperModel
@@ -82,14 +82,7 @@ def check(
             prototype.definition, shape=whole, T_hand_shape=SE3.identity()
         )
         met = replace(prototype, definition=definition)
-    depth, where = _penetration(met, gripper)
-    if depth > PENETRATION_TOLERANCE:
-        problems.append(
-            f"the open hand reaches {1e3 * depth:.0f} mm into the shape at "
-            f"{np.round(where, 3).tolist()}; move the shape or open wider"
-        )
-    else:
-        problems += _approach_problems(met, gripper)
+    problems += _way_in_problems(met, gripper)
     preshape = gripper.preshape(prototype.preshape)
     widths = preshape.widths
     if prototype.opening > float(preshape.openings[0]) + 5e-7:
@@ -158,17 +151,37 @@ def depth_in(
     surface
         Points of the shape [m], palm frame, shape (n, 3).
     """
-    in_solids = -np.min([solid.signed_distance(surface) for solid in solids], axis=0)
+    depths, where = _depths(prototype, solids, surface, np.zeros(1))
+    return float(depths[0]), where[0]
+
+
+def _depths(
+    prototype: GraspPrototype,
+    solids: Sequence[Solid],
+    surface: FloatArray,
+    retreats: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Depths as of `depth_in`, (k,), and where, (k, 3), the solids drawn back (k,)."""
+    back = retreats[:, None, None] * np.array([0.0, 0.0, -1.0])
+    around = [solid.bounds for solid in solids]
+    room = Bounds(
+        np.min([box.lower for box in around], axis=0) + back.min(axis=0)[0],
+        np.max([box.upper for box in around], axis=0),
+    )
+    surface = surface[room.contains(surface)]  # no other is in any of them
+    in_solids = -np.min([s.signed_distance(surface - back) for s in solids], axis=0)
     # Solids that lie wholly inside the shape have none of its surface in them.
-    corners = np.concatenate([solid.mesh()[0] for solid in solids])
+    corners = np.concatenate([solid.mesh()[0] for solid in solids]) + back
     definition = prototype.definition
     own = definition.T_hand_shape.inverse().apply(corners)
     in_shape = -np.min(
         [part.signed_distance(own) for part in definition.shape.parts()], axis=0
     )
-    depths, points = np.append(in_solids, in_shape), np.vstack([surface, corners])
-    deepest = int(np.argmax(depths))
-    return float(depths[deepest]), points[deepest]
+    depths = np.concatenate([in_solids, in_shape], axis=1)
+    met = np.broadcast_to(surface, (len(retreats), *surface.shape))
+    points = np.concatenate([met, corners], axis=1)
+    rows, deepest = np.arange(len(retreats)), depths.argmax(axis=1)
+    return depths[rows, deepest], points[rows, deepest]
 
 
 def seen_sides(prototype: GraspPrototype) -> tuple[int, ...]:
@@ -232,29 +245,29 @@ def _slant(
     return float(np.arccos(np.clip(facing.max(), -1.0, 1.0)))
 
 
-def _penetration(
-    prototype: GraspPrototype, gripper: GripperModel, retreat: float = 0.0
-) -> tuple[float, FloatArray]:
-    """Depth of the open hand in the shape [m], and where, in the palm frame."""
-    back = SE3.from_parts(p=(0.0, 0.0, -retreat))
-    opening = min(
-        prototype.opening, float(gripper.preshape(prototype.preshape).openings[0])
+def _way_in_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[str]:
+    """Find what the open hand would hit where it closes, or on its way there."""
+    preshape = gripper.preshape(prototype.preshape)
+    opening = min(prototype.opening, float(preshape.openings[0]))
+    retreats = np.arange(0.0, _APPROACH + 1e-9, _APPROACH_STEP)
+    depths, where = _depths(
+        prototype,
+        gripper.solids(prototype.preshape, opening),
+        _surface(prototype)[0],
+        retreats,
     )
-    solids = [s.moved(back) for s in gripper.solids(prototype.preshape, opening)]
-    return depth_in(prototype, solids, _surface(prototype)[0])
-
-
-def _approach_problems(prototype: GraspPrototype, gripper: GripperModel) -> list[str]:
-    """Find what the open hand would hit on its way, from its end outwards."""
-    for retreat in np.arange(_APPROACH_STEP, _APPROACH + 1e-9, _APPROACH_STEP):
-        depth, where = _penetration(prototype, gripper, float(retreat))
-        if depth > PENETRATION_TOLERANCE:
-            return [
-                f"on the approach, {1e3 * retreat:.0f} mm before the end, the hand "
-                f"reaches {1e3 * depth:.0f} mm into the shape at "
-                f"{np.round(where, 3).tolist()}; turn or move the shape"
-            ]
-    return []
+    met = np.flatnonzero(depths > PENETRATION_TOLERANCE)
+    if not len(met):
+        return []
+    first = int(met[0])
+    reaches = f"reaches {1e3 * depths[first]:.0f} mm into the shape at "
+    reaches += f"{np.round(where[first], 3).tolist()}"
+    if first == 0:
+        return [f"the open hand {reaches}; move the shape or open wider"]
+    return [
+        f"on the approach, {1e3 * retreats[first]:.0f} mm before the end, the hand "
+        f"{reaches}; turn or move the shape"
+    ]
 
 
 def _surface(prototype: GraspPrototype) -> tuple[FloatArray, FloatArray]:
