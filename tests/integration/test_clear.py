@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import pickle
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from debrisgrasp.executive import (
     Executive,
     RunEnd,
     RunRecord,
+    Simulated,
     SimulatedTask,
     State,
     TaskSettings,
@@ -42,6 +45,15 @@ def run_at(pipeline, beam, period, settings):
 def cleared(pipeline, beam):
     result, fake = run_at(pipeline, beam, 0.004, TaskSettings(drive_over=0.0))
     return result, fake.truth()
+
+
+def test_what_clearing_a_pile_returns_comes_back_from_another_process(cleared):
+    done = Simulated(*cleared, (), is_latched=False)
+    for other in (deepcopy(done), pickle.loads(pickle.dumps(done))):
+        assert other.result.n_removed == done.result.n_removed == 1
+        assert [body.sizes for body in other.truth.world.bodies] == [
+            body.sizes for body in done.truth.world.bodies
+        ]
 
 
 def test_an_arm_of_100_hz_clears_the_way_too(pipeline, beam):

@@ -10,13 +10,11 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
-from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from debrisgrasp import SimulatedTask, clear
 from debrisgrasp.errors import UnknownNameError
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.pipeline import Pipeline
@@ -34,15 +32,6 @@ def test_a_pipeline_plans_the_same_in_another_process(
     assert plans[0].grasps
     one, two = (plan_to_json(replace(plan, seconds={})) for plan in plans)
     assert one == two
-
-
-def test_what_clearing_a_pile_returns_comes_back_from_another_process():
-    done = clear(SimulatedTask(objects=1, seed=7, max_removals=1))
-    for other in (deepcopy(done), pickle.loads(pickle.dumps(done))):
-        assert other.result.n_removed == done.result.n_removed == 1
-        assert [body.sizes for body in other.truth.world.bodies] == [
-            body.sizes for body in done.truth.world.bodies
-        ]
 
 
 def test_an_error_in_a_worker_process_arrives_as_it_is():
