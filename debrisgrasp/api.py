@@ -115,6 +115,7 @@ def plan(
     seed: int = 0,
     deadline: float | None = None,
     mass: float | None = None,
+    advise: bool = False,
     config: PipelineConfig | None = None,
     progress: Progress | None = None,
 ) -> PlanningResult:
@@ -135,6 +136,7 @@ def plan(
         seed=seed,
         deadline=deadline,
         mass=mass,
+        advise=advise,
         progress=progress,
     )
 

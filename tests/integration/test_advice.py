@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import debrisgrasp
 import debrisgrasp.planning
 from debrisgrasp.cli.tables import plan_summary
 from debrisgrasp.errors import ConfigError
@@ -54,6 +56,24 @@ def test_there_is_no_advice_once_the_deadline_has_passed(roman):
     assert not plan.advice
     assert "advice" not in plan.seconds
     assert "deadline" in plan.notes[0]
+
+
+def test_who_plans_in_one_call_may_ask_for_advice_too(dictionary):
+    doubting = PipelineConfig(planner=PlannerConfig(minimum_evidence=1.0))
+    settings = {"robot": "none", "prototypes": dictionary, "config": doubting}
+    found = debrisgrasp.plan(PIPE, **settings, advise=True).plan
+    assert found.advice
+    texts = [advice.text for advice in found.advice]
+    again = Pipeline(**settings).plan(PIPE, advise=True).plan
+    assert texts == [advice.text for advice in again.advice]
+
+
+def test_the_one_call_takes_what_pipeline_and_plan_take():
+    takes, *parts = (
+        set(inspect.signature(call).parameters) - {"self"}
+        for call in (debrisgrasp.plan, Pipeline.__init__, Pipeline.plan)
+    )
+    assert takes == set.union(*parts)
 
 
 def test_an_idle_arm_is_named_if_it_gets_there(dictionary):
