@@ -140,6 +140,9 @@ class PointCloud:
         object.__setattr__(self, "normals", normals)
         object.__setattr__(self, "viewpoint", viewpoint)
 
+    def __repr__(self) -> str:
+        return f"<PointCloud of {len(self)} points, frame {self.frame}>"
+
     def __len__(self) -> int:
         return len(self.points)
 

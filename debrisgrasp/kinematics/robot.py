@@ -45,6 +45,10 @@ class RobotModel:
     drives: bool = True
     """Whether the base can drive; an arm on a table can't."""
 
+    def __repr__(self) -> str:
+        arms = (f"{name} ({arm.gripper})" for name, arm in self.arms.items())
+        return f"<RobotModel {self.name}: arms {', '.join(arms)}>"
+
     @classmethod
     def load(cls, name_or_path: str | Path) -> RobotModel:
         """Load a shipped robot by name, or any robot by the path of its YAML file.

@@ -62,6 +62,9 @@ class Perception:
     _order: tuple[SelectionPolicy, tuple[Candidate, ...]] | None = None
     _scenes: dict[tuple[object, ...], GraspScene] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return f"<Perception of {self.capture.name}: {self.segmentation!r}>"
+
     @classmethod
     def of(
         cls,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._words import counted
 
 __all__ = ["Ledger", "Rejections"]
 
@@ -26,6 +27,10 @@ class Rejections:
     amount: FloatArray = field(default_factory=lambda: np.zeros(0))
     """By how much: points in the way or between the fingers, S C reached, or load over
     limit; NaN where the reason knows no amount; shape (n,)."""
+
+    def __repr__(self) -> str:
+        told = ", ".join(f"{reason} ({n})" for reason, n in self.counts().items())
+        return f"<Rejections of {counted(len(self), 'pose')}: {told or 'none'}>"
 
     def __len__(self) -> int:
         return len(self.code)

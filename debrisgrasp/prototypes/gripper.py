@@ -54,6 +54,9 @@ class GripperModel:
     fingers: tuple[Finger, ...]
     preshapes: Mapping[str, Preshape]
 
+    def __repr__(self) -> str:
+        return f"<GripperModel {self.name}: preshapes {', '.join(self.preshapes)}>"
+
     @classmethod
     def load(cls, name_or_path: str | os.PathLike[str]) -> GripperModel:
         """Read a shipped hand by its name, or any hand from its YAML file.

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from debrisgrasp._files import data_path, last_changed
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ChoiceError, ConfigError, OutputError, UnknownNameError
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 
@@ -125,6 +126,11 @@ class PrototypeLibrary:
     def _write(self, folder: Path) -> None:
         for prototype in self.prototypes:
             write_prototype(prototype.definition, folder / f"{prototype.name}.yaml")
+
+    def __repr__(self) -> str:
+        hands = ", ".join(sorted({prototype.gripper for prototype in self}))
+        words = counted(len(self), "prototype")
+        return f"<PrototypeLibrary of {words} for {hands or 'no hand'}>"
 
     def __iter__(self) -> Iterator[GraspPrototype]:
         return iter(self.prototypes)

@@ -75,6 +75,10 @@ class GraspPrototype:
                 expected="both (m, 3)",
             )
 
+    def __repr__(self) -> str:
+        words = f"{self.name} for {self.gripper}, preshape {self.preshape}"
+        return f"<GraspPrototype {words}: {len(self.points)} points>"
+
     @classmethod
     def build(
         cls,

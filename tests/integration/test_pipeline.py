@@ -16,7 +16,7 @@ from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline, PipelineConfig
-from debrisgrasp.planning import PlannerConfig
+from debrisgrasp.planning import PlannerConfig, Rejections
 from debrisgrasp.segmentation import PriorityPoint, segmentation_of_labels
 from tests.scenes import capture_of, lying_pipe
 
@@ -73,6 +73,24 @@ def test_what_a_plan_is_made_of_shows_itself_in_a_line(floating, pipe_result):
     assert f"{n_objects} objects" in repr(pipe_result.segmentation)
     empty = replace(pipe_result.plan, grasps=(), why_empty="too far")
     assert repr(empty) == "<GraspPlan without a grasp: too far>"
+
+
+def test_what_holds_many_numbers_shows_itself_in_a_line(floating, pipe_capture):
+    seen = floating.perceive(pipe_capture)
+    plan = floating.plan(seen, mass=400.0).plan
+    reason, n = next(iter(plan.rejections.items()))
+    assert f"{reason} ({n})" in repr(plan.ruled_out)
+    assert repr(Rejections()) == "<Rejections of 0 poses: none>"
+    assert repr(seen) == f"<Perception of scene: {seen.segmentation!r}>"
+    assert repr(seen.cloud) == f"<PointCloud of {len(seen.cloud)} points, frame base>"
+    assert "4 prototypes for robotiq_3f" in repr(floating.library)
+    prototype = floating.library["handle_025"]
+    assert repr(prototype).startswith("<GraspPrototype handle_025 for robotiq_3f, ")
+    hand = floating.grippers["robotiq_3f"]
+    assert repr(hand) == "<GripperModel robotiq_3f: preshapes basic, wide, pinch>"
+    robot = RobotModel.load("roman")
+    told = "<RobotModel roman: arms right (robotiq_3f), left (camhand)>"
+    assert repr(robot) == told
 
 
 def test_equal_input_and_seed_give_an_equal_plan(floating, pipe_capture, pipe_result):
