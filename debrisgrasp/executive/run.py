@@ -14,6 +14,7 @@ from debrisgrasp._arrays import Rng
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.control import FaultClass
 from debrisgrasp.pipeline import Pipeline, with_hands
+from debrisgrasp.pipeline.inputs import require_generic
 from debrisgrasp.prototypes import with_shipped
 from debrisgrasp.robot import Robot
 
@@ -93,6 +94,8 @@ class Executive:
         if pipeline is None:
             arm = settings.arms[0] if len(settings.arms) == 1 else None
             pipeline = Pipeline(robot=robot.model, arm=arm)
+        if settings.mark is None and settings.region is None:
+            require_generic(pipeline.library)
         hands = with_shipped(pipeline.grippers)
         model = with_hands(robot.model, hands)
         model.joint_values(settings.look)

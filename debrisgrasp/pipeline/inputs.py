@@ -18,6 +18,7 @@ __all__ = [
     "arms_of",
     "library_of",
     "liftable",
+    "require_generic",
     "require_limits",
     "robot_of",
     "with_hands",
@@ -111,17 +112,17 @@ def library_of(
     prototypes: str | os.PathLike[str] | None,
     known: Mapping[str, GripperModel],
 ) -> PrototypeLibrary:
-    """Prototypes of the hands that are in use; one at least is generic."""
+    """Prototypes of the hands that are in use; one at least."""
     library = PrototypeLibrary.load(prototypes, grippers=known).select(gripper=gripper)
     hands = {arm.gripper for arm in arms}
     if hands:
         library = library.select(names=[p.name for p in library if p.gripper in hands])
-    if not len(library.select(kind="generic")):
-        used = sorted(hands) or [gripper or "any hand"]
+    if not len(library):
+        used = sorted(hands) or [str(gripper)]
         unknown = sorted(hands - set(known))
         raise ChoiceError(
             "prototypes",
-            got=f"no generic one for {', '.join(used)}",
+            got=f"none for {', '.join(used)}",
             expected="at least one",
             mend=f"No hand {unknown[0]!r} is known, only {', '.join(sorted(known))}. "
             + FURTHER_HANDS
@@ -130,3 +131,14 @@ def library_of(
             f"`debrisgrasp prototype adapt --gripper {used[0]}`.",
         )
     return library
+
+
+def require_generic(library: PrototypeLibrary) -> None:
+    """Raise unless a prototype may be tried where nothing is marked."""
+    if not len(library.select(kind="generic")):
+        raise ChoiceError(
+            "prototypes",
+            got="object-specific ones only",
+            expected="a generic one, as neither a mask nor a region says what to take",
+            mend="Mark the object, or write `kind: generic` in a prototype's file.",
+        )

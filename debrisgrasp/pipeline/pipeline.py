@@ -34,6 +34,7 @@ from .inputs import (
     arms_of,
     library_of,
     liftable,
+    require_generic,
     require_limits,
     robot_of,
     with_hands,
@@ -99,8 +100,10 @@ class Pipeline:
         self.grippers: Mapping[str, GripperModel] = library.grippers
         self.library = library
         self.policy: SelectionPolicy = policy or SupportAware(openings=self._openings())
+        generic = library.select(kind="generic")
+        # Without any, plans need a mark, for which there is another planner.
         self._generic = GraspPlanner(
-            library.select(kind="generic"), self.config.planner
+            generic if len(generic) else library, self.config.planner
         )
         self._retreats = Retreats()
 
@@ -173,14 +176,9 @@ class Pipeline:
     def _perceive(
         self, capture: Capture, watch: Stopwatch, given: Segmentation | None = None
     ) -> Perception:
-        config = self.config
+        config, scene = self.config, self.config.planner.scene
         return Perception.of(
-            capture,
-            config.segmentation,
-            config.planner.scene,
-            watch,
-            config.workers,
-            given,
+            capture, config.segmentation, scene, watch, config.workers, given
         )
 
     @checked
@@ -229,7 +227,8 @@ class Pipeline:
         UnknownNameError
             If ``object_label`` is not a label of the segmentation.
         ConfigError
-            If the seed is negative, or deadline or mass are not above zero.
+            If the seed is negative, or deadline or mass are not above zero; a
+            `ChoiceError` if all prototypes are object-specific, and nothing is marked.
         """
         require_limits(seed, deadline, mass)
         watch = Stopwatch(deadline, progress)
@@ -248,6 +247,8 @@ class Pipeline:
                 margin=self.config.region_margin,
             )
         is_specific = region is not None or seen.is_marked is not None
+        if not is_specific:
+            require_generic(self.library)
         planner = self._specific if is_specific else self._generic
         best = self._first_success(planner, seen, targets, seed, watch, mass)
         result, target = best.result, best.target

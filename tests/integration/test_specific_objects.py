@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from debrisgrasp import clear
 from debrisgrasp._files import data_path
-from debrisgrasp.errors import CaptureError
+from debrisgrasp.errors import CaptureError, ChoiceError
 from debrisgrasp.geometry import SE3, Bounds, Intrinsics, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Passage, Pipeline, recall_plan
@@ -78,6 +79,19 @@ def test_without_a_mark_specific_prototypes_are_not_tried(few):
     _, unmarked, _ = seen("cinder_block")
     names = {grasp.prototype for grasp in few.plan(unmarked).plan.grasps}
     assert names <= {"corner_019"}
+
+
+def test_specific_prototypes_alone_are_enough_for_what_is_marked(tmp_path):
+    name = "rung_028.yaml"
+    (tmp_path / name).write_bytes(data_path("prototypes", name).read_bytes())
+    alone = Pipeline(robot="none", prototypes=tmp_path)
+    marked, unmarked, _ = seen("ladder")
+    assert alone.plan(marked).plan.grasps
+    said = "object-specific ones only.*Mark the object"
+    with pytest.raises(ChoiceError, match=said):
+        alone.plan(unmarked)
+    with pytest.raises(ChoiceError, match=said):
+        clear(pipeline=Pipeline(arm="right", prototypes=tmp_path))
 
 
 def test_a_region_is_a_mark_too(few):
