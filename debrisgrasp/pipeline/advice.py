@@ -10,14 +10,10 @@ from scipy.spatial import cKDTree
 from debrisgrasp._arrays import IntArray, Rng
 from debrisgrasp.geometry import Bounds, PointCloud
 from debrisgrasp.kinematics import ArmReach
-from debrisgrasp.planning import (
-    Advice,
-    GraspPlanner,
-    GraspScene,
-    ObstacleMap,
-    SearchResult,
-    Situation,
-)
+from debrisgrasp.planning import Advice, GraspPlanner, SearchResult, Situation
+
+from .perception import Perception
+from .targets import Target
 
 __all__ = ["advice_on"]
 
@@ -25,11 +21,9 @@ __all__ = ["advice_on"]
 def advice_on(
     result: SearchResult,
     planner: GraspPlanner,
-    scene: GraspScene,
+    seen: Perception,
+    target: Target,
     arms: Sequence[ArmReach],
-    obstacles: ObstacleMap,
-    cloud: PointCloud,
-    labels: IntArray,
     *,
     rng: Rng,
     is_late: Callable[[], bool],
@@ -38,21 +32,20 @@ def advice_on(
 
     Parameters
     ----------
-    scene, arms, obstacles
-        What was searched.
-    cloud, labels
-        Every measured point, and the object that each belongs to, shape (n,).
+    seen, target, arms
+        What was searched, and for which arms.
     is_late
         Tells when there is no time for further questions.
     """
     if not len(result.ruled_out):
         return ()
+    scene = seen.scene(target)
     situation = Situation(
         scene=scene,
         ruled_out=result.ruled_out,
         arms=arms,
-        distance=obstacles,
-        owners=_owners(scene.cloud, cloud, labels),
+        distance=seen.obstacles,
+        owners=_owners(scene.cloud, seen.cloud, seen.segmentation.labels),
         footprint=_footprint(arms),
         least_mass=result.least_mass,
         idle=_idle(arms),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -113,6 +113,12 @@ class Perception:
             scene_config=scene,
             workers=workers,
         )
+
+    def with_scenes(self, config: SceneConfig) -> Perception:
+        """Return what was seen, with scenes by these settings."""
+        if config == self.scene_config:
+            return self
+        return replace(self, scene_config=config, _scenes={})
 
     @cached_property
     def obstacles(self) -> ObstacleMap:

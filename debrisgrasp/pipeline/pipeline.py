@@ -174,9 +174,14 @@ class Pipeline:
         return self._perceive(capture, Stopwatch(None, progress), segmentation)
 
     def _perceive(
-        self, capture: Capture, watch: Stopwatch, given: Segmentation | None = None
+        self,
+        capture: Capture | Perception,
+        watch: Stopwatch,
+        given: Segmentation | None = None,
     ) -> Perception:
         config, scene = self.config, self.config.planner.scene
+        if isinstance(capture, Perception):
+            return capture.with_scenes(scene)
         return Perception.of(
             capture, config.segmentation, scene, watch, config.workers, given
         )
@@ -232,9 +237,7 @@ class Pipeline:
         """
         require_limits(seed, deadline, mass)
         watch = Stopwatch(deadline, progress)
-        seen = capture
-        if not isinstance(seen, Perception):
-            seen = self._perceive(seen, watch)
+        seen = self._perceive(capture, watch)
         with watch.stage("selection"):
             order = seen.order(self.policy)
             targets = choose_targets(
@@ -389,11 +392,9 @@ class Pipeline:
             return advice_on(
                 result,
                 planner,
-                seen.scene(target),
+                seen,
+                target,
                 self.arms,
-                seen.obstacles,
-                seen.cloud,
-                seen.segmentation.labels,
                 rng=np.random.default_rng([seed, 1]),
                 is_late=watch.is_late,
             )

@@ -13,7 +13,7 @@ import pytest
 
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.pipeline import Pipeline, PipelineConfig
-from debrisgrasp.planning import PlannerConfig
+from debrisgrasp.planning import PlannerConfig, SceneConfig
 from debrisgrasp.planning.config import SETTLED
 from debrisgrasp.planning.exploration import explore
 from tests.scenes import capture_of, lying_pipe
@@ -180,3 +180,17 @@ def test_plans_on_one_perception_equal_plans_on_the_capture(floating):
         assert [g.score for g in shared.grasps] == [g.score for g in alone.grasps]
         assert len(shared.grasps) > 0
     assert seen.order(floating.policy) is seen.order(floating.policy)
+
+
+def test_what_another_pipeline_saw_gets_scenes_by_the_settings_of_this_one(
+    floating, dictionary
+):
+    capture = capture_of([lying_pipe()])
+    planner = PlannerConfig(scene=SceneConfig(spacing=0.015))
+    config = PipelineConfig(planner=planner)
+    coarse = Pipeline(robot="none", prototypes=dictionary, config=config)
+    seen = floating.perceive(capture)
+    plans = [coarse.plan(what).plan for what in (capture, seen)]
+    poses = [[g.T_base_hand.matrix for g in plan.grasps] for plan in plans]
+    assert poses[0]
+    assert np.array_equal(*poses)
