@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -39,6 +41,15 @@ class PrototypeLibrary:
     prototypes: tuple[GraspPrototype, ...]
     grippers: Mapping[str, GripperModel]
     """The hands that they are for, and perhaps more."""
+
+    def __post_init__(self) -> None:
+        name, n = max(Counter(self.names).items(), key=itemgetter(1), default=("", 0))
+        if n > 1:
+            raise ConfigError(
+                "names of prototypes",
+                got=f"{name!r} {n} times",
+                expected="another name for each",
+            )
 
     @classmethod
     def load(
@@ -171,7 +182,7 @@ class PrototypeLibrary:
             raise UnknownNameError("kind of prototype", kind, KINDS)
         chosen = self.prototypes
         if names is not None:
-            chosen = tuple(self[name] for name in names)
+            chosen = tuple(self[name] for name in dict.fromkeys(names))
         kept = tuple(
             prototype
             for prototype in chosen

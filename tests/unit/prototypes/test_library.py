@@ -281,3 +281,13 @@ def test_a_new_folder_comes_whole_or_not_at_all(
         library.save(tmp_path / "deep" / "new")
     assert len(written) == 1
     assert list((tmp_path / "deep").iterdir()) == []
+
+
+def test_prototypes_of_one_name_are_refused_from_python_too(library):
+    first, second, *_ = library
+    with pytest.raises(ConfigError, match=f"'{first.name}' 2 times"):
+        PrototypeLibrary((first, second, first), library.grippers)
+    definitions = [first.definition, first.definition]
+    with pytest.raises(ConfigError, match="another name for each"):
+        PrototypeLibrary.build(definitions, library.grippers)
+    assert len(library.select(names=[first.name, first.name])) == 1
