@@ -44,6 +44,7 @@ from debrisgrasp.pipeline import (
     motion_space,
 )
 from debrisgrasp.pipeline.inputs import require_limits
+from debrisgrasp.prototypes import PrototypeLibrary
 from debrisgrasp.segmentation import (
     Candidate,
     Segmentation,
@@ -107,7 +108,7 @@ def plan(
     robot: str | os.PathLike[str] | RobotModel = "roman",
     arm: str | None = None,
     gripper: str | None = None,
-    prototypes: str | os.PathLike[str] | None = None,
+    prototypes: str | os.PathLike[str] | PrototypeLibrary | None = None,
     grippers: str | os.PathLike[str] | None = None,
     policy: SelectionPolicy | None = None,
     region: Bounds | None = None,

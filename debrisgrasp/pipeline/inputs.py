@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import inf
 
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.kinematics import ArmReach, RobotModel, with_hand
 from debrisgrasp.planning import LoadConfig
-from debrisgrasp.prototypes import FURTHER_HANDS, GripperModel, PrototypeLibrary
+from debrisgrasp.prototypes import (
+    FURTHER_HANDS,
+    GripperModel,
+    PrototypeLibrary,
+    load_grippers,
+)
 
 __all__ = [
     "LEAST_MASS",
     "MOST_MASS",
     "arms_of",
+    "hands_of",
     "library_of",
     "liftable",
     "require_generic",
@@ -33,6 +40,15 @@ def robot_of(robot: str | os.PathLike[str] | RobotModel) -> RobotModel | None:
     if isinstance(robot, RobotModel):
         return robot
     return None if robot == "none" else RobotModel.load(os.fspath(robot))
+
+
+def hands_of(
+    grippers: str | os.PathLike[str] | None,
+    prototypes: str | os.PathLike[str] | PrototypeLibrary | None,
+) -> Mapping[str, GripperModel]:
+    """Find the hands that are known: those of a folder, or of a dictionary, too."""
+    own = prototypes.grippers if isinstance(prototypes, PrototypeLibrary) else {}
+    return {**load_grippers(grippers), **own}
 
 
 def with_hands(robot: RobotModel, grippers: Mapping[str, GripperModel]) -> RobotModel:
@@ -109,20 +125,26 @@ def library_of(
     arms: tuple[ArmReach, ...],
     gripper: str | None,
     *,
-    prototypes: str | os.PathLike[str] | None,
+    prototypes: str | os.PathLike[str] | PrototypeLibrary | None,
     known: Mapping[str, GripperModel],
 ) -> PrototypeLibrary:
     """Prototypes of the hands that are in use; one at least."""
-    library = PrototypeLibrary.load(prototypes, grippers=known).select(gripper=gripper)
+    if isinstance(prototypes, PrototypeLibrary):
+        library = replace(prototypes, grippers=known)
+    else:
+        library = PrototypeLibrary.load(prototypes, grippers=known)
+    for name in sorted({prototype.gripper for prototype in library} - set(known)):
+        raise UnknownNameError("gripper", name, known, mend=FURTHER_HANDS)
+    library = library.select(gripper=gripper)
     hands = {arm.gripper for arm in arms}
     if hands:
         library = library.select(names=[p.name for p in library if p.gripper in hands])
     if not len(library):
-        used = sorted(hands) or [str(gripper)]
+        used = sorted(hands) or [gripper or "HAND"]
         unknown = sorted(hands - set(known))
         raise ChoiceError(
             "prototypes",
-            got=f"none for {', '.join(used)}",
+            got=f"none for {', '.join(used)}" if hands or gripper else "none",
             expected="at least one",
             mend=f"No hand {unknown[0]!r} is known, only {', '.join(sorted(known))}. "
             + FURTHER_HANDS

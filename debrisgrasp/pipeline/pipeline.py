@@ -24,7 +24,7 @@ from debrisgrasp.planning import (
     PassedOver,
     SearchResult,
 )
-from debrisgrasp.prototypes import GripperModel, load_grippers
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
 from debrisgrasp.segmentation import Segmentation, SelectionPolicy, SupportAware
 from debrisgrasp.settings import Settings
 
@@ -32,6 +32,7 @@ from .advice import advice_on
 from .config import PipelineConfig
 from .inputs import (
     arms_of,
+    hands_of,
     library_of,
     liftable,
     require_generic,
@@ -63,7 +64,8 @@ class Pipeline:
     gripper
         Use only this hand; every hand that an arm carries by default.
     prototypes
-        Folder of prototype files; the shipped dictionary by default.
+        Folder of prototype files, or a dictionary already loaded, with its hands; the
+        shipped one by default.
     grippers
         Folder of files of further hands; only the shipped hands by default.
     policy
@@ -87,24 +89,22 @@ class Pipeline:
         robot: str | os.PathLike[str] | RobotModel = "roman",
         arm: str | None = None,
         gripper: str | None = None,
-        prototypes: str | os.PathLike[str] | None = None,
+        prototypes: str | os.PathLike[str] | PrototypeLibrary | None = None,
         grippers: str | os.PathLike[str] | None = None,
         policy: SelectionPolicy | None = None,
         config: PipelineConfig | None = None,
     ) -> None:
         self.config = config or PipelineConfig()
-        known, model = load_grippers(grippers), robot_of(robot)
+        known, model = hands_of(grippers, prototypes), robot_of(robot)
         self.robot = None if model is None else with_hands(model, known)
         self.arms = arms_of(self.robot, arm, gripper)
         library = library_of(self.arms, gripper, prototypes=prototypes, known=known)
         self.grippers: Mapping[str, GripperModel] = library.grippers
         self.library = library
         self.policy: SelectionPolicy = policy or SupportAware(openings=self._openings())
-        generic = library.select(kind="generic")
-        # Without any, plans need a mark, for which there is another planner.
-        self._generic = GraspPlanner(
-            generic if len(generic) else library, self.config.planner
-        )
+        # Without generic ones, plans need a mark, for which there is another planner.
+        generic = library.select(kind="generic") or library
+        self._generic = GraspPlanner(generic, self.config.planner)
         self._retreats = Retreats()
 
     @classmethod

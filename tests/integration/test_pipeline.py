@@ -4,24 +4,33 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from debrisgrasp import segment, select
-from debrisgrasp.errors import CaptureError, InputError, ShapeError
+from debrisgrasp import plan, segment, select
+from debrisgrasp.errors import (
+    CaptureError,
+    ConfigError,
+    InputError,
+    ShapeError,
+    UnknownNameError,
+)
 from debrisgrasp.geometry import SE3, Box, Cylinder, Solid, so3, voxel_downsample
 from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline, PipelineConfig
 from debrisgrasp.planning import PlannerConfig, Rejections
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
 from debrisgrasp.segmentation import PriorityPoint, segmentation_of_labels
 from tests.scenes import capture_of, lying_pipe
 
 from .conftest import BLOCK, PIPE
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 FAR_PIPE = lying_pipe(length=0.8, position=(2.0, 0.0, 0.3))
 
 
@@ -97,6 +106,28 @@ def test_equal_input_and_seed_give_an_equal_plan(floating, pipe_capture, pipe_re
     floating.plan(pipe_capture, seed=1)
     again = floating.plan(pipe_capture)
     assert plan_to_json(again.plan) == plan_to_json(pipe_result.plan)
+
+
+def test_a_dictionary_in_memory_plans_as_its_folder_does(
+    floating, pipe_capture, pipe_result
+):
+    of_both_hands = PrototypeLibrary.load()
+    library = of_both_hands.select(names=floating.library.names)
+    found = plan(pipe_capture, robot="none", prototypes=library)
+    assert plan_to_json(found.plan) == plan_to_json(pipe_result.plan)
+
+
+def test_a_dictionary_in_memory_brings_its_hands_and_needs_them(pipe_capture):
+    jaw = GripperModel.load(EXAMPLES / "grippers/jaw_140.yaml")
+    hands = {jaw.name: jaw}
+    library = PrototypeLibrary.load(EXAMPLES / "jaw_prototypes", grippers=hands)
+    jaws = Pipeline(robot="none", prototypes=library)
+    assert jaws.plan(pipe_capture).plan.grasps[0].gripper == "jaw_140"
+    for arms in ({"robot": "none"}, {"robot": "roman"}):
+        with pytest.raises(UnknownNameError, match=r"'jaw_140'.*--grippers"):
+            Pipeline(**arms, prototypes=replace(library, grippers={}))
+    with pytest.raises(ConfigError, match=r"prototypes: got none, .*--gripper HAND"):
+        Pipeline(robot="none", prototypes=PrototypeLibrary((), {}))
 
 
 def test_a_pipe_is_gripped_across_its_axis(pipe_result):
