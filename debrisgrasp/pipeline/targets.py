@@ -65,7 +65,7 @@ def choose_targets(
     Raises
     ------
     CaptureError
-        If points are marked, but none that was measured.
+        If points are marked, but none that was measured, or none of the object.
     ConfigError
         If the region can only be in millimetres.
     UnknownNameError
@@ -106,6 +106,13 @@ def choose_targets(
         )
     if is_marked is None:
         return targets
+    if object_label is not None and not (targets[0].is_object & is_marked).any():
+        raise CaptureError(
+            "mask",
+            got=f"no measured point of object {object_label} inside it",
+            expected="some, where mask and label both say what to take",
+            mend="Leave one of them out.",
+        )
     return [replace(t, is_object=t.is_object & is_marked) for t in targets]
 
 

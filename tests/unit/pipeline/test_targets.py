@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import debrisgrasp
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import CaptureError, ConfigError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import data_path
 from debrisgrasp.pipeline import PipelineConfig
@@ -85,6 +85,17 @@ def test_a_region_in_millimetres_is_named():
             None, divided(None), [], region=region, object_label=None,
             is_marked=None, margin=0.05,
         )  # fmt: skip
+
+
+def test_a_label_of_what_the_mask_does_not_show_is_refused():
+    found = divided(None)
+    found.points_of = lambda label: np.flatnonzero(found.labels == label)
+    cloud = SimpleNamespace(points=np.arange(15.0).reshape(5, 3) / 15)
+    given = {"region": None, "is_marked": CHOSEN, "margin": 0.05}
+    with pytest.raises(CaptureError, match="mask: got no measured point of object 2"):
+        choose_targets(cloud, found, [], object_label=2, **given)
+    (target,) = choose_targets(cloud, found, [], object_label=1, **given)
+    assert target.is_object.tolist() == CHOSEN.tolist()
 
 
 @pytest.mark.parametrize("margin", [-0.01, 5.0, np.inf, np.nan])
