@@ -7,6 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray
+from debrisgrasp._words import arm_called
+from debrisgrasp.planning import Arm
+from debrisgrasp.prototypes import GraspPrototype
 from debrisgrasp.segmentation import (
     WHOLE_SHARE,
     Candidate,
@@ -18,6 +21,7 @@ from debrisgrasp.segmentation import (
 from .second_look import BestSoFar
 
 __all__ = [
+    "arm_notes",
     "deadline_notes",
     "ground_notes",
     "mask_notes",
@@ -30,6 +34,19 @@ _DUG = 0.02
 """A pit with fewer points than this, in shares of the ground, may be a reflection."""
 _LIGHT = 0.05
 """Debris is hardly ever lighter: a tenth of what most pieces weigh at least [kg]."""
+
+
+def arm_notes(
+    arms: Iterable[Arm], prototypes: Iterable[GraspPrototype]
+) -> tuple[str, ...]:
+    """Say which arms in use no grasp was sought for."""
+    hands = {prototype.gripper for prototype in prototypes}
+    return tuple(
+        f"no grasp is sought for the {arm_called(arm.name)}: no prototype that was "
+        f"tried is for its hand, {arm.gripper}"
+        for arm in arms
+        if arm.gripper not in hands
+    )
 
 
 def deadline_notes(deadline: float | None, *, is_cut: bool) -> tuple[str, ...]:

@@ -40,7 +40,7 @@ from .inputs import (
     robot_of,
     with_hands,
 )
-from .notes import deadline_notes, mass_notes, warning_notes
+from .notes import arm_notes, deadline_notes, mass_notes, warning_notes
 from .perception import Perception
 from .reasons import unfit, why_empty
 from .result import PlanningResult
@@ -258,7 +258,7 @@ class Pipeline:
         notes = deadline_notes(deadline, is_cut=watch.has_cut)
         notes += mass_notes(mass, best, liftable(self.arms, self.config.planner.load))
         notes += seen.notes(target if is_specific else None)
-        notes += warning_notes(order, best)
+        notes += warning_notes(order, best) + arm_notes(self.arms, planner.prototypes)
         grasps: tuple[Grasp, ...] = ()
         advice: tuple[Advice, ...] = ()
         if target is not None:

@@ -324,6 +324,11 @@ def test_a_pile_out_of_reach_altogether_is_told_to_be_that_far(dictionary):
     assert "because no arm gets that far" in plan.why_empty
 
 
+def test_an_arm_without_prototypes_is_told_of(roman_result):
+    (note,) = (n for n in roman_result.plan.notes if "left arm" in n)
+    assert note.startswith("no grasp is sought for the left arm: ")
+
+
 def test_a_mass_beyond_every_arm_is_told_of_with_what_they_lift(dictionary):
     roman = Pipeline(robot="roman", prototypes=dictionary)
     plan = roman.plan(capture_of([NEAR_PIPE]), mass=400.0).plan

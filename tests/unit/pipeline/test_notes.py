@@ -14,6 +14,7 @@ from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, measured
 from debrisgrasp.pipeline import Target
 from debrisgrasp.pipeline.notes import (
+    arm_notes,
     deadline_notes,
     mask_notes,
     mass_notes,
@@ -39,6 +40,18 @@ def test_a_deadline_is_told_of_where_it_cut_something_short():
     assert deadline_notes(0.5, is_cut=False) == ()
     (note,) = deadline_notes(0.5, is_cut=True)
     assert "0.5 s" in note
+
+
+def test_an_arm_whose_hand_no_prototype_is_for_is_told_of():
+    arms = [
+        SimpleNamespace(name=n, gripper=h) for n, h in (("left", "a"), ("arm", "b"))
+    ]
+    of_a, of_b = (SimpleNamespace(gripper=hand) for hand in "ab")
+    assert arm_notes(arms, [of_a, of_b]) == ()
+    (note,) = arm_notes(arms, [of_a])
+    assert "for the arm:" in note
+    assert note.endswith("for its hand, b")
+    assert len(arm_notes(arms, [])) == 2
 
 
 def test_what_lies_on_the_object_chosen_is_warned_of():
