@@ -18,6 +18,7 @@ their mean and that of all points: a board's top on a thick pipe won't do.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from debrisgrasp._arrays import (
     require_range,
 )
 from debrisgrasp._checked import checked_fields
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import so3
 
 from .matching import Match, match_surface
@@ -67,8 +69,19 @@ class SimilarityConfig:
     """Share of the visible points that must have been seen for full marks."""
     minimum_seen: int = 6
     """Fewer seen points than this can't support a match."""
+    measure: Literal["evidence", "distance"] = "evidence"
+    """``"evidence"``: S as in docs/planner.md. ``"distance"``: the paper's (Eq. 5), the
+    mean distance d of the visible points to the object, as exp(-d^2 / (2 sigma^2)), to
+    compare with: it knows neither normals nor free or unseen space, and ``score`` is no
+    probability then."""
 
     def __post_init__(self) -> None:
+        if self.measure not in ("evidence", "distance"):
+            raise ConfigError(
+                "SimilarityConfig.measure",
+                got=repr(self.measure),
+                expected="evidence or distance",
+            )
         require_range("SimilarityConfig.sigma", self.sigma, 1e-4, 0.1)
         require_range("SimilarityConfig.normal_sigma", self.normal_sigma, 0.01, 10.0)
         require_range("SimilarityConfig.tangential_gate", self.tangential_gate, 0.0)
@@ -130,6 +143,9 @@ class ShapeSimilarity:
         coverage = seen / np.maximum(self._surfaces.count[row], 1)
         trust = np.minimum(coverage / self._config.full_coverage, 1.0)
         similarity = np.where(seen >= least, trust * similarity, 0.0)
+        if self._config.measure == "distance":
+            far = self._mean_distance(look, row) / self._config.sigma
+            similarity = np.exp(-0.5 * far**2)
         return similarity.astype(np.float32), coverage.astype(np.float32)
 
     def mean_distance(
@@ -142,7 +158,11 @@ class ShapeSimilarity:
         belongs to something else. Smaller is better; it knows neither normals nor free
         space.
         """
-        look, row = self._look(Ts_base_hand.astype(np.float32), prototype)
+        return self._mean_distance(
+            *self._look(Ts_base_hand.astype(np.float32), prototype)
+        )
+
+    def _mean_distance(self, look: Match, row: IntArray) -> FloatArray:
         farthest = np.float32(self._scene.field.truncation)
         distance = np.sqrt(look.along * look.along + look.beside * look.beside)
         distance = np.where(look.is_target > 0, distance, farthest)

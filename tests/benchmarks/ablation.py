@@ -32,6 +32,7 @@ N_BEST = 5
 DEFAULT = PlannerConfig()
 ABLATIONS: dict[str, PlannerConfig] = {
     "all of it": DEFAULT,
+    "Eq. 5 for S": replace(DEFAULT, similarity=SimilarityConfig(measure="distance")),
     "no normals": replace(DEFAULT, similarity=SimilarityConfig(normal_sigma=10.0)),
     "no coverage": replace(DEFAULT, similarity=SimilarityConfig(full_coverage=0.01)),
     "no gate beside points": replace(

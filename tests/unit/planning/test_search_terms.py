@@ -392,6 +392,34 @@ def test_mean_distance_is_that_of_equation_five(scene, library):
     assert far == pytest.approx(scene.field.truncation, abs=1e-6)
 
 
+def test_equation_five_may_stand_for_the_evidence(scene, library):
+    """The nearer the better; the coverage is told all the same."""
+    surfaces = VisibleSurfaces.pack(library.packed(), 80)
+    by_distance = SimilarityConfig(measure="distance", sigma=0.01)
+    similarity = ShapeSimilarity(scene, surfaces, by_distance)
+    good = good_pose(library)
+    Ts = np.stack(
+        [
+            SE3.from_parts(good.R, good.p + np.array([0, 0, dz])).matrix
+            for dz in (0.0, 0.01, 0.02, 0.5)
+        ]
+    )
+    which = np.zeros(4, dtype=int)
+    S, coverage = similarity(Ts, which)
+    distance = similarity.mean_distance(Ts, which)
+    np.testing.assert_allclose(S, np.exp(-0.5 * (distance / 0.01) ** 2), atol=1e-5)
+    assert S[0] > 0.7
+    assert S[3] < 1e-4
+    assert (np.diff(S) < 0).all()
+    evidence = ShapeSimilarity(scene, surfaces, SimilarityConfig(sigma=0.01))
+    np.testing.assert_array_equal(coverage, evidence(Ts, which)[1])
+
+
+def test_a_measure_that_is_not_known_is_refused():
+    with pytest.raises(ConfigError, match=r"measure: got 'eq5', expected evidence or"):
+        SimilarityConfig(measure="eq5")
+
+
 def test_alignment_draws_a_pose_onto_the_surface(scene, library, rng):
     surfaces = VisibleSurfaces.pack(library.packed(), 24)
     similarity = ShapeSimilarity(scene, surfaces, SimilarityConfig())
