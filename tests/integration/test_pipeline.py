@@ -23,7 +23,7 @@ from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import plan_to_json
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline, PipelineConfig
-from debrisgrasp.planning import PlannerConfig, Rejections
+from debrisgrasp.planning import ClearanceConfig, PlannerConfig, Rejections
 from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
 from debrisgrasp.segmentation import PriorityPoint, segmentation_of_labels
 from tests.scenes import capture_of, lying_pipe
@@ -167,6 +167,23 @@ def test_turning_scene_and_camera_together_turns_the_answer(
     assert abs(best.expected - before.expected) < 0.08
     axis = turn.rotate(PIPE.T_frame_solid.R[:, 2])
     assert abs(best.T_base_hand.R[:, 0] @ axis) < 0.2
+
+
+@pytest.mark.parametrize(("cost", "evidence"), [(0.0, 0.0), (1.0, 1.0)])
+def test_unseen_space_is_ignored_or_avoided_as_the_settings_say(
+    pipe_capture, dictionary, cost, evidence
+):
+    planner = PlannerConfig(
+        clearance=ClearanceConfig(unknown_cost=cost), minimum_evidence=evidence
+    )
+    config = PipelineConfig(planner=planner)
+    pipeline = Pipeline(robot="none", prototypes=dictionary, config=config)
+    found = pipeline.plan(pipe_capture).plan
+    assert found.grasps
+    # Nothing costs C: what is left lies clear of it, or it is free.
+    assert all(grasp.C == 1.0 for grasp in found.grasps)
+    has_guesses = any("thicker than what was seen" in why for why in found.rejections)
+    assert has_guesses == (evidence == 1.0)
 
 
 def test_an_object_that_does_not_fit_is_passed_over_with_a_reason(
