@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
@@ -47,6 +48,7 @@ _MENDS = {
     "Workers": "OwnWorkers(lambda: ThreadPoolExecutor(4)), for instance.",
     "World": "let_down(named_scene(name)).world, for instance.",
 }
+_LARGEST = sys.float_info.max
 _LONGEST = 40
 _AN = (*"AEIOU", "SE3")
 """How names begin that are spoken with a vowel."""
@@ -189,8 +191,13 @@ def _is_a(value: Any, kind: Any) -> bool:
         return not isinstance(value, type) and all(hasattr(value, n) for n in names)
     if kind in (Integral, Real):
         is_number = isinstance(value, kind) and not isinstance(value, bool)
-        return is_number and bool(value == value)
+        return is_number and bool(value == value) and not _is_too_large(value, kind)
     return isinstance(value, kind)
+
+
+def _is_too_large(value: Any, kind: Any) -> bool:
+    """Tell of a whole number that no float holds, where one is wanted."""
+    return kind is Real and isinstance(value, int) and abs(value) > _LARGEST
 
 
 def _complaint(name: str, value: object, allowed: tuple[Any, ...]) -> InputError:

@@ -233,6 +233,12 @@ def test_what_a_tuple_or_a_sequence_holds_is_looked_at(given, words):
         assert word in str(refused.value)
 
 
+def test_no_number_is_larger_than_all_floats():
+    with pytest.raises(InputError, match=r"share: got int, expected a finite number"):
+        serve(3, share=10**400)
+    serve(10**400)
+
+
 def test_no_number_is_nan():
     with pytest.raises(InputError, match="share: got nan"):
         serve(3, share=float("nan"))
