@@ -183,12 +183,14 @@ class FrameMismatchError(InputError):
 
 
 class MissingExtraError(DebrisGraspError, ImportError):
-    """A feature needs an optional package that is not installed."""
+    """A feature needs an optional package that is not installed, or not as it must."""
 
-    def __init__(self, feature: str, extra: str) -> None:
-        self.feature, self.extra = feature, extra
+    def __init__(self, feature: str, extra: str, found: str = "") -> None:
+        self.feature, self.extra, self.found = feature, extra, found
+        told = f" ({found})" if found else ""
         super().__init__(
-            f"{feature} needs the extra {extra!r}: pip install 'debrisgrasp[{extra}]'"
+            f"{feature} needs the extra {extra!r}{told}: "
+            f"pip install 'debrisgrasp[{extra}]'"
         )
 
 

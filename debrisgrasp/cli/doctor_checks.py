@@ -54,7 +54,8 @@ _OLD_CALIBRATION = 90
 """Days after which a look at the calibration is advised."""
 _HEIGHTS = np.arange(0.1, 1.0, 0.1)
 """Heights of the palm that are tried over a drop-off [m]."""
-_REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[\w,]+\])?(?:[^;]*?>=([\d.]+))?")
+_NAME = re.compile(r"[\w.-]+")
+_LEAST, _BELOW = re.compile(r">=([\d.]+)"), re.compile(r"<([\d.]+)")
 _EXTRA = re.compile(r"extra == ['\"]([\w-]+)['\"]")
 
 
@@ -104,15 +105,18 @@ def _extra(extra: str, use: str, requirements: Sequence[str]) -> Finding:
 
 def _state_of(requirement: str) -> tuple[str, str]:
     """Name of a required package, and what is wrong with it; empty if nothing is."""
-    match = _REQUIREMENT.match(requirement)
+    wanted = requirement.partition(";")[0]
+    match = _NAME.match(wanted)
     assert match is not None
-    name, least = match[1], match[2]
+    name, least, below = match[0], _LEAST.search(wanted), _BELOW.search(wanted)
     try:
         installed = version(name)
     except PackageNotFoundError:
         return name, "is missing"
-    if least and _numbers(installed) < _numbers(least):
-        return name, f"is {installed}, at least {least} is needed"
+    if least and _numbers(installed) < _numbers(least[1]):
+        return name, f"is {installed}, at least {least[1]} is needed"
+    if below and _numbers(installed) >= _numbers(below[1]):
+        return name, f"is {installed}, one below {below[1]} is needed"
     return name, ""
 
 

@@ -387,11 +387,12 @@ def test_a_failing_self_test_is_a_fault(run, monkeypatch):
     assert ended.out.endswith("to mend: plan: no grasp\n")
 
 
-def test_missing_and_old_packages_are_told(monkeypatch):
+def test_missing_old_and_too_new_packages_are_told(monkeypatch):
     wanted = [
         "numpy>=99.1",
         "nosuchthing>=1; extra == 'viz'",
-        "pyyaml>=1.0; extra == 'sim'",
+        "pyyaml<99,>=1.0; extra == 'sim'",
+        "scipy<1,>=0.1; extra == 'motion'",
     ]
     monkeypatch.setattr(doctor_checks, "requires", lambda _: wanted)
     found = {finding.what: finding for finding in doctor_checks.installation()}
@@ -400,6 +401,7 @@ def test_missing_and_old_packages_are_told(monkeypatch):
     assert "pip install 'debrisgrasp[viz]'" in found["extra viz"].text
     assert found["extra viz"].status == "note"
     assert found["extra sim"].status == "ok"
+    assert "one below 1 is needed" in found["extra motion"].text
 
 
 def test_a_cache_that_cannot_be_written_is_a_note(monkeypatch, tmp_path):

@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import sys
+import tomllib
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from debrisgrasp.geometry import SE3, Box
 from debrisgrasp.sim import (
     Physics,
     SettleConfig,
+    _mujoco,
     build_model,
     let_fall,
     settle,
@@ -161,6 +165,29 @@ def test_the_missing_extra_is_named_when_mujoco_is_absent(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtraError, match=r"debrisgrasp\[sim\]"):
         let_fall(World((box("it", (0.1, 0.1, 0.1), 1.0),)))
+
+
+@pytest.mark.parametrize("version", ["2.3.7", "3.2.7", "5.0.0rc1"])
+def test_a_version_that_was_never_tried_is_told_like_one_absent(monkeypatch, version):
+    monkeypatch.setitem(sys.modules, "mujoco", SimpleNamespace(__version__=version))
+    told = rf"MuJoCo is {version}, from 3.3 to below 5 works.*debrisgrasp\[sim\]"
+    with pytest.raises(MissingExtraError, match=told):
+        let_fall(World((box("it", (0.1, 0.1, 0.1), 1.0),)))
+
+
+def test_a_library_of_the_system_that_is_absent_is_told(monkeypatch, tmp_path):
+    (tmp_path / "mujoco.py").write_text("raise ImportError('libGL.so.1: no such file')")
+    monkeypatch.delitem(sys.modules, "mujoco", raising=False)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(MissingExtraError, match=r"can't be loaded: libGL\.so\.1"):
+        let_fall(World((box("it", (0.1, 0.1, 0.1), 1.0),)))
+
+
+def test_absent_is_what_the_extra_does_not_allow():
+    pyproject = Path(__file__).parents[3] / "pyproject.toml"
+    project = tomllib.loads(pyproject.read_text())["project"]
+    allowed = f"mujoco>={_mujoco._FROM},<{_mujoco._BELOW}"
+    assert project["optional-dependencies"]["sim"] == [allowed]
 
 
 def test_settings_out_of_range_are_refused():
