@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.control import Compliance
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
@@ -55,6 +56,7 @@ YIELD = Compliance.diagonal((1e-4,) * 3, (0.4,) * 3)
 hardly gives way along: what carries the weight must not sink under it."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialSpec:
     """What is tried; equal specs give equal records but for the seconds."""
@@ -90,6 +92,7 @@ class TrialSpec:
             raise ConfigError("seed", got=self.seed, expected="an integer of 0 or more")
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialRecord:
     """What came of a trial, in plain numbers and words."""

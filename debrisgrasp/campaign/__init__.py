@@ -17,12 +17,19 @@ from .arm_run import run_arm
 from .contents import contents_of_site, digest, edited, edited_since
 from .fake_run import pipeline_of, run_fake
 from .flight_picture import save_flight
-from .flights import FlightGroup, draw_flight, flight_of, grouped
+from .flights import FlightGroup, draw_flight, grouped
 from .in_the_way import Account, account
 from .intervals import Interval, jeffreys, newcombe, wilson
 from .physics_run import run_physics
 from .rates import FaultRates, Rate, random_faults
-from .record import CHECKS, CLASSES, SUCCESS, UNCLASSIFIED, RunRecord
+from .record import (
+    CHECKS,
+    CLASSES,
+    SUCCESS,
+    UNCLASSIFIED,
+    RunRecord,
+    flight_of,
+)
 from .results import (
     comparison_to_json,
     flights_to_json,

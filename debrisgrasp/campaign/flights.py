@@ -15,7 +15,7 @@ from .flight_picture import save_flight
 from .record import RunRecord
 from .specs import RunSpec
 
-__all__ = ["FlightGroup", "draw_flight", "flight_of", "grouped"]
+__all__ = ["FlightGroup", "draw_flight", "grouped"]
 
 _LIFTED = 8.0
 """What is heavier is not lifted, but dragged or left [kg]."""
@@ -42,13 +42,6 @@ class FlightGroup:
     """How many of the others were pulled clear [count]."""
     failures: Mapping[str, int]
     """Outcomes of the rest, most frequent first."""
-
-
-def flight_of(record: RunRecord) -> TrialRecord | None:
-    """Take the flight of a hand out of the record of a run; None if it was another."""
-    spec = record.spec
-    is_flight = (spec.get("world"), spec.get("level")) == ("mujoco", "hand")
-    return TrialRecord(**record.details) if is_flight and record.details else None
 
 
 def grouped(flights: Iterable[TrialRecord]) -> tuple[FlightGroup, ...]:

@@ -16,6 +16,7 @@ from debrisgrasp._files import read_json, schema_found
 from debrisgrasp.control import FaultClass
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.executive import STAGES
+from debrisgrasp.trials import TrialRecord
 
 __all__ = [
     "CHECKS",
@@ -25,6 +26,7 @@ __all__ = [
     "SUCCESS",
     "UNCLASSIFIED",
     "RunRecord",
+    "flight_of",
 ]
 
 SUCCESS = "success"
@@ -170,7 +172,8 @@ class RunRecord:
         try:
             values = {name: content[name] for name in names if name not in _ADDED}
             values |= {name: content.get(name, none) for name, none in _ADDED.items()}
-            return RunRecord(**values)
+            record = RunRecord(**values)
+            flight_of(record)
         except (KeyError, TypeError) as error:
             raise ConfigError(
                 where, got=f"{type(error).__name__} {error}", expected=f"a {_SCHEMA}"
@@ -179,8 +182,16 @@ class RunRecord:
             raise ConfigError(
                 f"{where}, {error.what}", got=error.got, expected=error.expected
             ) from error
+        return record
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> RunRecord:
         """Read a record's file, or raise `ConfigError`."""
         return RunRecord.from_json(read_json(path), str(Path(path)))
+
+
+def flight_of(record: RunRecord) -> TrialRecord | None:
+    """Take the flight of a hand out of the record of a run; None if it was another."""
+    spec = record.spec
+    is_flight = (spec.get("world"), spec.get("level")) == ("mujoco", "hand")
+    return TrialRecord(**record.details) if is_flight and record.details else None

@@ -15,9 +15,9 @@ from debrisgrasp._files import read_json, schema_found, write_atomic
 from debrisgrasp.errors import ConfigError
 
 from .accounting import Comparison, Share, Stage, Tables, system_reliability
-from .flights import FlightGroup, flight_of, grouped
+from .flights import FlightGroup, grouped
 from .header import CONTENTS, RUNS, read_header
-from .record import CHECKS, RunRecord
+from .record import CHECKS, RunRecord, flight_of
 from .runner import load_records
 
 __all__ = [

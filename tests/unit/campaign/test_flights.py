@@ -20,6 +20,7 @@ from debrisgrasp.campaign import (
 )
 from debrisgrasp.cli import main
 from debrisgrasp.cli.campaign_text import flights_text
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.trials import TrialRecord
 
 from .records import record
@@ -73,6 +74,17 @@ def test_only_flights_are_flights():
     assert flight_of(run_of(SLIPPED)) == SLIPPED
     assert flight_of(record("a", spec={"world": "fake", "level": "hand"})) is None
     assert flight_of(record("a", spec={"world": "mujoco", "level": "arm"})) is None
+
+
+@pytest.mark.parametrize(
+    "change", [{"mass": "heavy"}, {"probability": None}, {"lunch": 1}, {"terms": [[]]}]
+)
+def test_what_is_no_flight_makes_a_damaged_record(change):
+    content = json.loads(run_of(HELD).to_json())
+    assert flight_of(RunRecord.from_json(content, "here")) == HELD
+    content["details"] |= change
+    with pytest.raises(ConfigError, match=f"here.*{next(iter(change))}"):
+        RunRecord.from_json(content, "here")
 
 
 def test_results_keep_the_groups(tmp_path):
