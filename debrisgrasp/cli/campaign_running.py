@@ -53,7 +53,9 @@ __all__ = ["run_campaigns"]
 
 _INTERRUPTED = 130
 _RANDOM = "random"
-_ALIKE = ("world", "level", "tier", "site", "faults", "recovery", "max_removals")
+_ALIKE = (
+    "world", "mujoco", "level", "tier", "site", "faults", "recovery", "max_removals",
+)  # fmt: skip
 """What two campaigns that are compared should have in common."""
 
 
@@ -118,8 +120,6 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
             expected="--world mujoco",
             mend="The robot in memory always has its arms.",
         )
-    if arguments.world == "mujoco":
-        mujoco()  # without it each of the runs would end
     common: dict[str, Any] = {
         "seed": arguments.seed,
         "world": arguments.world,
@@ -134,6 +134,8 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
     if (rates := _rates_file(arguments.faults)) is not None:
         contents[arguments.faults] = digest(rates)
     header = {**common, "version": debrisgrasp.__version__, "faults": arguments.faults}
+    if arguments.world == "mujoco":
+        header["mujoco"] = mujoco().__version__  # also lest each of the runs end by it
     return Campaign(
         specs=draw_specs(arguments.n, faults=source, **common),
         run_one=run_function(arguments.world, arguments.level),

@@ -8,8 +8,9 @@ from debrisgrasp.errors import MissingExtraError
 
 __all__ = ["mujoco"]
 
-_FROM, _BELOW = "3.3", "5"
-"""Versions in which the models compile and the colliders can be chosen."""
+_FROM, _BELOW = "4", "5"
+"""Versions that the tests know. In 3.2 the colliders can't be chosen; in 3.3 to 3.17
+some piles never come to rest, and loads are off by 7 %."""
 
 
 def mujoco() -> Any:

@@ -13,7 +13,14 @@ from PIL import Image
 
 from debrisgrasp import __version__
 from debrisgrasp._files import data_path
-from debrisgrasp.campaign import Campaign, RunRecord, RunSpec, fake_world, run_fake
+from debrisgrasp.campaign import (
+    Campaign,
+    RunRecord,
+    RunSpec,
+    fake_world,
+    load_header,
+    run_fake,
+)
 from debrisgrasp.campaign.fake_run import handle_of
 from debrisgrasp.robot import INJECTABLE, Injection
 
@@ -291,13 +298,19 @@ def test_a_drop_off_out_of_reach_is_named_before_anything_runs(run, tmp_path):
 
 
 def test_a_hand_of_ones_own_is_tried_in_physics(run, tmp_path):
-    pytest.importorskip("mujoco")
+    mujoco = pytest.importorskip("mujoco")
     out = tmp_path / "out"
     words = ("--world", "mujoco", "--tier", "isolated", "--n", 1, "--workers", 1)
     assert run("campaign", *words, "--site", JAW, "--out", out).status == 0
     record = RunRecord.load(out / "runs/000000.json")
     assert record.details["gripper"] == "jaw_140"
     assert RunSpec.from_json(record.spec).site == str(JAW)
+    header = load_header(out)
+    assert header["mujoco"] == mujoco.__version__
+    content = (out / "campaign.json").read_text()
+    (out / "campaign.json").write_text(content.replace(header["mujoco"], "4.99.0"))
+    unlike = run("campaign", "--compare", out, out / "results.json").err
+    assert "differ in mujoco: 4.99.0 in the old one" in unlike
 
 
 def test_all_classes_of_the_table_can_be_reached():
