@@ -120,6 +120,14 @@ def _campaign(arguments: argparse.Namespace) -> Campaign:
             expected="--world mujoco",
             mend="The robot in memory always has its arms.",
         )
+    is_flight = arguments.world == "mujoco" and arguments.level == "hand"
+    if is_flight and arguments.max_removals is not None:
+        raise ConfigError(
+            "--max-removals",
+            got="with --world mujoco --level hand",
+            expected="--world fake, or --level arm",
+            mend="A flying hand is given one object.",
+        )
     common: dict[str, Any] = {
         "seed": arguments.seed,
         "world": arguments.world,

@@ -264,6 +264,7 @@ def test_a_file_that_was_edited_since_is_named(run, tmp_path):
         (("--tier", ""), "tier of world fake"),
         (("--world", "mujoco", "--tier", "single"), "tier of world mujoco"),
         (("--world", "mujoco", "--faults", "field"), "only the robot in memory"),
+        (("--world", "mujoco", "--max-removals", 2), "given one object"),
         (("--faults", "no/such.yaml"), "no/such.yaml"),
         (("--faults", "fields"), "field, paper_handle"),
         (("--site", "no/such.yaml"), "no/such.yaml"),
