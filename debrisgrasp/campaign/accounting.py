@@ -183,7 +183,8 @@ class Tables:
     removed: Share
     """Objects that are out of the way in the end, of those that were in it."""
     checks: tuple[tuple[str, int], ...]
-    """How often each of `CHECKS` was violated, all runs together."""
+    """How often each of `CHECKS` was violated, all runs together; those that no run
+    looked at are left out."""
 
     @property
     def success(self) -> Share:
@@ -232,6 +233,7 @@ def tabulate(records: Sequence[RunRecord]) -> Tables:
         checks=tuple(
             (name, sum(record.checks.get(name, 0) for record in records))
             for name in CHECKS
+            if any(name in record.checks for record in records)
         ),
     )
 

@@ -93,7 +93,7 @@ class RunRecord:
     n_removed: int = 0
     """Of these, the ones that are not in the way in the end."""
     checks: Mapping[str, int] = field(default_factory=dict)
-    """How often each of `CHECKS` was violated."""
+    """How often each of `CHECKS` was violated; without those not looked at."""
     seconds: float = 0.0
     """CPU time [s]."""
     error: str = ""

@@ -197,7 +197,7 @@ def _csv(records: Sequence[RunRecord]) -> str:
                 *("" if (v := getattr(record, n)) is None else v for n in _PLAIN),
                 int(record.got_to_a_grasp),
                 *(" ".join(getattr(record, name)) for name in lists),
-                *(record.checks.get(name, 0) for name in CHECKS),
+                *(record.checks.get(name, "") for name in CHECKS),
             ]
         )
     return stream.getvalue()

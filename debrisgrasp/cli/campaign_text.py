@@ -22,14 +22,10 @@ __all__ = ["comparison_text", "draw_tables", "flights_text", "tables_text"]
 
 def tables_text(tables: Tables) -> str:
     """Outcomes with both denominators, stages, what mending buys, and the checks."""
-    return "\n\n".join(
-        [
-            _outcomes(tables),
-            _series(tables),
-            _stages(tables),
-            _checks(tables),
-        ]
-    )
+    parts = [_outcomes(tables), _series(tables), _stages(tables)]
+    if tables.checks:
+        parts.append(_checks(tables))
+    return "\n\n".join(parts)
 
 
 def _outcomes(tables: Tables) -> str:

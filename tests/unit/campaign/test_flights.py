@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from dataclasses import replace
@@ -19,7 +20,7 @@ from debrisgrasp.campaign import (
     tabulate,
 )
 from debrisgrasp.cli import main
-from debrisgrasp.cli.campaign_text import flights_text
+from debrisgrasp.cli.campaign_text import flights_text, tables_text
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.trials import TrialRecord
 
@@ -85,6 +86,18 @@ def test_what_is_no_flight_makes_a_damaged_record(change):
     content["details"] |= change
     with pytest.raises(ConfigError, match=f"here.*{next(iter(change))}"):
         RunRecord.from_json(content, "here")
+
+
+def test_what_no_flight_looks_at_is_not_told_to_be_0(tmp_path):
+    tables = tabulate([run_of(HELD), run_of(SLIPPED)])
+    assert tables.checks == ()
+    assert "must be 0" not in tables_text(tables)
+    looked = replace(run_of(HELD), checks={"uncaught": 0})
+    assert tabulate([looked, run_of(SLIPPED)]).checks == (("uncaught", 0),)
+    assert "must be 0" in tables_text(tabulate([looked]))
+    _, path = save_results(tmp_path, [looked, run_of(HELD)], tables, {})
+    rows = list(csv.DictReader(path.open()))
+    assert [row["uncaught"] for row in rows] == ["0", ""]
 
 
 def test_results_keep_the_groups(tmp_path):
