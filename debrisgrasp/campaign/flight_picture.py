@@ -137,6 +137,7 @@ def _caption(done: Trial) -> str:
         f"rise {100 * r.rise:.0f} cm, turn "
         f"{np.degrees(r.turn):.0f} deg, slide {1e3 * r.slide:.0f} mm, short "
         f"{1e3 * r.short_of_goal:.0f} mm, shift {1e3 * r.shift_before:.0f} mm, lever "
-        f"{r.lever:.2f} m, peak {r.peak_force:.0f} N {r.peak_torque:.1f} N m, "
-        f"intended: {r.is_as_intended}, steep {r.steepness:.2f}"
+        f"{r.lever:.2f} m, peak {r.peak_force:.0f} N {r.peak_torque:.1f} N m, deepest "
+        f"{1e3 * r.deepest:.1f} mm, intended: {r.is_as_intended}, steep "
+        f"{r.steepness:.2f}"
     )

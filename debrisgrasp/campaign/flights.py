@@ -42,6 +42,8 @@ class FlightGroup:
     """How many of the others were pulled clear [count]."""
     failures: Mapping[str, int]
     """Outcomes of the rest, most frequent first."""
+    through: int = 0
+    """How many of all went so deep into a body that their outcome means little."""
 
 
 def grouped(flights: Iterable[TrialRecord]) -> tuple[FlightGroup, ...]:
@@ -61,6 +63,7 @@ def grouped(flights: Iterable[TrialRecord]) -> tuple[FlightGroup, ...]:
                     held=Share(n_held, len(some)),
                     pulled_clear=len(some) - failed.total() - n_held,
                     failures=dict(failed.most_common()),
+                    through=sum(f.is_through for f in some),
                 )
             )
     return tuple(groups)

@@ -142,6 +142,7 @@ def flights_to_json(groups: Sequence[FlightGroup]) -> list[dict[str, Any]]:
             "held": _share(group.held),
             "pulled_clear": group.pulled_clear,
             "failures": dict(group.failures),
+            "through": group.through,
         }
         for group in groups
     ]

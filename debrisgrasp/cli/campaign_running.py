@@ -85,7 +85,7 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
         print(tables_text(tables))
         if flights := [flight for record in records if (flight := flight_of(record))]:
             print(f"\n{flights_text(grouped(flights))}")
-        _print_failures(records)
+        _print_broken(records)
     paths = save_results(campaign.folder, records, tables, campaign.header)
     picture = campaign.folder / "campaign.png"
     faults = arguments.faults or "no injected faults"
@@ -247,11 +247,14 @@ def _show(progress: Progress) -> None:
     show_line(words, is_last=progress.done == progress.total)
 
 
-def _print_failures(records: tuple[RunRecord, ...]) -> None:
+def _print_broken(records: tuple[RunRecord, ...]) -> None:
     """Name the runs that did what must never happen, so that they can be repeated."""
     for record in records:
         broken = [f"{count} {name}" for name, count in record.checks.items() if count]
         if record.error:
             broken.append(record.error.strip().splitlines()[-1])
+        if (flight := flight_of(record)) and flight.is_through:
+            deep = f"{1e3 * flight.deepest:.1f} mm"
+            broken.append(f"{record.end} means little: the hand went {deep} into it")
         if broken:
             print(f"run {record.name}: {'; '.join(broken)}")

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from debrisgrasp.campaign import (
+    Campaign,
     RunRecord,
     flight_of,
     grouped,
@@ -86,6 +87,21 @@ def test_what_is_no_flight_makes_a_damaged_record(change):
     content["details"] |= change
     with pytest.raises(ConfigError, match=f"here.*{next(iter(change))}"):
         RunRecord.from_json(content, "here")
+
+
+def test_flights_through_a_body_are_told(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("mujoco")
+    deep = run_of(replace(HELD, is_through=True, deepest=0.0031))
+    runs = (replace(deep, end="held"), run_of(replace(HELD, seed=2)))
+    monkeypatch.setattr(Campaign, "run", lambda *_, **__: runs)
+    out = tmp_path / "out"
+    out.mkdir()
+    assert main(["campaign", "--world", "mujoco", "--n", "2", "--out", str(out)]) == 0
+    told = capsys.readouterr().out
+    assert "run 1: held means little: the hand went 3.1 mm into it" in told
+    assert "run 2" not in told
+    flights = json.loads((out / "results.json").read_text())["flights"]
+    assert [g["through"] for g in flights if g["by"] == "tier"] == [1]
 
 
 def test_what_no_flight_looks_at_is_not_told_to_be_0(tmp_path):
