@@ -39,6 +39,7 @@ from .results import (
     tables_to_json,
 )
 from .runner import Campaign, Progress, damaged_runs, load_records
+from .same_scenes import SameScenes, same_scenes
 from .specs import FAKE_TIERS, LEVELS, WORLDS, RunSpec, draw_specs, fake_world
 from .workers import ClusterWorkers, LocalWorkers, OwnWorkers
 
@@ -66,6 +67,7 @@ __all__ = [
     "Rate",
     "RunRecord",
     "RunSpec",
+    "SameScenes",
     "Share",
     "Stage",
     "Tables",
@@ -97,6 +99,7 @@ __all__ = [
     "run_fake",
     "run_function",
     "run_physics",
+    "same_scenes",
     "save_flight",
     "save_results",
     "stages_in_series",

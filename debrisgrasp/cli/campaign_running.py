@@ -36,6 +36,7 @@ from debrisgrasp.campaign import (
     pipeline_of,
     random_faults,
     run_function,
+    same_scenes,
     save_results,
     tables_to_json,
     tabulate,
@@ -46,7 +47,13 @@ from debrisgrasp.robot import Injection
 from debrisgrasp.sim import TIERS
 from debrisgrasp.sim._mujoco import mujoco
 
-from .campaign_text import comparison_text, draw_tables, flights_text, tables_text
+from .campaign_text import (
+    comparison_text,
+    draw_tables,
+    flights_text,
+    same_scenes_text,
+    tables_text,
+)
 from .live import show_line
 
 __all__ = ["run_campaigns"]
@@ -219,6 +226,8 @@ def _compare(old: Path, new: Path, *, as_json: bool) -> int:
         print(json.dumps(comparison_to_json(rows)))
     else:
         print(comparison_text(rows))
+        if (same := same_scenes(*runs)).runs:
+            print(same_scenes_text(same))
     return 0
 
 

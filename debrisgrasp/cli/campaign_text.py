@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from debrisgrasp.campaign import (
     Comparison,
     FlightGroup,
+    SameScenes,
     Share,
     Stage,
     Tables,
@@ -17,7 +18,15 @@ from debrisgrasp.viz.campaign import Bar, campaign_png
 
 from .tables import columns
 
-__all__ = ["comparison_text", "draw_tables", "flights_text", "tables_text"]
+__all__ = [
+    "comparison_text",
+    "draw_tables",
+    "flights_text",
+    "same_scenes_text",
+    "tables_text",
+]
+
+_MOST_NAMES = 20
 
 
 def tables_text(tables: Tables) -> str:
@@ -141,6 +150,22 @@ def comparison_text(rows: Sequence[Comparison]) -> str:
         )
     header = ["outcome", "old", "%", "new", "% ", "difference", "95 %", ""]
     return f"{columns(header, lines)}\n* the interval leaves 0 out"
+
+
+def same_scenes_text(same: SameScenes) -> str:
+    """Which runs of the same scenes only one of two campaigns did."""
+    gained, lost = (_named(names) for names in (same.gained, same.lost))
+    return (
+        f"of {same.runs} runs of the same scenes {gained} in the new one alone and "
+        f"{lost} in the old one alone; luck alone is as unequal in {same.chance:.2g} "
+        "of all cases"
+    )
+
+
+def _named(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:_MOST_NAMES])
+    more = ", ..." if len(names) > _MOST_NAMES else ""
+    return f"{len(names)} succeed{f' ({shown}{more})' if names else ''}"
 
 
 def draw_tables(

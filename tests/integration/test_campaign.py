@@ -131,6 +131,7 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
     assert {p: p.stat().st_mtime_ns for p in (out / "runs").iterdir()} == before
     compared = run("campaign", "--compare", out, out / "results.json")
     assert "+0.0" in compared.out
+    assert "of 3 runs of the same scenes 0 succeed in the new one" in compared.out
     assert compared.err == ""
     (out / "campaign.json").write_text(
         (out / "campaign.json").read_text().replace('"single"', '"few"')
