@@ -17,7 +17,13 @@ from .arm_run import run_arm
 from .contents import contents_of_site, digest, edited, edited_since
 from .fake_run import pipeline_of, run_fake
 from .flight_picture import save_flight
-from .flights import FlightGroup, draw_flight, grouped
+from .flights import (
+    FlightGroup,
+    compare_ends,
+    compare_groups,
+    draw_flight,
+    grouped,
+)
 from .in_the_way import Account, account
 from .intervals import Interval, jeffreys, newcombe, wilson
 from .physics_run import run_physics
@@ -33,6 +39,7 @@ from .record import (
 from .results import (
     comparison_to_json,
     flights_to_json,
+    load_flights,
     load_header,
     load_results,
     save_results,
@@ -75,6 +82,8 @@ __all__ = [
     "asked_apart",
     "changes",
     "compare",
+    "compare_ends",
+    "compare_groups",
     "comparison_to_json",
     "contents_of_site",
     "damaged_runs",
@@ -89,6 +98,7 @@ __all__ = [
     "flights_to_json",
     "grouped",
     "jeffreys",
+    "load_flights",
     "load_header",
     "load_records",
     "load_results",

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from debrisgrasp.trials import TrialRecord, TrialSpec, trial
 
-from .accounting import Share
+from .accounting import Comparison, Share
 from .fake_run import pipeline_of
 from .flight_picture import save_flight
 from .record import RunRecord
 from .specs import RunSpec
 
-__all__ = ["FlightGroup", "draw_flight", "grouped"]
+__all__ = ["FlightGroup", "compare_ends", "compare_groups", "draw_flight", "grouped"]
 
 _LIFTED = 8.0
 """What is heavier is not lifted, but dragged or left [kg]."""
@@ -45,6 +45,11 @@ class FlightGroup:
     through: int = 0
     """How many of all went so deep into a body that their outcome means little."""
 
+    @property
+    def success(self) -> Share:
+        """Those that held or were pulled clear."""
+        return Share(self.held.count + self.pulled_clear, self.held.total)
+
 
 def grouped(flights: Iterable[TrialRecord]) -> tuple[FlightGroup, ...]:
     """Count flights by each of their properties, largest groups first."""
@@ -67,6 +72,29 @@ def grouped(flights: Iterable[TrialRecord]) -> tuple[FlightGroup, ...]:
                 )
             )
     return tuple(groups)
+
+
+def compare_ends(
+    old: Sequence[RunRecord], new: Sequence[RunRecord]
+) -> tuple[Comparison, ...]:
+    """How the runs of two campaigns ended, in their own words."""
+    before, now = (Counter(r.end or r.outcome for r in runs) for runs in (old, new))
+    return tuple(
+        Comparison(end, Share(before[end], len(old)), Share(now[end], len(new)))
+        for end, _ in (before + now).most_common()
+    )
+
+
+def compare_groups(
+    old: Iterable[FlightGroup], new: Iterable[FlightGroup]
+) -> dict[str, tuple[Comparison, ...]]:
+    """Share that held or was pulled clear in two campaigns, by each property."""
+    before, now = ({(g.by, g.name): g.success for g in some} for some in (old, new))
+    none, rows = Share(0, 0), defaultdict(list)
+    for by, name in {**before, **now}:
+        pair = (some.get((by, name), none) for some in (before, now))
+        rows[by].append(Comparison(name, *pair))
+    return {by: tuple(some) for by, some in rows.items()}
 
 
 def draw_flight(record: RunRecord, path: Path) -> None:

@@ -23,6 +23,7 @@ from .runner import load_records
 __all__ = [
     "comparison_to_json",
     "flights_to_json",
+    "load_flights",
     "load_results",
     "save_results",
     "tables_to_json",
@@ -111,6 +112,38 @@ def load_results(path: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
         RunRecord.from_json(entry, f"{path}, run {i + 1}")
         for i, entry in enumerate(runs)
     )
+
+
+def load_flights(path: str | os.PathLike[str]) -> tuple[FlightGroup, ...]:
+    """Read the groups of flights of a results file, or of the folder of a campaign.
+
+    Raises
+    ------
+    ConfigError
+        If the file tells of them otherwise than `save_results` does.
+    """
+    if Path(path).is_dir():
+        flights = map(flight_of, load_records(path))
+        return grouped(flight for flight in flights if flight)
+    content = read_json(path)
+    try:
+        return tuple(
+            FlightGroup(
+                by=str(entry["by"]),
+                name=str(entry["name"]),
+                held=Share(int(entry["held"]["count"]), int(entry["held"]["total"])),
+                pulled_clear=int(entry["pulled_clear"]),
+                failures=dict(entry["failures"]),
+                through=int(entry.get("through", 0)),  # none in older ones
+            )
+            for entry in content.get("flights", ())
+        )
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ConfigError(
+            f"{path}, flights",
+            got=f"{type(error).__name__} {error}",
+            expected="groups with by, name, held, pulled_clear, failures",
+        ) from error
 
 
 def tables_to_json(tables: Tables) -> dict[str, Any]:

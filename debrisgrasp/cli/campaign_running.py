@@ -23,6 +23,8 @@ from debrisgrasp.campaign import (
     Progress,
     RunRecord,
     compare,
+    compare_ends,
+    compare_groups,
     comparison_to_json,
     contents_of_site,
     damaged_runs,
@@ -31,6 +33,7 @@ from debrisgrasp.campaign import (
     draw_specs,
     flight_of,
     grouped,
+    load_flights,
     load_header,
     load_results,
     pipeline_of,
@@ -221,10 +224,15 @@ def _compare(old: Path, new: Path, *, as_json: bool) -> int:
     runs = load_results(old), load_results(new)
     for words in _unlike((old, new), runs):
         print(f"note: {words}", file=sys.stderr)
+    groups = compare_groups(load_flights(old), load_flights(new))
     rows = compare(*map(tabulate, runs))
+    if groups:  # flights tell more of their ends than the classes of faults do
+        rows = (*rows[:2], *compare_ends(*runs))
     if as_json:
         print(json.dumps(comparison_to_json(rows)))
     else:
+        for by, some in groups.items():
+            print(comparison_text(some, by) + "\n")
         print(comparison_text(rows))
         if (same := same_scenes(*runs)).runs:
             print(same_scenes_text(same))

@@ -127,10 +127,11 @@ def _percent(share: Share) -> tuple[str, str]:
     return f"{100 * share.value:.1f}", f"{100 * low:.0f} to {100 * high:.0f}"
 
 
-def comparison_text(rows: Sequence[Comparison]) -> str:
+def comparison_text(rows: Sequence[Comparison], by: str = "outcome") -> str:
     """Two campaigns beside each other; ``*`` marks what is no accident."""
     lines = []
     for row in rows:
+        name = row.name.replace("_", " ") if by == "outcome" else row.name
         low, high = row.interval
         difference, interval = "-", "-"
         if row.old.total and row.new.total:
@@ -138,7 +139,7 @@ def comparison_text(rows: Sequence[Comparison]) -> str:
             interval = f"{100 * low:+.0f} to {100 * high:+.0f}"
         lines.append(
             [
-                row.name.replace("_", " "),
+                name or "-",
                 f"{row.old.count} of {row.old.total}",
                 _percent(row.old)[0],
                 f"{row.new.count} of {row.new.total}",
@@ -148,8 +149,9 @@ def comparison_text(rows: Sequence[Comparison]) -> str:
                 "*" if row.is_clear else "",
             ]
         )
-    header = ["outcome", "old", "%", "new", "% ", "difference", "95 %", ""]
-    return f"{columns(header, lines)}\n* the interval leaves 0 out"
+    header = [by, "old", "%", "new", "% ", "difference", "95 %", ""]
+    mark = "\n* the interval leaves 0 out" if any(row.is_clear for row in rows) else ""
+    return columns(header, lines) + mark
 
 
 def same_scenes_text(same: SameScenes) -> str:

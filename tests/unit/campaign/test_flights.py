@@ -16,6 +16,7 @@ from debrisgrasp.campaign import (
     RunRecord,
     flight_of,
     grouped,
+    load_flights,
     load_results,
     save_results,
     tabulate,
@@ -125,6 +126,36 @@ def test_results_keep_the_groups(tmp_path):
         ("pipe", 1, 2)
     ]
     assert len(load_results(path)) == 2
+
+
+def test_flights_are_compared_by_their_ends_and_properties(tmp_path, capsys):
+    old = [run_of(HELD), run_of(SLIPPED), run_of(NOTHING)]
+    pulled = replace(SLIPPED, outcome="pulled_clear", prototype="edge_012")
+    new = [run_of(HELD), run_of(pulled)]
+    old[1] = replace(old[1], outcome="bad_grasp", failed_stage="close", end="slipped")
+    paths = []
+    for name, records in (("old", old), ("new", new)):
+        (tmp_path / name).mkdir()
+        paths.append(save_results(tmp_path / name, records, tabulate(records), {})[0])
+    assert load_flights(paths[1]) == grouped([HELD, pulled])
+    assert main(["campaign", "--compare", *map(str, paths)]) == 0
+    told = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "pipe 1 of 2 50.0 2 of 2 100.0 +50.0 -27 to +91" in told
+    assert "board 0 of 1 0.0 0 of 0 - - -" in told
+    assert "edge_012 0 of 0 - 1 of 1 100.0 - -" in told
+    assert any(line.startswith("slipped 1 of 3 33.3 0 of 2") for line in told)
+    assert not any("gripper init" in line for line in told)
+
+
+@pytest.mark.parametrize("flights", [3, [3], [{"by": "tier"}], [{"by": {}}], {"a": 1}])
+def test_groups_that_were_edited_are_refused(tmp_path, flights):
+    records = [run_of(HELD)]
+    path, _ = save_results(tmp_path, records, tabulate(records), {})
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"flights": flights}))
+    with pytest.raises(ConfigError, match=r"results\.json, flights"):
+        load_flights(path)
+    with pytest.raises(ConfigError, match=r"no\.json: got No such file"):
+        load_flights(tmp_path / "no.json")
 
 
 def test_a_failed_flight_is_drawn_once(tmp_path, capsys):
