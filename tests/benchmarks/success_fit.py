@@ -6,9 +6,10 @@ Flights first (seeds of their own, several grasps of each plan), then the fit:
         --records FILE
     python -m tests.benchmarks.success_fit FILE... [--write data/planning/success.json]
 
-Without ``--write`` nothing is changed: the table says how often grasps held whose
-forecast was so and so, by the coefficients that flew, and by a new fit as it does on
-scenes that were left out of it.
+A FILE may also be the folder of ``debrisgrasp campaign --world mujoco``. Without
+``--write`` nothing is changed: the table says how often grasps held whose forecast was
+so and so, by the coefficients that flew, and by a new fit as it does on scenes that
+were left out of it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from debrisgrasp._files import write_atomic
-from debrisgrasp.campaign import wilson
+from debrisgrasp.campaign import flight_of, load_records, wilson
 from debrisgrasp.cli.tables import columns
 from debrisgrasp.planning import SUCCESS_TERMS, SuccessModel
 from debrisgrasp.planning.success import SCHEMA
@@ -39,8 +40,14 @@ per flight: a term that hardly varies in the flights keeps what earlier ones tau
 
 
 def read(paths: list[Path]) -> list[dict[str, object]]:
-    """Flights of records that have terms."""
-    rows = [json.loads(line) for path in paths for line in path.open()]
+    """Flights that have terms, of files of records and folders of campaigns."""
+    rows: list[dict[str, object]] = []
+    for path in paths:
+        if path.is_dir():
+            flights = map(flight_of, load_records(path))
+            rows += [flight.as_dict() for flight in flights if flight]
+        else:
+            rows += map(json.loads, path.open())
     return [row for row in rows if row["terms"]]
 
 
@@ -136,7 +143,12 @@ def main() -> None:
     parser.add_argument("--write", type=Path, metavar="FILE", help="new coefficients")
     parser.add_argument("--json", type=Path, metavar="FILE")
     chosen = parser.parse_args()
-    rows = read(chosen.records)
+    try:
+        rows = read(chosen.records)
+    except (OSError, ValueError) as error:  # also of a folder without a campaign
+        parser.error(str(error))
+    if not rows:
+        parser.error("no flight of a grasp is in the records")
     terms = np.array([row["terms"] for row in rows], dtype=float)
     held = np.array([row["outcome"] == "held" for row in rows])
     flown = np.array([row["probability"] for row in rows], dtype=float)
@@ -146,6 +158,8 @@ def main() -> None:
     print("by the coefficients that flew\n" + reliability(flown, held) + "\n")
     figures = {f"flown_{k}": v for k, v in merits(flown, held).items()}
     if chosen.write is not None:
+        if scene.max() + 1 < FOLDS or len(set(held)) < 2:
+            parser.error(f"a fit needs {FOLDS} scenes, some held and some not")
         before = SuccessModel.load()
         refit = left_out(terms, held, scene, before.weights)
         print("by a new fit, on scenes left out of it\n" + reliability(refit, held))

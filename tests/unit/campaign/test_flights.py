@@ -25,6 +25,7 @@ from debrisgrasp.cli import main
 from debrisgrasp.cli.campaign_text import flights_text, tables_text
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.trials import TrialRecord
+from tests.benchmarks import success_fit
 
 from .records import record
 
@@ -156,6 +157,21 @@ def test_groups_that_were_edited_are_refused(tmp_path, flights):
         load_flights(path)
     with pytest.raises(ConfigError, match=r"no\.json: got No such file"):
         load_flights(tmp_path / "no.json")
+
+
+def test_the_fit_of_the_forecast_reads_folders_of_campaigns(tmp_path):
+    flown = replace(HELD, terms=(0.5,) * 9)
+    (tmp_path / "runs").mkdir()
+    head = {"schema": "debrisgrasp/campaign/1", "runs": ["000000", "000001"]}
+    (tmp_path / "campaign.json").write_text(json.dumps(head))
+    for name, flight in (("000000", flown), ("000001", NOTHING)):
+        (tmp_path / f"runs/{name}.json").write_text(run_of(flight).to_json())
+    lines = tmp_path / "lines"
+    lines.write_text(json.dumps(flown.as_dict()) + "\n")
+    rows = success_fit.read([tmp_path, lines])
+    assert [(row["outcome"], tuple(row["terms"])) for row in rows] == [
+        ("held", (0.5,) * 9)
+    ] * 2
 
 
 def test_a_failed_flight_is_drawn_once(tmp_path, capsys):
