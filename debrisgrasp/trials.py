@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_range
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.control import Compliance
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
@@ -224,6 +224,7 @@ def trial(
     return trials(spec, pipeline, scene=scene)[0]
 
 
+@checked
 def trials(
     spec: TrialSpec,
     pipeline: Pipeline | None = None,
@@ -244,7 +245,14 @@ def trials(
     -------
     list of Trial
         One for each grasp; one without a grasp if the plan is empty.
+
+    Raises
+    ------
+    ConfigError
+        If a rank is negative; else see `run_trial`.
     """
+    for rank in ranks:
+        require_range("rank", rank, 0)
     pipeline = pipeline or pipeline_of(spec)
     scene = scene or tier_scene(spec.tier, spec.seed, spec.scene)
     start = time.thread_time()

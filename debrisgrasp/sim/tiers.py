@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp._arrays import FloatArray, Rng, require_range
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Capsule, Cylinder, so3
 from debrisgrasp.worlds import (
@@ -30,6 +31,7 @@ _ATTEMPTS = 30
 _BARS = ("lumber_2x4", "lumber_2x4", "lumber_4x4", "pipe", "board")
 
 
+@checked
 def tier_scene(tier: str, seed: int, config: SceneConfig | None = None) -> TierScene:
     """Make the scene of a tier with a seed, and look at it.
 
@@ -45,12 +47,13 @@ def tier_scene(tier: str, seed: int, config: SceneConfig | None = None) -> TierS
     UnknownNameError
         If there is no such tier.
     InputError
-        If no arrangement in many tries stood and was in sight.
+        If the seed is negative, or no arrangement in many tries stood and was in sight.
     MissingExtraError
         If MuJoCo is not installed.
     """
     if tier not in TIERS:
         raise UnknownNameError("tier", tier, TIERS)
+    require_range("seed", seed, 0)
     config = config or SceneConfig()
     number = list(TIERS).index(tier)
     rng = np.random.default_rng([seed, number])

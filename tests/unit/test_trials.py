@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Box
 from debrisgrasp.sim import SceneConfig, Verdict, let_fall, scene_of
 from debrisgrasp.trials import (
@@ -85,3 +85,18 @@ def test_specs_that_make_no_sense_are_refused():
         TrialSpec(tier="pile", seed=1, clear=0.0)
     with pytest.raises(ConfigError, match="seed"):
         TrialSpec(tier="pile", seed=-1)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"seed": -1}, {"seed": "a"}, {"seed": 1.5}, {"lift": np.nan}, {"scene": None}],
+)
+def test_a_spec_that_means_nothing_is_refused(change):
+    with pytest.raises(InputError, match=next(iter(change))):
+        TrialSpec(**{"tier": "pile", "seed": 1, **change})
+
+
+@pytest.mark.parametrize("ranks", [0, (-1,), (0, -2), ("a",)])
+def test_ranks_that_no_plan_has_are_refused(ranks):
+    with pytest.raises(InputError, match="rank"):
+        trials(TrialSpec(tier="isolated", seed=1), ranks=ranks)

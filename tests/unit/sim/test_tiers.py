@@ -159,6 +159,9 @@ def test_the_pipe_passes_through_the_frame(scenes):
 
 
 def test_what_is_unknown_or_impossible_is_refused(monkeypatch):
+    for seed in (-1, "a", None, 1.0):
+        with pytest.raises(InputError, match="seed"):
+            tier_scene("isolated", seed)
     with pytest.raises(UnknownNameError, match="tier"):
         tier_scene("heap", 1)
     with pytest.raises(ConfigError, match="calibration_shift"):
