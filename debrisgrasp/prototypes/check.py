@@ -128,7 +128,8 @@ def contact_opening(
 
     n_steps = 1 + int(np.ceil(prototype.opening / _COARSE_STEP))
     free = prototype.opening
-    for opening in np.linspace(prototype.opening, 0.0, n_steps):
+    closed = max(0.0, gripper.preshape(prototype.preshape).narrowest)
+    for opening in np.linspace(prototype.opening, closed, n_steps):
         if touches(float(opening)):
             break
         free = float(opening)

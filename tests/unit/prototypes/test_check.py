@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,6 +101,19 @@ def test_a_pipe_thicker_than_the_hand_opens_slides_off():
     thin = prototype_of_shape("thin", shape | {"diameter": 0.1}, hand, "basic")
     found = check(GraspPrototype.build(thin, fibonacci_sphere(1)), hand)
     assert not any("slants" in str(finding) for finding in found)
+
+
+def test_fingers_that_never_meet_close_as_far_as_they_go(tmp_path):
+    path = Path(__file__).parents[3] / "examples/grippers/jaw_140.yaml"
+    text = path.read_text().replace("[0, 0.07]", "[0, 0.04]")
+    (tmp_path / "jaw.yaml").write_text(text.replace("[0.005,", "[0.065,"))
+    hand = GripperModel.load(tmp_path / "jaw.yaml")
+    assert hand.preshape("parallel").narrowest == pytest.approx(0.06)
+    shape = {"type": "bar", "width": 0.07, "height": 0.03, "length": 0.14}
+    shape["position"] = [0.0, 0.0, 0.3]
+    beyond = prototype_of_shape("beyond", shape, hand, "parallel")
+    found = check(GraspPrototype.build(beyond, fibonacci_sphere(1)), hand)
+    assert "thumb side close past the shape" in "\n".join(map(str, found))
 
 
 def test_a_grip_of_another_name_is_refused():
