@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import Rng, require_range
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.executive import state_named
 from debrisgrasp.geometry import SE3, so3
@@ -186,6 +187,7 @@ class RunSpec:
             ) from error
 
 
+@checked
 def draw_specs(
     n: int,
     *,
@@ -209,8 +211,9 @@ def draw_specs(
     Raises
     ------
     ConfigError
-        If ``n`` is not in 1 to 1000000.
+        If ``n`` is not in 1 to 1000000, or the seed is negative.
     """
+    require_range("seed", seed, 0)
     if not 1 <= n <= 1_000_000:
         raise ConfigError("runs of a campaign", got=n, expected="1 to 1000000")
     specs = []

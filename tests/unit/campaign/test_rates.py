@@ -161,6 +161,12 @@ def test_a_number_of_runs_that_is_none_is_refused(n):
         draw_specs(n, seed=0)
 
 
+@pytest.mark.parametrize("seed", [-1, "a", 1.5])
+def test_a_seed_that_is_none_is_refused(seed):
+    with pytest.raises(InputError, match="seed"):
+        draw_specs(1, seed=seed)
+
+
 def test_a_spec_of_another_program_is_refused():
     with pytest.raises(ConfigError, match="run"):
         RunSpec.from_json({"name": "x", "colour": "red"})
