@@ -32,6 +32,7 @@ from debrisgrasp.campaign import (
     draw_flight,
     draw_specs,
     flight_of,
+    flights_to_json,
     grouped,
     load_flights,
     load_header,
@@ -88,13 +89,17 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
         print(f"\n{words}", file=sys.stderr)
         return _INTERRUPTED
     tables = tabulate(records)
+    groups = grouped(flight for record in records if (flight := flight_of(record)))
     # They are told first, whatever of them can't be written.
     if arguments.json:
-        print(json.dumps(tables_to_json(tables)))
+        told = tables_to_json(tables)
+        if groups:
+            told["flights"] = flights_to_json(groups)
+        print(json.dumps(told))
     else:
         print(tables_text(tables))
-        if flights := [flight for record in records if (flight := flight_of(record))]:
-            print(f"\n{flights_text(grouped(flights))}")
+        if groups:
+            print(f"\n{flights_text(groups)}")
         _print_broken(records)
     paths = save_results(campaign.folder, records, tables, campaign.header)
     picture = campaign.folder / "campaign.png"

@@ -104,6 +104,9 @@ def test_flights_through_a_body_are_told(tmp_path, monkeypatch, capsys):
     assert "run 2" not in told
     flights = json.loads((out / "results.json").read_text())["flights"]
     assert [g["through"] for g in flights if g["by"] == "tier"] == [1]
+    words = ["campaign", "--world", "mujoco", "--n", "2", "--out", str(out), "--json"]
+    assert main(words) == 0
+    assert json.loads(capsys.readouterr().out)["flights"] == flights
 
 
 def test_what_no_flight_looks_at_is_not_told_to_be_0(tmp_path):
