@@ -73,6 +73,25 @@ class Contacts:
         self._body = owner - 1
         self._arm, self._side = arm[owner], side[owner]
 
+    def inside_robot(self, data: Any) -> tuple[float, int, str] | None:
+        """Tell which body of the world is deepest in the robot.
+
+        Returns
+        -------
+        depth, body, link
+            How deep [m], the place of the body, and MuJoCo's name of what it is in;
+            None if none touches the robot.
+        """
+        pairs, gaps = data.contact.geom[: data.ncon], data.contact.dist[: data.ncon]
+        body = self._body[pairs]
+        meets = (body.min(axis=1) >= 0) & (body.min(axis=1) < self._n)
+        meets &= body.max(axis=1) >= self._n
+        if not meets.any():
+            return None
+        at = int(np.flatnonzero(meets)[gaps[meets].argmin()])
+        own, link = sorted(body[at].tolist())
+        return -float(gaps[at]), own, self._model.body(link + 1).name
+
     def read(
         self, data: Any
     ) -> tuple[dict[str, HandTouch], dict[tuple[str, int], float]]:

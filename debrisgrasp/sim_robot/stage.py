@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.robot import FakeConfig
@@ -31,6 +31,8 @@ __all__ = ["SimStage"]
 
 _LOOK_EVERY = 5
 """Periods between two looks at the contacts."""
+_OVERLAP = 0.005
+"""How deep a body may begin in the robot, as what lies against it does [m]."""
 _BEGIN = 0.2
 """Before the clock starts [s]."""
 _FRICTION_STIFFNESS = "100"
@@ -87,12 +89,26 @@ class SimStage:
         for hand in self._hands.values():
             hand.begin(model, data)
         mj.mj_forward(model, data)
+        self._require_apart()
         self._servo.aim(q, np.zeros(len(q)), SE3.identity(), self._config.period)
         for _ in range(round(_BEGIN / self._step)):
             self._servo.drive(1.0, self._step)
             mj.mj_step(model, data)
         mj.mj_forward(model, data)
         self._measure(-np.array(data.sensordata))
+
+    def _require_apart(self) -> None:
+        """Refuse bodies that begin inside the robot: they would be shot out of it."""
+        found = self._contacts.inside_robot(self.data)
+        if found is None or found[0] < _OVERLAP:
+            return
+        depth, body, link = found
+        raise InputError(
+            "bodies before the robot",
+            got=f"{self._world.names[body]} {1e3 * depth:.0f} mm inside {link}",
+            expected=f"none deeper than {1e3 * _OVERLAP:.0f} mm in the robot",
+            mend="Put them farther ahead.",
+        )
 
     @property
     def world(self) -> World:

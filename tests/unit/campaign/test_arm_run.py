@@ -29,9 +29,11 @@ def test_a_robot_in_memory_has_no_levels(tmp_path, capsys):
     assert "--world mujoco" in capsys.readouterr().err
 
 
-def test_a_run_tells_what_the_robot_did(monkeypatch):
+@pytest.mark.parametrize("x", [1.0, 0.3])
+def test_a_run_tells_what_the_robot_did(monkeypatch, x):
+    # Where the robot stands, at 0.3 m, nothing can lie: the scene is moved ahead.
     pytest.importorskip("mujoco")
-    lying = BOARD.at(type(BOARD.T_base_body).from_parts(p=[1.0, 0.0, 0.0126]))
+    lying = BOARD.at(type(BOARD.T_base_body).from_parts(p=[x, 0.0, 0.0126]))
     scene = SimpleNamespace(world=World((lying,)))
     monkeypatch.setattr(arm_run, "tier_scene", lambda *_: scene)
     record = run_arm(RunSpec(name="a", seed=1, world="mujoco", level="arm"))

@@ -146,6 +146,11 @@ def test_a_link_that_meets_a_body_is_stopped_by_it_and_that_is_known():
     assert ("right", "pillar") in rig.fake.truth().scrapes
 
 
+def test_what_begins_inside_the_robot_is_refused_and_named():
+    with pytest.raises(InputError, match=r"bar \d+ mm inside chassis_link.*ahead"):
+        made([beam("bar", 2.5, (0.4, -0.2, 0.1)), FAR])
+
+
 def test_another_preshape_moves_the_roots_of_fingers_and_nothing_else():
     rig = SimRig([BAR, FAR], place=(0.8, -0.3, 0.3))
     before, q = rig.body("bar"), np.array(rig.arm.read().q)
