@@ -14,7 +14,7 @@ from tempfile import TemporaryFile
 from typing import Any
 
 from debrisgrasp._parsing import parse_json, parse_yaml
-from debrisgrasp._unreadable import PathLike, why_not_there
+from debrisgrasp._unreadable import PathLike, why_not_there, why_nothing_there
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 
@@ -35,6 +35,7 @@ __all__ = [
     "require_writable",
     "schema_found",
     "write_atomic",
+    "yaml_files",
 ]
 
 _WRITABLE = "Nothing was changed; give another place or make this one writable."
@@ -47,6 +48,32 @@ _KEPT = (
 def is_yaml(name_or_path: PathLike) -> bool:
     """Whether this is the path of a YAML file, and not the name of what ships."""
     return Path(name_or_path).suffix.lower() in (".yaml", ".yml")
+
+
+def yaml_files(folder: PathLike, what: str) -> list[Path]:
+    """Find the YAML files of a folder, sorted; hidden ones, as of a Mac, are left out.
+
+    Parameters
+    ----------
+    folder
+        Where they are.
+    what
+        What they are of, for the error.
+
+    Raises
+    ------
+    ConfigError
+        If this is no folder, or one that can't be looked into.
+    """
+    try:
+        found = sorted(Path(folder).iterdir())
+    except OSError as error:
+        raise ConfigError(
+            f"{folder}",
+            got=why_nothing_there(folder) or error.strerror,
+            expected=f"a folder of files of {what}",
+        ) from error
+    return [file for file in found if is_yaml(file) and not file.name.startswith(".")]
 
 
 def data_path(*parts: str) -> Path:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp._files import data_path, is_yaml, last_changed
+from debrisgrasp._files import data_path, is_yaml, last_changed, yaml_files
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.geometry.solids import Box, Solid, SphereSet
@@ -278,13 +278,6 @@ FURTHER_HANDS = (
 """How a hand that does not ship is made known."""
 
 
-def _what_is_there(folder: str | os.PathLike[str]) -> str:
-    path = Path(folder)
-    if path.is_dir():
-        return "no .yaml file"
-    return "a file, not a folder" if path.exists() else "no such folder"
-
-
 def load_grippers(
     folder: str | os.PathLike[str] | None = None,
 ) -> dict[str, GripperModel]:
@@ -298,12 +291,10 @@ def load_grippers(
     hands = {name: GripperModel.load(name) for name in known_grippers()}
     if folder is None:
         return hands
-    files = sorted(Path(folder).glob("*.yaml"))
+    files = yaml_files(folder, "hands")
     if not files:
         raise ConfigError(
-            f"grippers in {folder}",
-            got=_what_is_there(folder),
-            expected="one file per hand",
+            f"{folder}", got="no .yaml file in it", expected="one file per hand"
         )
     for path in files:
         hand = GripperModel.load(path)

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from debrisgrasp._files import data_path, last_changed
+from debrisgrasp._files import data_path, last_changed, yaml_files
 from debrisgrasp._words import counted
 from debrisgrasp.errors import ChoiceError, ConfigError, OutputError, UnknownNameError
 from debrisgrasp.geometry.sampling import fibonacci_sphere
@@ -249,11 +249,7 @@ def _read(
 def _files(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
-    if not path.is_dir():
-        raise ConfigError(
-            str(path), got="no such file or folder", expected="a folder of prototypes"
-        )
-    files = sorted([*path.glob("*.yaml"), *path.glob("*.yml")])
+    files = yaml_files(path, "prototypes")
     if not files:
         raise ConfigError(
             str(path),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from debrisgrasp._files import is_yaml, read_json
+from debrisgrasp._files import is_yaml, read_json, yaml_files
 from debrisgrasp._unreadable import why_nothing_there
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive.record import load_run
@@ -63,7 +63,7 @@ def content_of(
     if path.is_dir() and (path / "events.jsonl").exists():
         return RunContent(run=load_run(path), robot=_robot(robot or "roman"))
     if is_yaml(path) or (
-        path.is_dir() and any(path.glob("*.yaml")) and not any(path.glob("*.png"))
+        path.is_dir() and yaml_files(path, "prototypes") and not any(path.glob("*.png"))
     ):
         return PrototypeLibrary.load(path, grippers=load_grippers(grippers))
     if path.suffix.lower() == ".json":

@@ -18,6 +18,7 @@ from debrisgrasp._files import (
     require_picture,
     require_writable,
     write_atomic,
+    yaml_files,
 )
 from debrisgrasp._unreadable import is_pointer
 from debrisgrasp._words import as_text
@@ -35,6 +36,16 @@ def test_yaml_and_json_are_read(tmp_path):
     expected = {"width": 0.05, "names": ["a", "b"]}
     assert read_yaml(tmp_path / "a.yaml") == expected
     assert read_json(tmp_path / "a.json") == expected
+
+
+def test_yaml_files_of_a_folder_are_those_that_a_person_sees(tmp_path):
+    for name in ("b.yml", "a.YAML", "._a.yaml", "a.ply", "notes.txt"):
+        (tmp_path / name).write_text("")
+    assert [file.name for file in yaml_files(tmp_path, "hands")] == ["a.YAML", "b.yml"]
+    with pytest.raises(ConfigError, match=r"no such file or folder.*hands"):
+        yaml_files(tmp_path / "nowhere", "hands")
+    with pytest.raises(ConfigError, match="Not a directory"):
+        yaml_files(tmp_path / "notes.txt", "hands")
 
 
 @pytest.mark.parametrize(

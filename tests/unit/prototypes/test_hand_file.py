@@ -236,3 +236,9 @@ def test_a_name_that_ships_is_refused_with_the_whole_path(tmp_path: Path) -> Non
     with pytest.raises(ConfigError, match=r"camhand.*shipped") as refused:
         load_grippers(tmp_path)
     assert str(tmp_path / "own.yaml") in str(refused.value)
+
+
+def test_hands_are_found_in_yml_files_too(tmp_path: Path) -> None:
+    (tmp_path / "own.yml").write_text(JAW)
+    (tmp_path / "._own.yml").write_bytes(b"\0\5\x16\7Mac OS X")
+    assert "jaw" in load_grippers(tmp_path)
