@@ -23,7 +23,7 @@ from .colors import (
     MUTED_INK,
     hex_color,
 )
-from .page import Page, Slot, plain, shortened, wrapped
+from .page import Page, Slot, plain, short_name, shortened, wrapped
 
 __all__ = ["CalibrationPicture", "Suggestion", "calibration_png"]
 
@@ -210,7 +210,7 @@ def _draw_places(
         )
         axes.plot(x, y, "x" if is_bad else "o", color=color, ms=7 if is_bad else 5)
         axes.annotate(
-            plain(shortened(name, 10)),
+            plain(short_name(name, 10)),
             (x, y),
             xytext=(5, -11),
             textcoords="offset points",
@@ -335,7 +335,7 @@ def _table(page: Page, picture: CalibrationPicture, slot: Slot) -> None:
         shown = sorted(np.argsort(-c.held_out)[:most])
     for row, i in enumerate(shown, start=1):
         cells = [
-            shortened(c.observations.names[i], 14),
+            short_name(c.observations.names[i], 14),
             *(f"{1e3 * g:+.1f}" for g in gaps[i]),
             f"{1e3 * np.linalg.norm(c.gaps[i]):.1f}",
             f"{1e3 * c.held_out[i]:.1f}",

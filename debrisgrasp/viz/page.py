@@ -28,6 +28,7 @@ __all__ = [
     "draw_picture",
     "draw_segments",
     "plain",
+    "short_name",
     "shortened",
     "wrapped",
     "write_order",
@@ -142,6 +143,18 @@ class Page:
 def shortened(text: str, length: int) -> str:
     """Cut text to at most ``length`` characters, with an ellipsis."""
     return text if len(text) <= length else text[: length - 1] + "…"
+
+
+def short_name(name: str, length: int) -> str:
+    """Cut the middle out of a name that is too long: like names differ at their ends.
+
+    Examples
+    --------
+    >>> short_name("jaw_cylinder_040_end_deep", 16)
+    'jaw_cyli…nd_deep'
+    """
+    tail = (length - 1) // 2
+    return name if len(name) <= length else f"{name[: length - 1 - tail]}…{name[-tail:]}"
 
 
 def wrapped(paragraphs: Iterable[str], columns: int, most_lines: int) -> str:

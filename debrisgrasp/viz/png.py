@@ -22,6 +22,7 @@ from .page import (
     draw_picture,
     draw_segments,
     plain,
+    short_name,
     shortened,
     wrapped,
 )
@@ -200,7 +201,7 @@ def _draw_table(axes: Axes, report: Report, drawn: tuple[int, ...]) -> None:
                 axes,
                 21 if place == 0 else x,
                 y,
-                shortened(text, 30),
+                short_name(text, 30),
                 "center" if place == 0 else side,
                 color=(1.0, 1.0, 1.0) if is_on_swatch else INK,
                 weight="bold" if place in (0, 7) else "normal",

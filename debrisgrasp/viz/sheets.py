@@ -29,6 +29,7 @@ from .page import (
     Slot,
     draw_picture,
     draw_segments,
+    short_name,
     shortened,
     wrapped,
     write_order,
@@ -153,11 +154,11 @@ def prototype_png(
         slot = Slot(
             _FRAME + column * step_x, _FRAME + 46 + row * step_y, side, side - 16
         )
-        name = shortened(prototype.name, side // 10)
+        name = short_name(prototype.name, side // 10)
         page.text(slot.x, slot.y - 44, name, 11, color=INK, weight="bold")
         hand = f"{prototype.gripper} {prototype.preshape}"
         sizes = f"{1000 * prototype.opening:.0f} → {1000 * prototype.width:.0f} mm"
-        note = shortened(f"{hand}, {sizes}", side // 7)
+        note = short_name(f"{hand}, {sizes}", side // 7)
         page.text(slot.x, slot.y - 23, note, 9.5, color=MUTED_INK)
         colors = _drawn_prototype(prototype, grippers[prototype.gripper], slot)
         draw_picture(page.panel(slot), colors, slot)

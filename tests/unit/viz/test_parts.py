@@ -10,7 +10,7 @@ from debrisgrasp.viz import Report
 from debrisgrasp.viz.colors import CHOSEN_COLOR, GROUND_COLOR, label_colors
 from debrisgrasp.viz.outline import reach_outline
 from debrisgrasp.viz.overlay import label_anchors, label_image, painted
-from debrisgrasp.viz.page import shortened, wrapped
+from debrisgrasp.viz.page import short_name, shortened, wrapped
 from debrisgrasp.viz.scene import (
     approach_arrow,
     box_edges,
@@ -180,6 +180,8 @@ def test_the_words_tell_what_an_object_may_be_part_or_made_of(report: Report) ->
 def test_long_text_is_cut_with_an_ellipsis() -> None:
     assert shortened("abcdef", 4) == "abc…"
     assert shortened("abcd", 4) == "abcd"
+    assert short_name("pipe_040_end", 7) == "pip…end"
+    assert short_name("pipe_04", 7) == "pipe_04"
     text = wrapped(["one two three", "four five six"], 8, 3)
     assert len(text.splitlines()) == 3
     assert text.endswith("…")
