@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 
 import numpy as np
 from matplotlib.patches import Rectangle
@@ -10,16 +11,19 @@ from matplotlib.patches import Rectangle
 from debrisgrasp.prototypes import CoverageMap
 
 from .colors import INK, MUTED_INK, hex_color, mixed
-from .page import Page, Slot, wrapped
+from .page import Page, Slot, short_name, wrapped
 
 __all__ = ["coverage_png"]
 
 _FRAME = 30
 _CELL, _ROW = 52, 38
-_LEFT = 320
+_GUTTER = 16
+_APPROACHES = 180
+"""Width of the column that names the approaches."""
 _FULL = (0.06, 0.36, 0.60)
 _GAP = (0.93, 0.45, 0.20)
 _OUT = (0.93, 0.94, 0.96)
+_LONGEST_NAME = 40
 _DEEPEST = 4
 """So many prototypes for a size, or more, have the darkest colour."""
 
@@ -36,7 +40,9 @@ def coverage_png(path: str | os.PathLike[str], coverage: CoverageMap) -> None:
         If the file has another suffix, or can't be written.
     """
     n = len(coverage.rows)
-    width = _LEFT + _CELL * len(coverage.sizes) + 2 * _FRAME
+    names = _FRAME + _width(hand for hand, _ in coverage.rows) + _GUTTER
+    left = names + _APPROACHES
+    width = left + _CELL * len(coverage.sizes) + 2 * _FRAME
     gaps = coverage.gaps()
     note = wrapped(["Gaps: " + "; ".join(gaps)] if gaps else ["No gaps."], 150, 8)
     foot = 26 * (note.count("\n") + 1)
@@ -51,20 +57,20 @@ def coverage_png(path: str | os.PathLike[str], coverage: CoverageMap) -> None:
         color=MUTED_INK,
     )
     top = 106
-    slot = Slot(_LEFT, top, _CELL * len(coverage.sizes), _ROW * n)
+    slot = Slot(left, top, _CELL * len(coverage.sizes), _ROW * n)
     axes = page.panel(slot)
     axes.set_facecolor(hex_color(_OUT))
     for column, size in enumerate(coverage.sizes):
-        x = _LEFT + (column + 0.5) * _CELL
+        x = left + (column + 0.5) * _CELL
         page.text(x, top - 22, f"{100 * size:.0f}", 11, ha="center", weight="bold")
     previous = ""
     for row, (hand, approach) in enumerate(coverage.rows):
         y = top + row * _ROW + 10
         if hand != previous:
-            page.text(_FRAME, y, hand, 11, weight="bold")
+            page.text(_FRAME, y, short_name(hand, _LONGEST_NAME), 11, weight="bold")
             axes.axhline(row * _ROW, color=hex_color(INK), linewidth=1.2)
         previous = hand
-        page.text(_FRAME + 110, y, approach, 11)
+        page.text(names, y, approach, 11)
         for column, count in enumerate(coverage.counts[row]):
             usable = bool(coverage.in_range[row, column])
             if not usable and not count:
@@ -85,6 +91,14 @@ def coverage_png(path: str | os.PathLike[str], coverage: CoverageMap) -> None:
             )
     page.text(_FRAME, top + _ROW * n + 12, note, 10.5)
     page.write(path)
+
+
+def _width(hands: Iterable[str]) -> int:
+    """Width of the longest name of a hand as it is written."""
+    page = Page(1, 1)
+    for hand in hands:
+        page.text(0, 0, short_name(hand, _LONGEST_NAME), 11, weight="bold")
+    return max(round(text.get_window_extent().width) for text in page.figure.texts)
 
 
 def _color(count: int) -> str:

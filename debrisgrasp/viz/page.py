@@ -153,8 +153,10 @@ def short_name(name: str, length: int) -> str:
     >>> short_name("jaw_cylinder_040_end_deep", 16)
     'jaw_cyli…nd_deep'
     """
+    if len(name) <= length:
+        return name
     tail = (length - 1) // 2
-    return name if len(name) <= length else f"{name[: length - 1 - tail]}…{name[-tail:]}"
+    return f"{name[: length - 1 - tail]}…{name[-tail:]}"
 
 
 def wrapped(paragraphs: Iterable[str], columns: int, most_lines: int) -> str:
