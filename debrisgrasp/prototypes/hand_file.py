@@ -275,7 +275,7 @@ def _preshape(name: str, fields: Fields, fingers: tuple[Finger, ...]) -> Preshap
     require_joints(fields, fingers, joints)
     require_units(fields, fingers, joints)
     require_pads(fields, fingers, joints)
-    openings = _openings(fingers, joints)
+    openings = np.broadcast_to(_openings(fingers, joints), commands.shape)
     if not (np.diff(openings) <= _OPENING_SLACK).all():
         raise ConfigError(
             fields.where("closing"),

@@ -220,6 +220,13 @@ def test_hands_that_cannot_be_are_refused_with_what_mends_them(
         load_text(tmp_path, JAW.replace(found, replacement, 1))
 
 
+def test_a_hand_without_a_joint_cannot_close(tmp_path: Path) -> None:
+    joint = "joint: {name: slide, type: prismatic, axis: [1, 0, 0]}\n      "
+    still = JAW.replace(joint, "").replace(", slide: [0.04, 0]", "")
+    with pytest.raises(ConfigError, match=r"closing: got pads that come no nearer"):
+        load_text(tmp_path, still)
+
+
 def test_shipped_and_example_hands_can_be() -> None:
     example = Path(__file__).parents[3] / "examples" / "grippers" / "jaw_140.yaml"
     for hand in (*known_grippers(), str(example)):
