@@ -24,6 +24,7 @@ _AS_TEXT = (
     "That is text in YAML, where a number has no quotes and, before an exponent, a "
     "point, and in it a sign: 1.0e+9."
 )
+_AS_NAME = "YAML takes on, off, yes, no and numbers for values: put names in quotes."
 _UNIT = "Write the number without its unit; lengths are in metres: 50 mm is 0.05."
 _COMMA = "Decimals come after a point: 0.5, not 0,5."
 
@@ -171,8 +172,10 @@ class Fields:
     def names(self) -> tuple[str, ...]:
         """Return the names of the fields, for sections whose fields are free."""
         for name in self._content:
-            if not isinstance(name, str):
-                raise ConfigError(self.where(), got=_shown(name), expected="a name")
+            if not isinstance(name, str) or not name.strip():
+                raise ConfigError(
+                    self.where(), got=_shown(name), expected="a name", mend=_AS_NAME
+                )
         return tuple(self._content)
 
     def finish(self) -> None:

@@ -45,3 +45,9 @@ def test_decimals_after_a_comma_are_told_of():
     fields.number("speed", 0.0, 1.0)
     with pytest.raises(InputError, match=r"0\.5, not 0,5"):
         fields.finish()
+
+
+@pytest.mark.parametrize("name", [True, 12, "", " "])
+def test_what_yaml_takes_for_a_value_is_no_name(name: object) -> None:
+    with pytest.raises(ConfigError, match=r"expected a name\. .*in quotes"):
+        Fields({name: {}}, "hand.yaml", "preshapes").names()
