@@ -23,6 +23,7 @@ __all__ = ["MOVABLE_KINDS", "UrdfJoint", "UrdfShape", "UrdfTree"]
 MOVABLE_KINDS = ("revolute", "continuous", "prismatic")
 """Joint types a chain may move."""
 
+_EXPAND = "A xacro file must be expanded first: xacro FILE > robot.urdf."
 _ARITY = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "mesh": 3}
 
 
@@ -128,6 +129,10 @@ class UrdfTree:
         if root.tag != "robot":
             raise ConfigError(
                 "URDF", got=f"{path} with root <{root.tag}>", expected="<robot>"
+            )
+        if any(map(_is_xacro, root.iter())):
+            raise ConfigError(
+                "URDF", got=f"{path}, a xacro file", expected="plain URDF", mend=_EXPAND
             )
         links = {
             _attribute(link, "name", path): tuple(
@@ -238,12 +243,18 @@ class UrdfTree:
         return poses
 
 
+def _is_xacro(element: ElementTree.Element) -> bool:
+    """Whether an element stands for others, or one of its values for another."""
+    values = element.attrib.values()
+    return "xacro" in element.tag or any("${" in v or "$(" in v for v in values)
+
+
 def _mend_of_xml(content: bytes) -> str:
     """Say what to do about a file that could not be parsed."""
     if b"<robot" not in content.replace(b"\0", b""):  # UTF-16 has zeros between
         return "There is no <robot> in it: is it a URDF?"
     if b"xacro" in content:
-        return "A xacro file must be expanded first: xacro FILE > robot.urdf."
+        return _EXPAND
     try:
         content.decode()
     except UnicodeDecodeError:

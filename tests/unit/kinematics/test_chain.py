@@ -251,6 +251,7 @@ def test_a_malformed_urdf_is_refused_in_words(
 
 
 NAMED = "<?xml version='1.0' encoding='{0}'?>"
+XACRO = b"<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><link name='a'/>"
 LATIN = "<robot name='é'><link name='a'/></robot>"
 
 
@@ -262,8 +263,13 @@ LATIN = "<robot name='é'><link name='a'/></robot>"
         (NAMED.format("big5").encode() + LATIN.encode(), "multi-byte encodings"),
         (bytes(range(256)), "no <robot> in it"),
         (b"<robot><xacro:arm/></robot>", r"xacro FILE > robot\.urdf"),
+        (
+            XACRO + b"<xacro:include filename='b'/></robot>",
+            r"a xacro file.* xacro FILE",
+        ),
+        (XACRO + b"<link name='${a}'/></robot>", r"a xacro file.* xacro FILE"),
     ],
-    ids=["latin", "unknown", "multi-byte", "binary", "xacro"],
+    ids=["latin", "unknown", "multi-byte", "binary", "xacro", "include", "property"],
 )
 def test_a_urdf_that_is_no_text_of_xml_is_refused_with_its_mend(
     tmp_path: Path, content: bytes, words: str
