@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
-from debrisgrasp._unreadable import PULL, is_pointer
+from debrisgrasp._arrays import FloatArray, require_metres
+from debrisgrasp._unreadable import PULL, is_pointer, why_not_there
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
 
@@ -17,6 +17,11 @@ from .packages import PACKAGE_SCHEME, package_folders
 from .urdf import UrdfShape
 
 __all__ = ["solids_of_shape"]
+
+_MEND = (
+    "Put the mesh there, or give the link collision primitives; a KinematicChain alone "
+    "needs no meshes."
+)
 
 
 def solids_of_shape(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, ...]:
@@ -57,6 +62,13 @@ def _mesh_hulls(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, ...]:
     import trimesh  # slow to load, and only robots with meshes need it
 
     path = _mesh_path(shape.file, folder)
+    if nothing := why_not_there(path, "file"):
+        raise ConfigError(
+            f"collision mesh of link {link!r}",
+            got=f"{shape.file}: {nothing} ({path})",
+            expected="a readable mesh file",
+            mend=_MEND,
+        )
     if is_pointer(path):
         raise ConfigError(
             f"collision mesh of link {link!r}",
@@ -75,11 +87,12 @@ def _mesh_hulls(shape: UrdfShape, link: str, folder: Path) -> tuple[Solid, ...]:
     except Exception as error:  # loaders raise whatever they please
         raise ConfigError(
             f"collision mesh of link {link!r}",
-            got=f"{shape.file} ({type(error).__name__} at {path})",
+            got=f"{path}, that can't be read ({str(error) or type(error).__name__})",
             expected="a readable mesh file",
-            mend="Put the mesh there, or give the link collision primitives; "
-            "a KinematicChain alone needs no meshes.",
+            mend=_MEND,
         ) from error
+    for points in pieces:
+        require_metres(f"{shape.file} times its scale, of link {link!r}", points)
     return tuple(_hull(points, shape.T_link_shape) for points in pieces)
 
 

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, require_metres
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
@@ -297,6 +297,7 @@ def _numbers(
 def _origin(element: ElementTree.Element, path: Path) -> SE3:
     origin = element.find("origin")
     p = _numbers(origin, "xyz", (0.0, 0.0, 0.0), path)
+    require_metres(f"xyz in {path}", p)
     rpy = _numbers(origin, "rpy", (0.0, 0.0, 0.0), path)
     return SE3.from_parts(so3.from_rpy(rpy), p)
 

@@ -226,6 +226,12 @@ def test_missing_meshes_do_not_matter(tmp_path: Path) -> None:
         ),
         (
             "<robot><link name='a'/><link name='b'/><joint name='j' type='revolute'>"
+            "<parent link='a'/><child link='b'/><origin xyz='0 0 430'/></joint>"
+            "</robot>",
+            "xyz in .*metres.*millimetres",
+        ),
+        (
+            "<robot><link name='a'/><link name='b'/><joint name='j' type='revolute'>"
             "<parent link='a'/><child link='b'/><axis xyz='0 0 0'/></joint></robot>",
             "a direction",
         ),

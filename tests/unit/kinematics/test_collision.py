@@ -167,8 +167,17 @@ def test_a_collision_mesh_is_taken_as_the_hulls_of_its_pieces(tmp_path: Path) ->
 def test_a_missing_collision_mesh_is_named_when_it_is_needed(tmp_path: Path) -> None:
     robot = _meshed_robot(tmp_path, "package://row/meshes/none.stl")
     assert robot.chain("one").n_joints == 6
-    with pytest.raises(ConfigError, match=r"none\.stl"):
+    with pytest.raises(ConfigError, match=r"none\.stl: no file there"):
         ArmCollision.fit(robot, "one")
+
+
+def test_a_collision_mesh_in_millimetres_is_refused(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box((100, 200, 300)).export(tmp_path / "part.stl")
+    with pytest.raises(ConfigError, match=r"part\.stl times its scale.*millimetres"):
+        _meshed_robot(tmp_path, "part.stl").links_solids()
+    scaled = _meshed_robot(tmp_path, "part.stl", "0.001 0.001 0.001").links_solids()
+    np.testing.assert_allclose(scaled[0][1].bounds.size, (0.1, 0.2, 0.3))
 
 
 def test_clearance_never_exceeds_the_distance_of_the_exact_solids(
