@@ -25,6 +25,7 @@ from debrisgrasp.geometry import SE3, so3
 
 from .formulas import ChainFormulas
 from .ik_types import Freedom
+from .ranges import require_ranges
 from .serial import LaneFrames, SerialForm, cross
 from .urdf import MOVABLE_KINDS, UrdfJoint, UrdfTree
 
@@ -70,16 +71,7 @@ class KinematicChain:
             if len(trailing) == 2:
                 require_finite(array, f"{name} of a chain")
             object.__setattr__(self, name, array)
-        for joint, lower, upper in zip(
-            self.joint_names, self.lower, self.upper, strict=True
-        ):
-            if not lower < upper:
-                raise ConfigError(
-                    f"limits of joint {joint!r}",
-                    got=f"{lower:g} to {upper:g}",
-                    expected="lower < upper",
-                    mend=f"To hold it still pass locked={{{joint!r}: value}}.",
-                )
+        require_ranges(self.joint_names, self.is_revolute, self.lower, self.upper)
 
     @classmethod
     def from_urdf(

@@ -188,6 +188,15 @@ def test_zero_width_limits_are_refused_with_a_mend(tmp_path: Path) -> None:
         KinematicChain.from_urdf(path, "link0", "link2")
 
 
+def test_limits_in_degrees_are_refused_with_a_mend(tmp_path: Path) -> None:
+    path = written(tmp_path, [JointText(), JointText(lower=-90, upper=90)])
+    with pytest.raises(ConfigError, match=r"joint2.*-90 to 90.*pi / 180"):
+        KinematicChain.from_urdf(path, "link0", "link2")
+    far = [JointText("prismatic", upper=90), JointText("continuous", upper=90)]
+    path = written(tmp_path, [*far, JointText(lower=-25, upper=25)])
+    assert KinematicChain.from_urdf(path, "link0", "link3").n_joints == 3
+
+
 def test_a_chain_without_moving_joints_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, [JointText("fixed")])
     with pytest.raises(ConfigError, match="no joint that moves"):
