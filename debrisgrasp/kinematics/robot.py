@@ -132,6 +132,15 @@ class RobotModel:
             for link in (self.base, arm.tip, arm.hand)
         }
         moving = above[arm.tip] - above[self.base]
+        for name in sorted(moving.difference(arm.joints)):
+            if (driver := tree.joints[name].mimics) in arm.joints:
+                raise ConfigError(
+                    f"joints {what}",
+                    got=f"{driver}, which drives {name} between base and tip",
+                    expected="joints that move alone",
+                    mend="A chain with a mimic joint can't be planned for with its "
+                    f"driver moving: leave {driver} out, too.",
+                )
         for k, name in enumerate(arm.joints):
             if name not in moving or name in arm.joints[:k]:
                 raise ConfigError(

@@ -13,7 +13,7 @@ from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
 
-from .robots import JointText, urdf_text
+from .robots import JointText, row_robot, urdf_text, written
 
 POSITION, RPY = (0.1, -0.2, 0.3), (0.4, -0.5, 0.6)
 BOX = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
@@ -125,6 +125,19 @@ def test_a_wrong_arm_is_refused(described, change, message):
     right = yaml.safe_load(described(frames()).read_text())["arms"]["arm"]
     with pytest.raises(ConfigError, match=message):
         RobotModel.load(described(frames(), arms={"arm": right | change}))
+
+
+def test_a_joint_that_drives_another_of_the_arm_cannot_move_alone(tmp_path):
+    """Left out of the joints as it has no value of its own, the other would stand."""
+    mimic = JointText(extra='<mimic joint="joint1" multiplier="-1"/>')
+    joints = {"joints": [f"joint{i}" for i in range(1, 6)]}
+    path = row_robot(tmp_path, "", **joints)
+    written(tmp_path, [*[JointText()] * 5, mimic])
+    with pytest.raises(ConfigError, match="joint1, which drives joint6 between"):
+        RobotModel.load(path)
+    path = row_robot(tmp_path, "", joints=joints["joints"][1:])
+    written(tmp_path, [*[JointText()] * 5, mimic])
+    assert RobotModel.load(path).chain("one").n_joints == 4
 
 
 def test_what_an_arm_calls_its_own_must_not_be_of_another(tmp_path):
