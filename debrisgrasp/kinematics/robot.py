@@ -24,6 +24,8 @@ __all__ = ["RobotModel"]
 _ROUNDING = 1e-3
 """What a value in a file may lie outside of a limit, as rounded ones do [rad or m]."""
 
+_FASTEST = 50.0
+"""Beyond it, speeds are in degrees or millimetres, or a number that says nothing."""
 _DEGREES = "degrees, multiply by pi / 180"
 
 
@@ -221,11 +223,12 @@ class RobotModel:
         spec, chain = self.arm(arm), chain or self.chain(arm)
         speeds = {name: self.tree.joints[name].velocity for name in chain.joint_names}
         for name, speed in speeds.items():
-            if not 0.0 < speed < inf:
+            if not 0.0 < speed <= _FASTEST:
                 raise ConfigError(
                     f"largest speed of joint {name} of robot {self.name}",
                     got="none" if speed == inf else speed,
-                    expected="one above 0 [rad/s or m/s], from the data sheet",
+                    expected=f"one above 0 and up to {_FASTEST:g} [rad/s or m/s], from "
+                    "the data sheet",
                     mend=f"Give `velocity` in its <limit> in {self.tree.path.name}.",
                 )
         hardware = LimitSet.of_chain(

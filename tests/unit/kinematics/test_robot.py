@@ -225,8 +225,10 @@ def test_a_posture_that_is_not_defined_is_refused(tmp_path: Path) -> None:
         RobotModel.load(_changed(tmp_path, {"arms": arms}))
 
 
-@pytest.mark.parametrize(("speed", "told"), [(np.inf, "none"), (0.0, "0.0")])
-def test_a_joint_without_a_speed_is_named(
+@pytest.mark.parametrize(
+    ("speed", "told"), [(np.inf, "none"), (0.0, "0.0"), (180.0, "180.*up to 50")]
+)
+def test_a_joint_without_a_speed_that_can_be_is_named(
     roman: RobotModel, speed: float, told: str
 ) -> None:
     joint = replace(roman.tree.joints["left_arm_joint3"], velocity=speed)
