@@ -183,11 +183,7 @@ class _Reader:
     def allow(self, *fields: str) -> None:
         for field in self._content:
             if field not in fields:
-                raise ConfigError(
-                    f"field {field!r} in {self.where}",
-                    got="an unknown field",
-                    expected="one of " + ", ".join(fields),
-                )
+                raise UnknownNameError(f"field in {self.where}", field, fields)
 
     def has(self, field: str) -> bool:
         return field in self._content

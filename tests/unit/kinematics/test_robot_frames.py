@@ -96,7 +96,7 @@ def test_a_frame_has_no_body(described):
             "position in .*frame palm.*If these are millimetres",
         ),
         ({"rpy": [0, 0, 90]}, "rpy in .*frame palm.*radians"),
-        ({"xyz": [0, 0, 0]}, "field 'xyz'.*frame palm"),
+        ({"xyz": [0, 0, 0]}, "unknown field in .*frame palm: got 'xyz'"),
     ],
 )
 def test_a_wrong_frame_is_refused(described, change, message):
