@@ -14,7 +14,7 @@ import numpy as np
 
 import debrisgrasp
 from debrisgrasp._files import data_path, write_atomic
-from debrisgrasp._words import arm_called
+from debrisgrasp._words import arm_called, counted
 from debrisgrasp.errors import DebrisGraspError, InputError
 from debrisgrasp.executive import (
     TaskSettings,
@@ -153,7 +153,9 @@ def self_test(settings: Settings) -> Iterator[Finding]:
         segmentation = debrisgrasp.segment(capture)
         spent, n = time.perf_counter() - start, len(segmentation.segments)
         yield Finding(
-            "segment", "ok" if n else "fault", f"{n} objects in {spent:.2f} s"
+            "segment",
+            "ok" if n else "fault",
+            f"{counted(n, 'object')} in {spent:.2f} s",
         )
         start = time.perf_counter()
         plan = pipeline.plan(
@@ -172,9 +174,9 @@ def self_test(settings: Settings) -> Iterator[Finding]:
             yield Finding("plan", "note", text)
         return
     best = plan.grasps[0]
-    text = f"{len(plan.grasps)} grasps in {spent:.2f} s; best: {best.prototype}, "
+    text = f"{counted(len(plan.grasps), 'grasp')} in {spent:.2f} s; best: "
     arm = "floating hand" if best.arm is None else arm_called(best.arm)
-    yield Finding("plan", "ok", text + f"Q {best.Q:.2f}, {arm}")
+    yield Finding("plan", "ok", f"{text}{best.prototype}, Q {best.Q:.2f}, {arm}")
 
 
 def site(settings: Settings) -> Iterator[Finding]:
