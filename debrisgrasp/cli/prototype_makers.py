@@ -5,18 +5,26 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Sequence
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from debrisgrasp._files import require_folder
-from debrisgrasp.errors import ConfigError, InputError, OutputError, UnknownNameError
+from debrisgrasp.errors import (
+    ConfigError,
+    DebrisGraspError,
+    InputError,
+    OutputError,
+    UnknownNameError,
+)
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.prototypes import (
     FURTHER_HANDS,
     Finding,
+    GraspPrototype,
     GripperModel,
     HandPose,
     PrototypeDefinition,
@@ -237,10 +245,8 @@ def _finish(
             definition, arguments.out / f"{definition.name}.yaml", force=arguments.force
         )
     hands = hands_of(arguments)
-    own, twins = PrototypeLibrary.build([definition], hands)[definition.name], []
-    if files:
-        library = PrototypeLibrary.load(arguments.out, grippers=hands)
-        twins = [str(pair) for pair in duplicates([own], library)]
+    own = PrototypeLibrary.build([definition], hands)[definition.name]
+    twins = _twins(own, arguments.out, hands) if files else []
     if arguments.json:
         facts = {
             "wrote": [str(file) for file in files],
@@ -280,6 +286,18 @@ def _finish(
     else:
         print("wrote nothing; --force writes it all the same")
     return 1 if findings else 0
+
+
+def _twins(
+    own: GraspPrototype, folder: Path, hands: Mapping[str, GripperModel]
+) -> list[str]:
+    """Say which prototypes beside a new one it is like."""
+    try:
+        library = PrototypeLibrary.load(folder, grippers=hands)
+    except DebrisGraspError as error:
+        print(f"note: compared with none beside it: {error}", file=sys.stderr)
+        return []
+    return [str(pair) for pair in duplicates([own], library)]
 
 
 def _proposal(pose: HandPose) -> dict[str, Any]:

@@ -64,6 +64,17 @@ def test_new_makes_a_pipe_and_keeps_it(capsys):
     assert "half turns that change nothing: x, y, z" in capsys.readouterr().out
 
 
+def test_a_prototype_is_made_beside_a_file_that_is_none(folder, capsys):
+    make = ["prototype", "new", "--shape", "cylinder", "--diameter", "0.065"]
+    make += ["--length", "0.14", "--name", "pipe", "--out", "p"]
+    (folder / "p").mkdir()
+    (folder / "p" / "odd.yaml").write_text("x: 1\n")
+    assert run(make) == 0
+    said = capsys.readouterr()
+    assert "wrote p/pipe.yaml" in said.out
+    assert "compared with none beside it: p/odd.yaml" in said.err
+
+
 def test_a_dictionary_for_another_hand_plans(capsys):
     grippers = Path(__file__).parents[2] / "examples" / "grippers"
     hand = ["--gripper", "jaw_140", "--grippers", str(grippers)]
