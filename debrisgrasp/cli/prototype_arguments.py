@@ -64,14 +64,14 @@ def add_mesh(actions: Any) -> argparse.ArgumentParser:
         default=1.0,
         help="metres in a unit of the file: 0.001 for millimetres (default: 1)",
     )
-    parser.add_argument(
+    hand = _add_chosen(parser)
+    hand.add_argument(
         "--pose",
         metavar="POSE",
         help="palm in the frame of the mesh: x,y,z,roll,pitch,yaw or a file with a 4x4",
     )
     _add_shared(parser)
     _add_site_and_json(parser)
-    _add_proposed(parser)
     return parser
 
 
@@ -83,12 +83,13 @@ def add_record(actions: Any) -> argparse.ArgumentParser:
     add_capture(parser)
     parser.add_argument("--object", type=whole, metavar="N", help="this object")
     add_region(parser, "only what is in this box")
-    parser.add_argument(
+    hand = _add_chosen(parser)
+    hand.add_argument(
         "--pose",
         metavar="POSE",
         help="taught palm in the base frame: x,y,z,roll,pitch,yaw or a file with a 4x4",
     )
-    parser.add_argument(
+    hand.add_argument(
         "--joints",
         metavar="NAME=VALUE,...",
         help="joint values of the arm that stands at the grasp, rad",
@@ -96,7 +97,6 @@ def add_record(actions: Any) -> argparse.ArgumentParser:
     parser.add_argument("--robot", help="default: the site's, or roman")
     parser.add_argument("--arm", help="default: the arm that carries the hand")
     _add_shared(parser)
-    _add_proposed(parser)
     return parser
 
 
@@ -132,15 +132,17 @@ def _add_site_and_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
-def _add_proposed(parser: argparse.ArgumentParser) -> None:
-    """Add how a pose of the hand is chosen where none is given."""
+def _add_chosen(parser: argparse.ArgumentParser) -> Any:
+    """Add how a proposed pose of the hand is chosen; return the place of given ones."""
     parser.add_argument(
         "--closed", type=number, metavar="M", help="width when closed, metres"
     )
-    parser.add_argument(
+    hand = parser.add_mutually_exclusive_group()
+    hand.add_argument(
         "--choice",
         type=whole,
         default=1,
         metavar="N",
         help="which of the proposed poses to take (default: 1, the best)",
     )
+    return hand

@@ -164,8 +164,6 @@ def run_record(arguments: argparse.Namespace) -> int:
     """Make a prototype of a piece of a capture."""
     gripper = _prepared(arguments)
     pose = None
-    if arguments.pose is not None and arguments.joints is not None:
-        raise ConfigError("hand", got="both --pose and --joints", expected="one")
     if arguments.pose is not None:
         pose = parse_hand_pose(arguments.pose)
     if arguments.joints is not None:

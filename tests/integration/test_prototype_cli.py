@@ -64,6 +64,13 @@ def test_new_makes_a_pipe_and_keeps_it(capsys):
     assert "half turns that change nothing: x, y, z" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("other", [["--choice", "2"], ["--joints", "a=1"]])
+def test_the_hand_is_placed_in_one_way(other, capsys):
+    make = ["prototype", "record", "pile.npz", "--name", "a", "--pose=1,0,0,0,0,0"]
+    assert run([*make, *other]) == 2
+    assert "not allowed with argument --pose" in capsys.readouterr().err
+
+
 def test_a_prototype_is_made_beside_a_file_that_is_none(folder, capsys):
     make = ["prototype", "new", "--shape", "cylinder", "--diameter", "0.065"]
     make += ["--length", "0.14", "--name", "pipe", "--out", "p"]
