@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from typing import Any
 
 from debrisgrasp._files import require_new_folder
+from debrisgrasp._words import counted
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.workbench import LearnConfig, learn, load_records
 
 from .site_arguments import add_grippers, add_site, hands_of
@@ -67,6 +70,13 @@ def run_learn(arguments: argparse.Namespace) -> int:
         least=arguments.least,
         least_rate=arguments.least_rate,
     )
+    folders = [os.path.realpath(folder) for folder in arguments.runs]
+    if len(set(folders)) < len(folders):
+        raise ConfigError(
+            "folders of records",
+            got="one twice, whose grasps would count double",
+            expected="each once",
+        )
     records = [each for folder in arguments.runs for each in load_records(folder)]
     learned = learn(records, hands_of(arguments), config)
     learned.library.save(arguments.out)
@@ -88,7 +98,8 @@ def run_learn(arguments: argparse.Namespace) -> int:
         return 0
     print(columns(header, rows))
     print(
-        f"\n{len(learned.library)} prototypes from {len(records)} grasps; "
+        f"\n{counted(len(learned.library), 'prototype')} from "
+        f"{counted(len(records), 'grasp')}; "
         f"{learned.covered:.0%} of the held ones are of these kinds"
     )
     print(f"wrote {arguments.out}")

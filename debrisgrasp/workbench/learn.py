@@ -19,6 +19,7 @@ from scipy.spatial.distance import squareform
 
 from debrisgrasp._arrays import FloatArray, IntArray, require_range
 from debrisgrasp._checked import checked_fields
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import (
@@ -146,8 +147,8 @@ def learn(
         best = max(clusters, key=lambda c: (c.held, c.rate))
         raise ConfigError(
             "recorded grasps",
-            got=f"{len(records)} in {len(clusters)} kinds, at best {best.held} of "
-            f"{len(best.members)} held",
+            got=f"{len(records)} in {counted(len(clusters), 'kind')}, "
+            f"at best {best.held} of {len(best.members)} held",
             expected=f"a kind of at least {config.least}, {config.least_rate:.0%} held",
             mend="Record more grasps, or widen the radius (--radius).",
         )

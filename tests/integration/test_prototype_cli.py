@@ -71,6 +71,13 @@ def test_the_hand_is_placed_in_one_way(other, capsys):
     assert "not allowed with argument --pose" in capsys.readouterr().err
 
 
+def test_no_folder_of_records_counts_twice(folder, capsys):
+    (folder / "runs").mkdir()
+    again = str(folder / "runs")
+    assert run(["prototype", "learn", "runs", again, "--out", "learned"]) == 2
+    assert "one twice" in capsys.readouterr().err
+
+
 def test_a_prototype_is_made_beside_a_file_that_is_none(folder, capsys):
     make = ["prototype", "new", "--shape", "cylinder", "--diameter", "0.065"]
     make += ["--length", "0.14", "--name", "pipe", "--out", "p"]
