@@ -15,7 +15,7 @@ from debrisgrasp.io import Capture
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.planning import Grasp, GraspPlan, SceneConfig
-from debrisgrasp.prototypes import GripperModel, load_grippers
+from debrisgrasp.prototypes import FURTHER_HANDS, GripperModel, load_grippers
 from debrisgrasp.segmentation import SegmentationConfig, region_of_interest
 
 from .inputs import with_hands
@@ -139,7 +139,10 @@ def _require_known(
     """Refuse a grasp with a hand, an arm or an object that the plan can't have."""
     if grasp.gripper not in hands:
         raise ConfigError(
-            f"{what}.gripper", got=grasp.gripper, expected=" or ".join(sorted(hands))
+            f"{what}.gripper",
+            got=grasp.gripper,
+            expected=" or ".join(sorted(hands)),
+            mend=FURTHER_HANDS,
         )
     if robot is not None and grasp.arm is not None:
         own = robot.arm(grasp.arm).gripper

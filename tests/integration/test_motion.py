@@ -211,7 +211,7 @@ def test_the_command_refuses_an_unknown_policy(run):
 @pytest.mark.parametrize(
     ("field", "value", "named"),
     [
-        ("gripper", "foo", "gripper"),
+        ("gripper", "foo", "gripper.*grippers="),
         ("gripper", "other", "carries"),
         ("preshape", "foo", "preshape"),
         ("joints", {"a": 1.0}, "joints"),
