@@ -123,6 +123,10 @@ class LegPlan:
     trajectory: Trajectory
     """The same in time, up to where the plan ends; it keeps all limits."""
 
+    def __repr__(self) -> str:
+        reason = f", {self.reason}" if self.reason else ""
+        return f"<LegPlan {self.status.value}{reason}: {self.trajectory}>"
+
     @property
     def is_done(self) -> bool:
         """Whether the whole leg can be done."""

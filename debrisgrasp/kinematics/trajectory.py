@@ -48,6 +48,10 @@ class Trajectory:
                 expected="rising seconds that begin at 0",
             )
 
+    def __repr__(self) -> str:
+        joints, knots = len(self.joint_names), len(self.times)
+        return f"<Trajectory of {joints} joints: {knots} knots, {self.duration:.2f} s>"
+
     @property
     def duration(self) -> float:
         """Seconds from start to end."""

@@ -56,6 +56,9 @@ class MotionPlan:
     """What touches what, at the start or at the goal that comes nearest to free."""
     counts: MotionCounts = MotionCounts()
 
+    def __repr__(self) -> str:
+        return f"<MotionPlan {self.status.value}: {self.trajectory or self.reason}>"
+
     @property
     def is_solved(self) -> bool:
         """Whether there is a trajectory."""

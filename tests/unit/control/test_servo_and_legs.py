@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -292,6 +293,9 @@ def test_a_leg_is_straight_within_limits_and_carries_their_hash(offset):
     turn = rpy(0.0, 0.2, 0.1)
     plan = planner.plan(READY, SE3.from_parts(T.R @ turn, T.p + np.array(offset)))
     assert plan.is_done, plan.reason
+    assert re.fullmatch(
+        r"<LegPlan done: <Trajectory of 7 joints: \d+ knots, .* s>>", repr(plan)
+    )
     assert plan.share == 1.0
     poses = CHAIN.fk(plan.q)
     leg = CartesianLeg(T, plan.reached)

@@ -31,6 +31,7 @@ def plan(planner, start, goal, space, seed=0, **more):
 
 def require_free(planner, found, space):
     assert found.is_solved, found.reason
+    assert repr(found).startswith("<MotionPlan solved: <Trajectory of 8 joints: ")
     found.trajectory.require_executable(planner.limits)
     q = samples_of(found.trajectory, 0.01)
     assert np.abs(np.diff(q, axis=0)).max() <= 0.01 + 1e-9
