@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from debrisgrasp._arrays import BoolArray, FloatArray
-from debrisgrasp.geometry import PointCloud, voxel_downsample
+from debrisgrasp.geometry import SE3, PointCloud, voxel_downsample
 from debrisgrasp.kinematics import LimitSet, RobotModel, Trajectory
 
 from .colors import (
@@ -36,6 +36,8 @@ _DIRECTIONS = ((-0.75, 0.75, -0.6), (-0.35, -0.9, -0.4))
 _START, _END = np.array([0.60, 0.74, 0.90]), np.array([0.05, 0.30, 0.66])
 _TORSO = (0.70, 0.73, 0.77)
 _BAD = np.array([0.80, 0.10, 0.15])
+_BEHIND = 0.002
+"""How far each posture is drawn behind the next one [m]."""
 _PATH = (0.56, 0.13, 0.62)
 _SHOWN = 2.0
 """Points of the scene farther from the base than this are not drawn [m]."""
@@ -141,11 +143,14 @@ def _rendered(
     end = tree.links_below(tree.joints[joints[-2]].child)
     q, _ = track.at(np.linspace(0.0, track.duration, n_postures))
     groups: list[Mesh] = []
+    # What turns about its own axis stands where it stood: the latest hides the others.
+    behind = _BEHIND * np.asarray(direction) / np.linalg.norm(direction)
     for k, row in enumerate(q):
         share = k / max(1, n_postures - 1)
         color = (1.0 - share) * _START + share * _END
         links = whole if k in (0, n_postures - 1) else end
-        groups.append(_arm_mesh(robot, joints, row, links, color))
+        mesh = _arm_mesh(robot, joints, row, links, color)
+        groups.append(mesh.moved(SE3.from_parts(p=(n_postures - 1 - k) * behind)))
     for row in () if track.touches is None else track.touches:
         groups.append(_arm_mesh(robot, joints, row, end, _BAD))
     values = dict(zip(joints, q[-1].tolist(), strict=True))
