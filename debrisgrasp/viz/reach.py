@@ -22,7 +22,7 @@ from debrisgrasp.kinematics import ReachSurvey, RobotModel
 
 from .colors import BACKGROUND_COLOR, INK, MUTED_INK, hex_color
 from .html import write_page
-from .page import Page, Slot, draw_picture, shortened
+from .page import Page, Slot, draw_picture, plain, short_name, shortened
 from .raster import Splats, render
 from .scene import box_edges, ground_grid, robot_mesh
 from .view import View
@@ -37,6 +37,7 @@ _ARM_COLORS = ((0.10, 0.38, 0.77), (0.80, 0.38, 0.06))
 _BOTH_COLOR = (0.05, 0.50, 0.34)
 _OUTSIDE = np.array([0.955, 0.96, 0.97])
 _REGION_COLOR = (0.72, 0.05, 0.25)
+_LONGEST_NAME = 10
 _MOST_ROWS = 10
 _FAINT = 0.25
 """Least strength of a place that can be gripped at all."""
@@ -133,8 +134,9 @@ def _legend(page: Page, picture: ReachPicture) -> None:
     axes = page.panel(Slot(0, 30, 1800, 26))
     axes.axis("off")
     for name, color in reversed(entries):
-        axes.text(x, 13, name, fontsize=11, ha="right", va="center")
-        x -= 8.0 * len(name) + 34
+        name = plain(short_name(name, 40))
+        text = axes.text(x, 13, name, fontsize=11, ha="right", va="center")
+        x -= text.get_window_extent().width + 28
         axes.add_patch(Rectangle((x, 3), 20, 20, color=hex_color(color)))
         x -= 24
 
@@ -281,11 +283,12 @@ def _draw_table(axes: Axes, rows: Sequence[Sequence[str]]) -> None:
     # Words in the first columns are wider than the figures that follow.
     starts = np.array([14, 98, 174, 224, 276, 352])[: len(rows[0])]
     for line, row in enumerate(rows[:_MOST_ROWS]):
-        for x, cell in zip(starts, row, strict=True):
+        cells = [short_name(row[0], _LONGEST_NAME), *row[1:]]
+        for x, cell in zip(starts, cells, strict=True):
             axes.text(
                 x,
                 20 + 23.5 * line,
-                cell,
+                plain(cell),
                 fontsize=8.6,
                 va="center",
                 color=hex_color(INK if line else MUTED_INK),

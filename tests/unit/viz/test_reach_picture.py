@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from debrisgrasp.errors import OutputError
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.kinematics import APPROACHES, ReachSurvey, RobotModel
 from debrisgrasp.viz import ReachPicture, reach_html, reach_png
+from debrisgrasp.viz.page import Page
 from debrisgrasp.viz.reach import half_metres
 
 COUNT = sum(len(a.directions) for a in APPROACHES)
@@ -62,6 +64,24 @@ def test_a_picture_shows_each_arm_in_its_colour(
     assert len(colors) == 1800 * 1160
     for wanted in ((0.10, 0.38, 0.77), (0.80, 0.38, 0.06), (0.05, 0.50, 0.34)):
         assert (np.abs(colors - wanted).max(axis=1) < 0.02).sum() > 2000
+
+
+def test_the_name_of_an_arm_runs_into_nothing(
+    picture: ReachPicture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = "MANIPULATOR_of_the_right_side"
+    level = tuple(replace(survey, arm=name) for survey in picture.level)
+    rows = [picture.rows[0], [name, *picture.rows[1][1:]]]
+    pages: list[Page] = []
+    monkeypatch.setattr(Page, "write", lambda page, _: pages.append(page))
+    reach_png(tmp_path / "reach.png", replace(picture, level=level, rows=rows))
+    panels = pages[0].figure.axes
+    (table,) = (a for a in panels if any(t.get_text() == "within" for t in a.texts))
+    cells = [text.get_window_extent() for text in table.texts[6:8]]
+    assert cells[0].x1 < cells[1].x0
+    (legend,) = (a for a in panels if any("both" in t.get_text() for t in a.texts))
+    for text, square in zip(legend.texts, legend.patches, strict=True):
+        assert square.get_window_extent().x1 < text.get_window_extent().x0
 
 
 def test_equal_pictures_give_equal_files(picture: ReachPicture, tmp_path: Path) -> None:
