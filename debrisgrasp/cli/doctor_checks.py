@@ -31,6 +31,7 @@ from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.io.depth_images import load_camera
 from debrisgrasp.kinematics import ArmReach, LimitSet, RobotModel, cache_folder
+from debrisgrasp.kinematics.limits import LEAST_MARGIN
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.prototypes import check
 from debrisgrasp.settings import Settings
@@ -286,6 +287,10 @@ def _overlaps(arm: ArmReach) -> Iterator[Finding]:
 def _postures(robot: RobotModel, arm: ArmReach) -> Iterator[Finding]:
     """Tell of postures of the task in which the robot touches itself, or the ground."""
     spec = robot.arm(arm.name)
+    if beyond := robot.limits(arm.name).planner.violation(arm.q_present):
+        text = f"{beyond}, of limits {LEAST_MARGIN:g} rad or m within the robot's: "
+        what = f"posture {spec.present} of {arm_called(arm.name)}"
+        yield Finding(what, "note", text + "`motion` can't begin there")
     for posture in dict.fromkeys((spec.present, spec.idle)):
         q = arm.chain.vector(robot.posture(arm.name, posture))
         contacts = arm.collision.self_contacts(arm.chain.clipped(q))

@@ -233,7 +233,8 @@ class MotionPlanner:
                 what,
                 got=broken[0],
                 expected="within the planner's limits",
-                mend="Move the arm back inside them first, joint by joint.",
+                mend="Move the arm back inside them first, joint by joint; where it "
+                "stands as the robot's file says, change the posture there.",
             )
 
     def _opened(self, space: MotionSpace, start: FloatArray) -> MotionSpace:

@@ -355,6 +355,20 @@ def test_the_doctor_tells_of_an_arm_that_rests_below_the_ground(run, tmp_path):
 
 
 @pytest.mark.usefixtures("quick")
+def test_the_doctor_tells_of_an_arm_that_is_present_at_a_limit(run, tmp_path):
+    robot = yaml.safe_load(data_path("robots", "roman.yaml").read_text("utf-8"))
+    robot["urdf"] = str(data_path("robots", "roman.urdf"))
+    robot["arms"]["left"]["postures"]["ready"]["torso_joint"] = 1.57
+    (tmp_path / "turned.yaml").write_text(yaml.safe_dump(robot), "utf-8")
+    path = tmp_path / "site.yaml"
+    path.write_text("schema: debrisgrasp/site/1\nrobot: turned.yaml\n", "utf-8")
+    ended = run("doctor", "--site", path)
+    (line,) = (line for line in ended.out.splitlines() if "can't begin there" in line)
+    assert "posture ready of left arm" in line
+    assert "torso_joint" in line
+
+
+@pytest.mark.usefixtures("quick")
 def test_the_doctor_tells_of_a_hand_that_is_turned_back_into_its_arm(run, tmp_path):
     mounted = '<child link="right_robotiq_palm_link"/><origin xyz="0 0 0" rpy="0 0 '
     urdf = data_path("robots", "roman.urdf").read_text("utf-8")
