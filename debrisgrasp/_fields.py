@@ -24,7 +24,7 @@ _AS_TEXT = (
     "That is text in YAML, where a number has no quotes and, before an exponent, a "
     "point, and in it a sign: 1.0e+9."
 )
-_AS_NAME = "YAML takes on, off, yes, no and numbers for values: put names in quotes."
+_AS_NAME = "YAML takes on, off, yes, no and numbers for values: put text in quotes."
 _UNIT = "Write the number without its unit; lengths are in metres: 50 mm is 0.05."
 _COMMA = "Decimals come after a point: 0.5, not 0,5."
 
@@ -78,7 +78,10 @@ class Fields:
             return default
         value = self.raw(name)
         if not isinstance(value, str) or not value.strip():
-            raise ConfigError(self.where(name), got=_shown(value), expected="text")
+            mend = _AS_NAME if isinstance(value, int | float) else ""
+            raise ConfigError(
+                self.where(name), got=_shown(value), expected="text", mend=mend
+            )
         return value.strip()
 
     def choice(

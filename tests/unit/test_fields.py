@@ -47,6 +47,12 @@ def test_decimals_after_a_comma_are_told_of():
         fields.finish()
 
 
+@pytest.mark.parametrize("value", [True, 12, 48.0])
+def test_what_yaml_takes_for_a_value_is_no_text(value: object) -> None:
+    with pytest.raises(ConfigError, match=r"expected text\. .*in quotes"):
+        Fields({"name": value}, "hand.yaml").text("name")
+
+
 @pytest.mark.parametrize("name", [True, 12, "", " "])
 def test_what_yaml_takes_for_a_value_is_no_name(name: object) -> None:
     with pytest.raises(ConfigError, match=r"expected a name\. .*in quotes"):
