@@ -200,7 +200,7 @@ class _Reader:
 
     def text(self, field: str) -> str:
         text = str(self._get(field, str, "a name"))
-        if not text.isprintable():
+        if not text.strip() or not text.isprintable():
             raise ConfigError(
                 f"{field} in {self.where}", got=repr(text), expected="a name"
             )
@@ -211,6 +211,8 @@ class _Reader:
 
     def mapping(self, field: str) -> dict[str, Any]:
         content = self._get(field, dict, "a mapping")
+        if "" in content:
+            raise ConfigError(f"{field} in {self.where}", got="''", expected="names")
         return {str(name): value for name, value in content.items()}
 
     def texts(self, field: str) -> tuple[str, ...]:

@@ -203,6 +203,8 @@ def test_another_robot_is_one_file(tmp_path: Path) -> None:
         ({"arms": {}}, "at least one"),
         ({"arms": {"right": {"tip": 3}}}, "arm right"),
         ({"wheels": 4}, "unknown field"),
+        ({"name": " "}, "name in .*expected a name"),
+        ({"arms": {"": {}}}, "arms in .*expected names"),
         ({"urfd": "row.urdf"}, "Did you mean 'urdf'"),
         ({"rest": {"ptu_tilt_joint": "low"}}, "finite number"),
         ({"rest": {"ptu_tild_joint": 0.1}}, "ptu_tilt_joint"),
