@@ -26,6 +26,10 @@ _ROUNDING = 1e-3
 
 _FASTEST = 50.0
 """Beyond it, speeds are in degrees or millimetres, or a number that says nothing."""
+_BESIDE_A_URDF = (
+    "A URDF needs a YAML file that names it, its base and its arms; copy that of a "
+    "shipped or an example robot, which tells of each field."
+)
 _DEGREES = "degrees, multiply by pi / 180"
 
 
@@ -378,4 +382,7 @@ def _find(name_or_path: str | Path) -> Path:
         if candidate.stem == str(name_or_path):
             return candidate
     known = [*(p.stem for p in shipped), "the path of a .yaml file"]
-    raise UnknownNameError("robot", str(name_or_path), known)
+    is_urdf = path.suffix.lower() in (".urdf", ".xacro")
+    raise UnknownNameError(
+        "robot", str(name_or_path), known, mend=_BESIDE_A_URDF if is_urdf else ""
+    )

@@ -228,6 +228,11 @@ def test_a_posture_that_is_not_defined_is_refused(tmp_path: Path) -> None:
         RobotModel.load(_changed(tmp_path, {"arms": arms}))
 
 
+def test_a_urdf_alone_is_no_robot(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="needs a YAML file that names it"):
+        RobotModel.load(tmp_path / "own.urdf")
+
+
 @pytest.mark.parametrize(
     ("speed", "told"), [(np.inf, "none"), (0.0, "0.0"), (180.0, "180.*up to 50")]
 )
