@@ -16,6 +16,7 @@ from debrisgrasp.prototypes import (
     GripperModel,
     PrototypeLibrary,
     load_grippers,
+    require_hands,
 )
 
 __all__ = [
@@ -56,6 +57,7 @@ def with_hands(robot: RobotModel, grippers: Mapping[str, GripperModel]) -> Robot
 
     Links of a hand that is not there would touch nothing, and nobody would see it.
     """
+    require_hands(grippers)
     for name, arm in robot.arms.items():
         if arm.gripper in grippers:
             hand = grippers[arm.gripper]

@@ -9,6 +9,7 @@ from .gripper import (
     GripperModel,
     known_grippers,
     load_grippers,
+    require_hands,
     with_shipped,
 )
 from .hand_poses import HandPose, around_grip, propose_hand_poses, settled
@@ -51,6 +52,7 @@ __all__ = [
     "nearest_view",
     "propose_hand_poses",
     "prototype_of_shape",
+    "require_hands",
     "require_name",
     "settled",
     "shape_distance",

@@ -24,6 +24,7 @@ __all__ = [
     "GripperModel",
     "known_grippers",
     "load_grippers",
+    "require_hands",
     "with_shipped",
 ]
 
@@ -308,10 +309,22 @@ def load_grippers(
     return hands
 
 
+def require_hands(grippers: object) -> None:
+    """Raise `InputError` unless these are hands by name; what else would go unseen."""
+    if not isinstance(grippers, Mapping):
+        raise InputError(
+            "grippers",
+            got=type(grippers).__name__,
+            expected="hands by name",
+            mend="load_grippers(folder) of debrisgrasp.prototypes reads a folder.",
+        )
+
+
 def with_shipped(
     grippers: Mapping[str, GripperModel] | None = None,
 ) -> dict[str, GripperModel]:
     """Return the shipped hands and others by name, which go before shipped ones."""
+    require_hands({} if grippers is None else grippers)
     return {**load_grippers(), **(grippers or {})}
 
 

@@ -18,7 +18,7 @@ from debrisgrasp._words import counted
 from debrisgrasp.errors import ChoiceError, ConfigError, OutputError, UnknownNameError
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 
-from .gripper import FURTHER_HANDS, GripperModel, load_grippers
+from .gripper import FURTHER_HANDS, GripperModel, load_grippers, require_hands
 from .prototype import (
     DEFAULT_DENSITY,
     KINDS,
@@ -77,6 +77,7 @@ class PrototypeLibrary:
         """
         if grippers is None:
             grippers = load_grippers()
+        require_hands(grippers)
         if path is not None:
             return _read(Path(path), grippers, density)
         shipped = data_path("prototypes")

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from debrisgrasp.errors import ChoiceError, ConfigError, UnknownNameError
+from debrisgrasp.errors import ChoiceError, ConfigError, InputError, UnknownNameError
 from debrisgrasp.io import data_path
-from debrisgrasp.pipeline.inputs import library_of, require_limits
+from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.pipeline.inputs import library_of, require_limits, with_hands
 from debrisgrasp.prototypes import load_grippers
 
 
@@ -45,3 +46,10 @@ def test_a_prototype_of_an_unknown_hand_says_where_hands_are_given(tmp_path):
     (tmp_path / "mine.yaml").write_text(shipped.replace("robotiq_3f", "my_jaw"))
     with pytest.raises(UnknownNameError, match=r"'my_jaw'.*--grippers"):
         library_for("camhand", tmp_path)
+
+
+@pytest.mark.parametrize("hands", ["my_hands", [load_grippers()["camhand"]], None])
+def test_hands_that_are_none_by_name_are_not_left_out(hands):
+    """As the path of their folder, in which no hand's name was found."""
+    with pytest.raises(InputError, match=r"expected hands by name.*load_grippers"):
+        with_hands(RobotModel.load("roman"), hands)

@@ -13,6 +13,7 @@ from debrisgrasp._files import data_path
 from debrisgrasp.errors import (
     ConfigError,
     DebrisGraspError,
+    InputError,
     OutputError,
     UnknownNameError,
 )
@@ -291,3 +292,9 @@ def test_prototypes_of_one_name_are_refused_from_python_too(library):
     with pytest.raises(ConfigError, match="another name for each"):
         PrototypeLibrary.build(definitions, library.grippers)
     assert len(library.select(names=[first.name, first.name])) == 1
+
+
+@pytest.mark.parametrize("hands", ["my_hands", [GripperModel.load("camhand")]])
+def test_hands_of_a_library_come_by_name(hands: object) -> None:
+    with pytest.raises(InputError, match=r"expected hands by name.*load_grippers"):
+        PrototypeLibrary.load(grippers=hands)  # type: ignore[arg-type]
