@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from debrisgrasp._arrays import require_range
 from debrisgrasp._files import data_path, last_changed, yaml_files
 from debrisgrasp._words import counted
 from debrisgrasp.errors import ChoiceError, ConfigError, OutputError, UnknownNameError
@@ -30,6 +31,8 @@ from .prototype_file import read_prototype, write_prototype
 
 __all__ = ["N_VIEWS", "PrototypeLibrary"]
 
+_DENSITIES = 1e2, 1e7
+"""Points per square metre that a surface can be sampled by: one in 10 cm to 0.3 mm."""
 N_VIEWS = 400
 """Directions of view; the nearest of them is 4 degrees off on average."""
 
@@ -94,6 +97,7 @@ class PrototypeLibrary:
         density: float = DEFAULT_DENSITY,
     ) -> PrototypeLibrary:
         """Sample the shapes of definitions that were made in a program."""
+        require_range("points per square metre", density, *_DENSITIES)
         directions = fibonacci_sphere(N_VIEWS)
         prototypes = tuple(
             GraspPrototype.build(definition, directions, density)

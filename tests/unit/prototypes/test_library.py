@@ -298,3 +298,9 @@ def test_prototypes_of_one_name_are_refused_from_python_too(library):
 def test_hands_of_a_library_come_by_name(hands: object) -> None:
     with pytest.raises(InputError, match=r"expected hands by name.*load_grippers"):
         PrototypeLibrary.load(grippers=hands)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("density", [0.0, -1.0, np.nan, 1e9])
+def test_surfaces_are_sampled_by_a_density_that_can_be(density: float) -> None:
+    with pytest.raises(ConfigError, match="points per square metre"):
+        PrototypeLibrary.load(density=density)
