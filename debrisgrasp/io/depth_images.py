@@ -179,7 +179,13 @@ def _read_camera(path: Path) -> _CameraFile:
     flat = content.get("K", content.get("k"))
     if flat is None:
         keys = ", ".join(map(str, content)) or "nothing"
-        raise ConfigError(f"keys of {path}", got=keys, expected="K (or k) among them")
+        raise ConfigError(
+            f"keys of {path}",
+            got=keys,
+            expected="K (or k) among them",
+            mend=f"K is {_K_WORDS} [pixels]; where ROS has calibrated the camera, it "
+            "is the data of camera_matrix.",
+        )
     if isinstance(flat, dict):
         raise ConfigError(f"K in {path}", got=", ".join(flat), expected=_K_WORDS)
     K = _numbers(flat, f"K in {path}")

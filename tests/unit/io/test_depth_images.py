@@ -168,6 +168,12 @@ def test_images_for_viewing_are_no_depth(folder, mode):
         Capture.load(folder)
 
 
+def test_a_camera_file_without_k_says_what_k_is(folder):
+    (folder / "camera.json").write_text(json.dumps({"fx": 600.0, "fy": 600.0}))
+    with pytest.raises(ConfigError, match=r"fx, fy, expected K.*row by row.*camera_m"):
+        Capture.load(folder)
+
+
 def test_an_empty_depth_image_is_refused(folder):
     Image.new("I;16", (WIDTH, HEIGHT)).save(folder / "depth.png")
     with pytest.raises(CaptureError, match="measured"):
