@@ -104,8 +104,8 @@ def _loaded(path: Path) -> Any:
             str(path),
             got=f"{n_faces} faces" if not n_faces else "vertices that are not finite",
             expected="a mesh with faces and finite vertices",
-            mend="A cloud of points is recorded from a capture instead: "
-            "`debrisgrasp prototype record`.",
+            mend="Is the file whole? A cloud of points, which has no faces, is "
+            "recorded from a capture instead: `debrisgrasp prototype record`.",
         )
     if mesh.is_watertight:
         mesh.fix_normals()

@@ -313,7 +313,7 @@ def test_a_mesh_in_millimetres_is_refused_until_it_is_scaled(tmp_path):
     ("name", "content", "said"),
     [
         ("a.step", b"x", "ends in"),
-        ("a.stl", b"solid nothing\nendsolid\n", "mesh"),
+        ("a.stl", b"solid nothing\nendsolid\n", r"mesh.*file whole"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\n", "mesh"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 3\n", "mesh"),
     ],
