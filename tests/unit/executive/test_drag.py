@@ -85,9 +85,9 @@ def test_a_base_that_pulls_goes_on_until_it_is_told_otherwise(pipeline):
     context = task.context
     limits = Drive(context, "right").limits
     pull = _Pull(context, fake.robot.base, [(-0.03, 0.0, 10.0)], limits)
-    for _ in range(500):
+    for _ in range(round(2.0 / context.settings.period)):
         assert not pull((0.0,) * 6)
-        context.wait(0.004)
+        context.wait(context.settings.period)
     assert fake.base.read().p[0] == pytest.approx(-0.06, abs=3e-3)
 
 

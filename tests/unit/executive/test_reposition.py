@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from debrisgrasp.executive import Executive
+from debrisgrasp.executive import Executive, TaskSettings
 from debrisgrasp.executive.reposition import repositioned
 from debrisgrasp.executive.result import FaultFound
 from debrisgrasp.geometry import SE3
@@ -87,7 +87,7 @@ def test_a_robot_whose_file_says_that_it_stands_fast_never_drives(pipeline, driv
 
 @pytest.mark.parametrize("ahead", [0.0, 0.3])
 def test_the_room_ahead_begins_at_the_front_of_the_base(pipeline, monkeypatch, ahead):
-    _, task = before_a_brick(pipeline)
+    _, task = before_a_brick(pipeline, settings=TaskSettings())
     context = task.context
     look(context)
     n = len(context.cycle.seen.cloud.points)
