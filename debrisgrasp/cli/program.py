@@ -13,6 +13,7 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -143,9 +144,20 @@ class _Parser(argparse.ArgumentParser):
     """Refuses arguments in one line, as everything else is refused."""
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings)
+        # A beginning of an option may become that of another one, or mean one already.
+        super().__init__(allow_abbrev=False, **settings)
         # Rows of numbers, as pixels and poses are, are no options either.
         self._negative_number_matcher = re.compile(r"-[\d.]")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Refuse what is unknown here, where it is known what could be meant."""
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            word = unknown[0].partition("=")[0]
+            near = get_close_matches(word, self._option_string_actions, n=1)
+            meant = f" (did you mean {near[0]}?)" if near else ""
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{meant}")
+        return found, unknown
 
     def error(self, message: str) -> NoReturn:
         """Raise `UsageError` with the message."""

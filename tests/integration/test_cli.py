@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 
@@ -51,6 +52,20 @@ def test_every_command_explains_itself(run, command):
     ended = run(command, "--help")
     assert ended.status == 0
     assert "usage: debrisgrasp " + command in ended.out
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["plan", "x.npz", "--see", 3], r"--see 3 \(did you mean --seed\?\).*plan --h"),
+        (["prototype", "list", "--gripper", "camhand"], "did you mean --grippers"),
+        (["doctor", "x"], r"arguments: x\. `debrisgrasp doctor --help"),
+    ],
+)
+def test_a_part_of_an_option_is_none_but_tells_which_was_meant(run, words, told):
+    ended = run(*words)
+    assert ended.status == 2
+    assert re.search(told, ended.err)
 
 
 def test_demo_prints_grasps_and_writes_three_files(run, tmp_path):
