@@ -19,7 +19,7 @@ from debrisgrasp.control import Compliance
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import Pipeline, PlanningResult
-from debrisgrasp.planning import Grasp
+from debrisgrasp.planning import Arm, Grasp
 from debrisgrasp.segmentation import DEFAULT_POINT, PriorityPoint
 from debrisgrasp.sim import (
     Flight,
@@ -27,6 +27,7 @@ from debrisgrasp.sim import (
     SceneConfig,
     TierScene,
     Verdict,
+    WristConfig,
     fly,
     tier_scene,
 )
@@ -279,7 +280,7 @@ def trials(
             pipeline.grippers[grasp.gripper],
             grasp,
             intended=intended,
-            config=_flight_config(spec, grasp),
+            config=_flight_config(spec, grasp, _wrist(grasp, pipeline.arms)),
         )
         record = TrialRecord(
             **_facts(scene, intended, flight),
@@ -299,12 +300,18 @@ def trials(
     return done
 
 
-def _flight_config(spec: TrialSpec, grasp: Grasp) -> FlightConfig:
+def _wrist(grasp: Grasp, arms: Sequence[Arm]) -> WristConfig:
+    """Wrist that bears what the arm of a grasp does; as it comes if it has none."""
+    limits = [arm.wrench_limits for arm in arms if arm.name == grasp.arm]
+    return WristConfig(limits=limits[0]) if limits else WristConfig()
+
+
+def _flight_config(spec: TrialSpec, grasp: Grasp, wrist: WristConfig) -> FlightConfig:
     back = np.array(FlightConfig().pull)
     if grasp.retreat is not None and np.hypot(*grasp.retreat.direction[:2]) > _LEVEL:
         back = np.array([*grasp.retreat.direction[:2], 0.0])
     x, y, z = (spec.clear * back / np.linalg.norm(back)).tolist()
-    config = FlightConfig(lift=(0.0, 0.0, spec.lift), pull=(x, y, z))
+    config = FlightConfig(wrist=wrist, lift=(0.0, 0.0, spec.lift), pull=(x, y, z))
     if spec.is_lift_reactive:
         config = replace(config, compliance=YIELD)
     if spec.pull == "retreat" and grasp.retreat is not None:

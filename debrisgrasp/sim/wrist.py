@@ -29,7 +29,7 @@ class WristConfig:
     """Along the closing axis while the fingers close [N/m]: the hand centres itself on
     the object, as an arm does that is moved on when it is pushed."""
     limits: tuple[float, float] = (150.0, 40.0)
-    """Largest force [N] and torque [N m]; RoMan's are these."""
+    """Largest force [N] and torque [N m]; RoMan's arms bear these."""
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "limits"):

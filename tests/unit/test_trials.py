@@ -6,8 +6,10 @@ import pickle
 import numpy as np
 import pytest
 
+from debrisgrasp import Pipeline, Settings
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import SE3, Box
+from debrisgrasp.settings import SiteLimits
 from debrisgrasp.sim import SceneConfig, Verdict, let_fall, scene_of
 from debrisgrasp.trials import (
     NO_GRASP,
@@ -65,10 +67,33 @@ def test_further_grasps_of_a_plan_are_flown_in_the_untouched_scene(done):
     assert last.record.terms == last.grasp.success.terms
 
 
-def test_bodies_of_your_own_are_tried_as_those_of_a_tier():
+@pytest.fixture(scope="module")
+def scene():
+    """A case of 2 kg, which weighs 19.6 N."""
     case = Body("case", "own", (Box(np.array([0.2, 0.045, 0.045])),), 2.0)
     world = World((case.at(SE3.from_parts(p=[1.1, 0.0, 0.1])),))
-    scene = scene_of(let_fall(world), 4, name="cases")
+    return scene_of(let_fall(world), 4, name="cases")
+
+
+@pytest.mark.parametrize(
+    ("limits", "outcome"),
+    [
+        (SiteLimits(), Verdict.HELD),
+        (SiteLimits(force=15.0), Verdict.TOO_HEAVY),
+        (SiteLimits(force=25.0, torque=5.0), Verdict.HELD),
+    ],
+)
+def test_a_wrist_bears_what_the_arm_of_the_grasp_does(scene, limits, outcome):
+    pipeline = Pipeline.from_settings(Settings(limits=limits))
+    record = trial(TrialSpec(tier="cases", seed=4), pipeline, scene=scene).record
+    (arm,) = [arm for arm in pipeline.arms if arm.name == record.arm]
+    force, torque = arm.wrench_limits
+    assert record.outcome == outcome.value
+    assert record.peak_force <= force + 1e-9
+    assert record.peak_torque <= torque + 1e-9
+
+
+def test_bodies_of_your_own_are_tried_as_those_of_a_tier(scene):
     spec = TrialSpec(tier="cases", seed=4, robot="none")
     record = trial(spec, pipeline_of(spec), scene=scene).record
     assert (record.tier, record.seed, record.kind) == ("cases", 4, "own")
