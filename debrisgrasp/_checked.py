@@ -46,6 +46,7 @@ _MENDS = {
     "Settings": "Settings.load(path) reads one.",
     "UnknownSpace": "UnknownSpace.HIDDEN, for instance, of debrisgrasp.motion.",
     "Workers": "OwnWorkers(lambda: ThreadPoolExecutor(4)), for instance.",
+    "SuccessModel": "SuccessModel.load(path) reads one.",
     "World": "let_down(named_scene(name)).world, for instance.",
 }
 _LARGEST = sys.float_info.max

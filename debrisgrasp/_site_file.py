@@ -40,6 +40,8 @@ def _top(fields: Fields) -> dict[str, Any]:
     for name in ("grippers", "prototypes"):
         if name in fields:
             values[name] = _there(fields, name, "folder")
+    if "success" in fields:
+        values["success"] = _file(fields, "success")
     if "drop_off" in fields:
         places = fields.child("drop_off")
         values["drop_off"] = {

@@ -56,6 +56,8 @@ class Settings:
     """Folder of files of further hands."""
     prototypes: Path | None = None
     """Folder of prototype files; None for the shipped ones."""
+    success: Path | None = None
+    """File of coefficients of the score (`SuccessModel`); None: the shipped ones."""
     calibration: Path | None = None
     """Result of ``debrisgrasp calibrate`` that says where the camera is."""
     camera_pose: CameraPose | None = None

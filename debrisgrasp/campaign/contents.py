@@ -26,7 +26,13 @@ def contents_of_site(path: str | os.PathLike[str]) -> dict[str, str]:
         As `Settings.load` does; also for a file that can't be read.
     """
     site = Settings.load(path)
-    named = (site.grippers, site.prototypes, site.calibration, site.camera_file)
+    named = (
+        site.grippers,
+        site.prototypes,
+        site.success,
+        site.calibration,
+        site.camera_file,
+    )
     places = [Path(path), *(place for place in named if place is not None)]
     if is_yaml(site.robot):
         places.append(Path(site.robot))

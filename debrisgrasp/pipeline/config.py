@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked_fields
-from debrisgrasp.planning import PlannerConfig
+from debrisgrasp.planning import PlannerConfig, SuccessModel
 from debrisgrasp.segmentation import SegmentationConfig
+from debrisgrasp.settings import Settings
 
 __all__ = ["PipelineConfig"]
 
@@ -41,3 +42,16 @@ class PipelineConfig:
         require_range("PipelineConfig.max_further", self.max_further, 0)
         require_range("PipelineConfig.workers", self.workers, 1)
         require_range("PipelineConfig.min_object_points", self.min_object_points, 0)
+
+    def at(self, settings: Settings) -> PipelineConfig:
+        """Take what a site says of the planner, unless that is said here.
+
+        Raises
+        ------
+        ConfigError
+            If the site's coefficients can't be read or are malformed.
+        """
+        if settings.success is None or self.planner.success is not None:
+            return self
+        success = SuccessModel.load(settings.success)
+        return replace(self, planner=replace(self.planner, success=success))

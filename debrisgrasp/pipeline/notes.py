@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray
-from debrisgrasp._words import arm_called
-from debrisgrasp.planning import Arm
+from debrisgrasp._words import arm_called, shortened
+from debrisgrasp.planning import Arm, PlannerConfig
 from debrisgrasp.prototypes import GraspPrototype
 from debrisgrasp.segmentation import (
     WHOLE_SHARE,
@@ -21,12 +21,12 @@ from debrisgrasp.segmentation import (
 from .second_look import BestSoFar
 
 __all__ = [
-    "arm_notes",
     "deadline_notes",
     "ground_notes",
     "mask_notes",
     "mass_notes",
     "part_notes",
+    "pipeline_notes",
     "warning_notes",
 ]
 
@@ -34,19 +34,6 @@ _DUG = 0.02
 """A pit with fewer points than this, in shares of the ground, may be a reflection."""
 _LIGHT = 0.05
 """Debris is hardly ever lighter: a tenth of what most pieces weigh at least [kg]."""
-
-
-def arm_notes(
-    arms: Iterable[Arm], prototypes: Iterable[GraspPrototype]
-) -> tuple[str, ...]:
-    """Say which arms in use no grasp was sought for."""
-    hands = {prototype.gripper for prototype in prototypes}
-    return tuple(
-        f"no grasp is sought for the {arm_called(arm.name)}: no prototype that was "
-        f"tried is for its hand, {arm.gripper}"
-        for arm in arms
-        if arm.gripper not in hands
-    )
 
 
 def deadline_notes(deadline: float | None, *, is_cut: bool) -> tuple[str, ...]:
@@ -158,6 +145,26 @@ def mask_notes(
         f"the mask covers {len(shares)} objects, with {told} of what stands in it; "
         "they are taken for one",
     )
+
+
+def pipeline_notes(
+    arms: Iterable[Arm],
+    prototypes: Iterable[GraspPrototype],
+    config: PlannerConfig,
+) -> tuple[str, ...]:
+    """Say which arms no grasp was sought for, and whose coefficients score grasps."""
+    hands = {prototype.gripper for prototype in prototypes}
+    notes = tuple(
+        f"no grasp is sought for the {arm_called(arm.name)}: no prototype that was "
+        f"tried is for its hand, {arm.gripper}"
+        for arm in arms
+        if arm.gripper not in hands
+    )
+    if config.success is None:
+        return notes
+    told = ", ".join(filter(None, (config.success.date, config.success.campaign)))
+    told = shortened(told, most=300) or "they don't say of when, nor fitted to what"
+    return (*notes, f"scores come from coefficients that were given: {told}")
 
 
 def warning_notes(order: Iterable[Candidate], best: BestSoFar) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 
@@ -40,7 +40,7 @@ from .inputs import (
     robot_of,
     with_hands,
 )
-from .notes import arm_notes, deadline_notes, mass_notes, warning_notes
+from .notes import deadline_notes, mass_notes, pipeline_notes, warning_notes
 from .perception import Perception
 from .reasons import unfit, why_empty
 from .result import PlanningResult
@@ -99,8 +99,7 @@ class Pipeline:
         self.robot = None if model is None else with_hands(model, known)
         self.arms = arms_of(self.robot, arm, gripper)
         library = library_of(self.arms, gripper, prototypes=prototypes, known=known)
-        self.grippers: Mapping[str, GripperModel] = library.grippers
-        self.library = library
+        self.library, self.grippers = library, library.grippers
         self.policy: SelectionPolicy = policy or SupportAware(openings=self._openings())
         # Without generic ones, plans need a mark, for which there is another planner.
         generic = library.select(kind="generic") or library
@@ -127,7 +126,7 @@ class Pipeline:
                 gripper=settings.gripper,
                 prototypes=settings.prototypes,
                 grippers=settings.grippers,
-                config=config,
+                config=(config or PipelineConfig()).at(settings),
             )
         pipeline.policy = settings.selection(pipeline._openings())
         return pipeline
@@ -258,7 +257,8 @@ class Pipeline:
         notes = deadline_notes(deadline, is_cut=watch.has_cut)
         notes += mass_notes(mass, best, liftable(self.arms, self.config.planner.load))
         notes += seen.notes(target if is_specific else None)
-        notes += warning_notes(order, best) + arm_notes(self.arms, planner.prototypes)
+        notes += warning_notes(order, best)
+        notes += pipeline_notes(self.arms, planner.prototypes, self.config.planner)
         grasps: tuple[Grasp, ...] = ()
         advice: tuple[Advice, ...] = ()
         if target is not None:

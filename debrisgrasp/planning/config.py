@@ -19,6 +19,7 @@ from .proposals import LocalMove
 from .robustness import PoseUncertainty
 from .scene import SceneConfig
 from .similarity import SimilarityConfig
+from .success import SuccessModel
 
 __all__ = ["SETTLED", "PlannerConfig"]
 
@@ -101,6 +102,9 @@ class PlannerConfig:
     surface facing the palm must have been seen to match: it tells how thick the object
     is. Where a side was not seen, what is short of it lowers the score. 0 trusts the
     prototype instead."""
+    success: SuccessModel | None = None
+    """Coefficients of the score, as fitted to flights of your own; None: the shipped
+    ones."""
     n_best: int = 20
     """How many distinct grasps to return."""
     n_per_hand: int = 1000

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from debrisgrasp._arrays import FloatArray, bounded
+from debrisgrasp._arrays import FloatArray, bounded, require_range
+from debrisgrasp._checked import checked_fields
 from debrisgrasp._files import data_path, read_schema
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 
 __all__ = ["SUCCESS_TERMS", "SuccessForecast", "SuccessModel", "success_terms"]
 
@@ -42,6 +43,8 @@ _LITTLE_UNSEEN = 0.3
 """Less of palm or fingers in space that was never seen doesn't hurt."""
 _LARGEST_PART = 0.2
 """What falls short of a whole object by more hurts no more [m]."""
+_MOST_ODDS = 1e3
+"""Log-odds beyond these are certainty, whatever is known of a grasp."""
 _GUESSED = -0.5
 """With less sight than this a grasp is called a guess."""
 _PART = -0.05
@@ -150,12 +153,14 @@ class SuccessForecast:
         return said
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SuccessModel:
     """Log-odds of success, linear in the terms of a grasp."""
 
     weights: FloatArray
-    """Shape (9,), in the order of `SUCCESS_TERMS`."""
+    """Shape (9,), in the order of `SUCCESS_TERMS`, none below zero: more of a term
+    can't hurt."""
     intercept: float
     lower: FloatArray
     """Least value of each term in the flights, shape (9,)."""
@@ -165,6 +170,25 @@ class SuccessModel:
     """When it was fitted."""
     campaign: str = ""
     """To what."""
+
+    def __post_init__(self) -> None:
+        require_range("intercept", self.intercept, -_MOST_ODDS, _MOST_ODDS)
+        for name in ("weights", "lower", "upper"):
+            values = np.asarray(getattr(self, name))
+            if values.shape != (len(SUCCESS_TERMS),) or not np.isfinite(values).all():
+                raise ConfigError(
+                    f"SuccessModel.{name}",
+                    got=values.tolist(),
+                    expected=f"a finite number for each of {', '.join(SUCCESS_TERMS)}",
+                )
+        for index, term in enumerate(SUCCESS_TERMS):
+            require_range(f"weight of {term}", float(self.weights[index]), 0.0)
+            if self.lower[index] > self.upper[index]:
+                raise ConfigError(
+                    f"least and greatest of {term}",
+                    got=f"{self.lower[index]:g} and {self.upper[index]:g}",
+                    expected="the smaller one first",
+                )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str] | None = None) -> SuccessModel:
@@ -184,26 +208,26 @@ class SuccessModel:
             )
             intercept = float(content["intercept"])
             told = str(content["date"]), str(content["campaign"])
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ConfigError(
                 f"coefficients in {path}",
                 got=repr(error),
                 expected="date, campaign, intercept, and weight, least and greatest of "
                 + ", ".join(SUCCESS_TERMS),
             ) from error
-        if not np.isfinite([intercept, *values.ravel()]).all():
-            raise ConfigError(
-                f"coefficients in {path}", got="NaN or inf", expected="finite numbers"
-            )
         weights, lower, upper = values.T
-        return cls(
-            weights=weights,
-            intercept=intercept,
-            lower=lower,
-            upper=upper,
-            date=told[0],
-            campaign=told[1],
-        )
+        try:
+            return cls(
+                weights=weights,
+                intercept=intercept,
+                lower=lower,
+                upper=upper,
+                date=told[0],
+                campaign=told[1],
+            )
+        except InputError as error:
+            what = f"coefficients in {path}, {error.what}"
+            raise ConfigError.about(what, error) from error
 
     def probability(self, terms: FloatArray) -> FloatArray:
         """Probability of success of grasps with these terms (k, 9), shape (k,)."""

@@ -44,8 +44,9 @@ class Tools:
         """Collect them; those of the same prototypes and hands are not made again."""
         used = dict.fromkeys(prototype.gripper for prototype in library)
         hands = tuple((name, library.grippers[name]) for name in used)
-        made = _made(library.prototypes, hands, config)
-        return replace(made, success=SuccessModel.load())
+        made = _made(library.prototypes, hands, replace(config, success=None))
+        success = config.success or SuccessModel.load()
+        return replace(made, success=success, config=config)
 
 
 @lru_cache(maxsize=2)

@@ -116,11 +116,11 @@ def test_the_table_says_how_many_grasps_it_leaves_out(floating):
     assert "more" not in plan_summary(plan, limit=n)
 
 
-def test_what_would_hardly_hold_is_no_grasp(dictionary, monkeypatch):
+def test_what_would_hardly_hold_is_no_grasp(dictionary):
     shipped = SuccessModel.load()
     gloomy = replace(shipped, intercept=shipped.intercept - 4.5)
-    monkeypatch.setattr(SuccessModel, "load", lambda: gloomy)
-    floating = Pipeline(robot="none", prototypes=dictionary)
+    config = PipelineConfig(planner=PlannerConfig(success=gloomy))
+    floating = Pipeline(robot="none", prototypes=dictionary, config=config)
     plan = floating.plan(capture_of([lying_pipe()])).plan
     assert plan.rejections["it would hardly hold"]
     assert all(grasp.success_probability >= 0.1 for grasp in plan.grasps)

@@ -242,14 +242,17 @@ def test_a_file_that_was_edited_since_is_named(run, tmp_path):
     prototypes = tmp_path / "mine"
     shutil.copytree(data_path("prototypes"), prototypes)
     rates.write_text(RATES)
-    site.write_text("schema: debrisgrasp/site/1\nprototypes: mine\n")
+    own = Path(shutil.copy(data_path("planning", "success.json"), tmp_path))
+    site.write_text(
+        "schema: debrisgrasp/site/1\nprototypes: mine\nsuccess: success.json\n"
+    )
     words = ("campaign", "--n", 1, "--faults", rates, "--no-recovery", "--site", site)
     words += ("--tier", "single", "--workers", 1, "--out", out)
     assert run(*words).status == 0
     some = next(path for path in prototypes.rglob("*") if path.is_file())
-    for path in (rates, site, some):
+    for path in (rates, site, some, own):
         before = path.read_bytes()
-        path.write_bytes(before + b"\n# edited\n")
+        path.write_bytes(before + b"\n")
         done = run(*words)
         assert done.status == 2
         assert f"{path.name} with another content" in done.err

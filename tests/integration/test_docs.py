@@ -150,7 +150,7 @@ def test_the_hand_that_is_shown_closes_on_its_prototype():
 
 def test_settings_of_the_planner_are_listed_with_their_defaults():
     rows = re.findall(
-        r"^\| `([\w.]+)` \| ([\d(\"][^|]*) \|",
+        r"^\| `([\w.]+)` \| ([\dN(\"][^|]*) \|",
         (ROOT / "docs/planner.md").read_text(),
         re.M,
     )

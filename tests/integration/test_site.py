@@ -63,6 +63,28 @@ def test_arguments_go_before_the_site(run, site, pipe_file):
     assert plan["seed"] == 4
 
 
+def test_a_plan_is_scored_by_the_coefficients_of_the_site(
+    run, refused, tmp_path, pipe_file, dictionary
+):
+    site, own = tmp_path / "site.yaml", tmp_path / "own.json"
+    site.write_text("schema: debrisgrasp/site/1\nrobot: none\nsuccess: own.json\n")
+    content = json.loads(data_path("planning", "success.json").read_text())
+    own.write_text(json.dumps(content | {"campaign": "the same"}))
+    command = ("plan", pipe_file, "--robot", "none", "--prototypes", dictionary)
+    shipped = run(*command, "--json").json
+    same = run(*command, "--site", site, "--json")
+    assert same.json["grasps"] == shipped["grasps"]
+    note = f"scores come from coefficients that were given: {content['date']}, the same"
+    assert same.json["notes"] == [*shipped["notes"], note]
+    assert f"note: {note}" in same.err
+    own.write_text(json.dumps(content | {"intercept": content["intercept"] - 2.0}))
+    gloomy = run(*command, "--site", site, "--json").json
+    assert gloomy["grasps"][0]["score"] < shipped["grasps"][0]["score"]
+    content["terms"]["lever"]["weight"] = -1.0
+    own.write_text(json.dumps(content))
+    assert "own.json, weight of lever" in refused(*command, "--site", site)
+
+
 def test_select_takes_policy_and_point_from_the_site(run, site, block_file):
     order = run("select", block_file, "--site", site, "--json").json
     assert order[0]["reason"].endswith("from the priority point")

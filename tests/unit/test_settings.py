@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from debrisgrasp import Pipeline, Settings
+from debrisgrasp import Pipeline, PipelineConfig, PlannerConfig, Settings
+from debrisgrasp._files import data_path
 from debrisgrasp.errors import CaptureError, ChoiceError, ConfigError, UnknownNameError
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.segmentation import PriorityPoint, SupportAware
@@ -87,6 +89,24 @@ def test_the_pipeline_of_a_site_uses_its_arm_and_the_opening_of_its_hand(written
     np.testing.assert_array_equal(pipeline.policy.point, (0.7, 0, 1))
 
 
+def test_the_coefficients_of_a_site_score_unless_others_are_given(written, tmp_path):
+    content = json.loads(data_path("planning", "success.json").read_text())
+    own = tmp_path / "own.json"
+    own.write_text(json.dumps(content | {"intercept": 1.25}))
+    settings = Settings.load(written("robot: none\nsuccess: own.json"))
+    assert settings.success == own
+    success = Pipeline.from_settings(settings).config.planner.success
+    assert success.intercept == 1.25
+    other = replace(success, intercept=-2.0)
+    config = PipelineConfig(planner=PlannerConfig(success=other))
+    assert Pipeline.from_settings(settings, config).config is config
+    with pytest.raises(ConfigError, match=r"SuccessModel\.load\(path\) reads one"):
+        PlannerConfig(success=str(own))
+    own.write_text("{}")
+    with pytest.raises(ConfigError, match=r"own\.json: got none, expected debrisgrasp"):
+        Pipeline.from_settings(settings)
+
+
 def test_paths_are_relative_to_the_file(written, monkeypatch, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "protos").mkdir()
@@ -102,6 +122,7 @@ def test_paths_are_relative_to_the_file(written, monkeypatch, tmp_path):
         ("robot: MINE.YML", r"field robot: .*MINE.YML, expected an existing file"),
         ("robot: mine.yaml", r"field robot: .*mine.yaml, expected an existing file"),
         ("prototypes: nowhere", r"field prototypes: .*an existing folder"),
+        ("success: no.json", r"field success: .*no.json, expected an existing file"),
         ("drop_off: [1, 2]", r"field drop_off.*a mapping"),
         ("drop_off: {left: [1]}", r"field drop_off.left.*a list of 2 numbers"),
         ("drop_off: {left: [600, 0]}", r"site.yaml, field drop_off.left.*metres"),

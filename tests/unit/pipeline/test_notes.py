@@ -14,14 +14,14 @@ from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, measured
 from debrisgrasp.pipeline import Target
 from debrisgrasp.pipeline.notes import (
-    arm_notes,
     deadline_notes,
     mask_notes,
     mass_notes,
+    pipeline_notes,
     warning_notes,
 )
 from debrisgrasp.pipeline.second_look import BestSoFar
-from debrisgrasp.planning import SearchResult
+from debrisgrasp.planning import PlannerConfig, SearchResult, SuccessModel
 from debrisgrasp.segmentation import Candidate
 
 BOX = Bounds(np.zeros(3), np.ones(3))
@@ -47,11 +47,20 @@ def test_an_arm_whose_hand_no_prototype_is_for_is_told_of():
         SimpleNamespace(name=n, gripper=h) for n, h in (("left", "a"), ("arm", "b"))
     ]
     of_a, of_b = (SimpleNamespace(gripper=hand) for hand in "ab")
-    assert arm_notes(arms, [of_a, of_b]) == ()
-    (note,) = arm_notes(arms, [of_a])
+    assert pipeline_notes(arms, [of_a, of_b], PlannerConfig()) == ()
+    (note,) = pipeline_notes(arms, [of_a], PlannerConfig())
     assert "for the arm:" in note
     assert note.endswith("for its hand, b")
-    assert len(arm_notes(arms, [])) == 2
+    assert len(pipeline_notes(arms, [], PlannerConfig())) == 2
+
+
+def test_a_plan_tells_of_coefficients_other_than_the_shipped_ones():
+    own = replace(SuccessModel.load(), date="2027-01-31", campaign="90 flights")
+    (note,) = pipeline_notes([], [], PlannerConfig(success=own))
+    assert note.endswith("that were given: 2027-01-31, 90 flights")
+    nameless = replace(own, date="", campaign="")
+    (note,) = pipeline_notes([], [], PlannerConfig(success=nameless))
+    assert "don't say" in note
 
 
 def test_what_lies_on_the_object_chosen_is_warned_of():

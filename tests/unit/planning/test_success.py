@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from debrisgrasp._files import data_path
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.planning import SUCCESS_TERMS, SuccessModel
 from debrisgrasp.planning.success import success_terms
 
@@ -87,6 +88,11 @@ def test_shipped_coefficients_say_when_and_on_what_they_were_fitted():
         lambda c: c["terms"]["fit"].update(weight="much"),
         lambda c: c.update(schema="debrisgrasp.success/9"),
         lambda c: c.pop("intercept"),
+        lambda c: c.update(intercept=float("nan")),
+        lambda c: c["terms"]["fit"].update(weight=-1.0),
+        lambda c: c["terms"]["fit"].update(weight=10**400),
+        lambda c: c["terms"]["fit"].update(least=1.0),
+        lambda c: c.update(terms=[]),
     ],
 )
 def test_broken_coefficients_are_refused(spoil, tmp_path):
@@ -95,8 +101,23 @@ def test_broken_coefficients_are_refused(spoil, tmp_path):
     spoil(content)
     path = tmp_path / "success.json"
     path.write_text(json.dumps(content))
-    with pytest.raises(ConfigError):
+    with pytest.raises(ConfigError, match=r"success\.json"):
         SuccessModel.load(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"weights": np.ones(8)}, "SuccessModel.weights: .*for each of fit, contact"),
+        ({"lower": np.full(9, np.nan)}, "SuccessModel.lower"),
+        ({"intercept": np.inf}, "intercept"),
+        ({"weights": -np.ones(9)}, "weight of fit"),
+        ({"upper": MODEL.lower - 1.0}, "least and greatest of fit"),
+    ],
+)
+def test_coefficients_that_mean_nothing_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        replace(MODEL, **change)
 
 
 @pytest.mark.parametrize(("squeezed", "is_told"), [(0.1, True), (1.0, False)])
