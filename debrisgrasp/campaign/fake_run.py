@@ -29,7 +29,7 @@ from debrisgrasp.worlds import Body, World
 
 from .in_the_way import account, box_around, is_in_the_way, to_remove
 from .record import SUCCESS, RunRecord
-from .specs import OBJECT_SPECIFIC, RunSpec, fake_world
+from .specs import MARKED, RunSpec, fake_world
 
 __all__ = [
     "Watch",
@@ -91,7 +91,7 @@ def run_fake(spec: RunSpec) -> RunRecord:
     world = fake_world(spec.tier, rng.spawn(1)[0])
     pipeline = pipeline_of(spec.site)
     watch, settings = Watch(recovery=spec.recovery), settings_of(spec, pipeline)
-    if spec.tier in OBJECT_SPECIFIC:
+    if spec.tier in MARKED:
         settings = replace(settings, region=handle_of(world.bodies[0]))
     try:
         done = simulate(

@@ -28,7 +28,7 @@ from debrisgrasp.worlds import (
 __all__ = [
     "FAKE_TIERS",
     "LEVELS",
-    "OBJECT_SPECIFIC",
+    "MARKED",
     "WORLDS",
     "RunSpec",
     "draw_specs",
@@ -71,8 +71,8 @@ FAKE_TIERS: Mapping[str, Callable[[Rng], World]] = {
     **{name: lambda _, name=name: named_scene(name) for name in SCENES},  # type: ignore[misc]
 }
 """Scenes in memory by name; those of the paper are always the same."""
-OBJECT_SPECIFIC = ("handle",)
-"""Tiers whose one object is gripped with the prototypes for special objects alone."""
+MARKED = ("handle",)
+"""Tiers in which one object is to be taken, with the prototypes for special ones."""
 
 
 def fake_world(tier: str, rng: Rng) -> World:
@@ -123,6 +123,14 @@ class RunSpec:
             raise UnknownNameError("level", self.level, LEVELS)
         if self.world == "fake" and self.tier not in FAKE_TIERS:
             raise UnknownNameError("tier", self.tier, FAKE_TIERS)
+        if (self.world, self.level) == ("mujoco", "arm") and self.tier in MARKED:
+            raise ConfigError(
+                "tier",
+                got=f"{self.tier} at level arm",
+                expected="one where nothing is marked, such as pile",
+                mend="Both arms clear all that is in the way. One marked object is "
+                f"taken in world fake, tier {self.tier}, or at level hand.",
+            )
         if self.seed < 0:
             raise ConfigError("seed", got=self.seed, expected="0 or more")
         require_range("max_attempts", self.max_attempts, 1, 10_000)

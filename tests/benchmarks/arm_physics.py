@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp.campaign import RunRecord, RunSpec, run_arm
+from debrisgrasp.campaign.specs import MARKED
 from debrisgrasp.robot import CHECKS, MOVING_CHECKS, FakeConfig, check_robot
 from debrisgrasp.sim import TIERS, tier_scene
 from debrisgrasp.sim_robot import SimRobot, sim_robot
@@ -146,7 +147,9 @@ def figures_of(records: list[RunRecord]) -> dict[str, float]:
 def main() -> None:
     """Print the figures beside their targets."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tier", choices=tuple(TIERS), default="pile")
+    parser.add_argument(
+        "--tier", choices=sorted(set(TIERS) - set(MARKED)), default="pile"
+    )
     parser.add_argument("--n", type=int, default=10, help="scenes (default: 10)")
     parser.add_argument("--seed0", type=int, default=200_000)
     parser.add_argument("--records", type=Path, help="every run, as JSON lines")

@@ -9,7 +9,7 @@ import pytest
 
 from debrisgrasp.campaign import SUCCESS, RunRecord, RunSpec, arm_run, run_arm
 from debrisgrasp.cli import main
-from debrisgrasp.errors import UnknownNameError
+from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.worlds import World, make_body
 
 BOARD = make_body(
@@ -22,6 +22,13 @@ def test_a_spec_names_its_level():
     assert RunSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec
     with pytest.raises(UnknownNameError, match="level"):
         RunSpec(name="a", seed=1, world="mujoco", level="leg")
+
+
+def test_no_whole_task_takes_the_marked_object_of_a_tier_alone():
+    with pytest.raises(ConfigError, match=r"tier: got handle at level arm.*level hand"):
+        RunSpec(name="a", seed=1, world="mujoco", tier="handle", level="arm")
+    RunSpec(name="a", seed=1, world="mujoco", tier="handle")
+    RunSpec(name="a", seed=1, tier="handle", level="arm")  # which has no levels
 
 
 def test_a_robot_in_memory_has_no_levels(tmp_path, capsys):
