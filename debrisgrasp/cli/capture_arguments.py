@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,8 +15,9 @@ from debrisgrasp.errors import ConfigError
 from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.kinematics import RobotModel
-from debrisgrasp.pipeline import without_robot
+from debrisgrasp.pipeline import PipelineConfig, without_robot
 from debrisgrasp.pipeline.inputs import LEAST_MASS, MOST_MASS
+from debrisgrasp.planning import PlannerConfig
 from debrisgrasp.settings import Settings
 
 from .policy_arguments import add_policy, policy_of
@@ -40,6 +42,14 @@ __all__ = [
     "refuse_planning",
     "tell",
 ]
+
+_COUNTS = {
+    "n_best": "so many distinct grasps at most, the best of each part of the object "
+    f"before the second best of any (default: {PlannerConfig().n_best})",
+    "n_per_hand": "at most so many of them of each hand",
+    "n_per_prototype": "at most so many of them of each prototype",
+}
+"""Fields of `PlannerConfig` that say how many grasps there are, and what they mean."""
 
 
 def add_capture(
@@ -124,6 +134,8 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
     search.add_argument(
         "--object", type=whole, metavar="N", help="seek grasps only on this object"
     )
+    for name, words in _COUNTS.items():
+        search.add_argument(_option(name), type=whole, metavar="N", help=words)
     search.add_argument("--seed", type=seed, help="default: 0")
     search.add_argument(
         "--deadline",
@@ -162,12 +174,18 @@ def refuse_planning(arguments: argparse.Namespace, where: str) -> None:
     calibration = site_of(arguments).calibration
     if calibration is None or load_calibration(calibration).link is None:
         others.append("joints")  # else they tell where the camera is
-    for name in (*search, *others):
+    for name in (*search, *others, *_COUNTS):
         if getattr(arguments, name) is not None:
-            option = "--" + name.replace("_", "-")
             raise ConfigError(
-                option, got="one", expected=f"none {where}, where nothing is searched"
+                _option(name),
+                got="one",
+                expected=f"none {where}, where nothing is searched",
             )
+
+
+def _option(name: str) -> str:
+    """Write a name as it is given on the command line."""
+    return "--" + name.replace("_", "-")
 
 
 def planned(
@@ -182,6 +200,7 @@ def planned(
             )
     if arguments.mass is not None:
         require_range("--mass [kg]", arguments.mass, LEAST_MASS, MOST_MASS)
+    config = PipelineConfig(planner=_planner(arguments))
     region = region_of(arguments)
     # Only a calibration asks whose it is, before the pipeline is made.
     robot = None if settings.calibration is None else settings.robot_model()
@@ -193,7 +212,7 @@ def planned(
                 got="one, and a mask in the capture, which says what to take",
                 expected="one of them",
             )
-    pipeline = debrisgrasp.Pipeline.from_settings(settings)
+    pipeline = debrisgrasp.Pipeline.from_settings(settings, config)
     pipeline.policy = policy_of(arguments, pipeline.policy)
     if arguments.joints is not None:
         capture = _bare(capture, pipeline, joints_of(arguments.joints))
@@ -209,6 +228,16 @@ def planned(
     )
     tell(result.plan.notes)
     return result
+
+
+def _planner(arguments: argparse.Namespace) -> PlannerConfig:
+    """Make settings of the planner with as many grasps as the arguments say."""
+    counts = {name: getattr(arguments, name) for name in _COUNTS}
+    given = {name: count for name, count in counts.items() if count is not None}
+    config = PlannerConfig()
+    for name, count in given.items():
+        require_range(_option(name), count, 1, config.max_ranked)
+    return replace(config, **given)
 
 
 def _bare(

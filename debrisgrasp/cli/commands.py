@@ -147,7 +147,7 @@ def run_plan(arguments: argparse.Namespace) -> int:
     else:
         _print_ground_left(ground)
         _print_surroundings(ground)
-        print(plan_summary(result.plan))
+        print(plan_summary(result.plan, limit=arguments.n_best or 10))
         best = next(iter(result.plan.grasps), None)
         if best is not None and best.score < _LIKELY and not arguments.advice:
             print("\nnone is likely to hold; --advice says what would help")

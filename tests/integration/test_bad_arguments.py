@@ -139,6 +139,11 @@ def test_what_was_typed_wrong_is_found_before_anything_is_read(refused, tmp_path
     assert "--mass" in refused(*plan, "--mass", "-1")
     assert "--object" in refused(*plan, "--object", "-1")
     assert "region" in refused(*plan, "--region", *"110001")
+    for option in ("--n-best", "--n-per-hand", "--n-per-prototype"):
+        for bad in ("0", "121"):
+            words = f"{option}: got {bad}, expected 1 to 120"
+            assert words in refused(*plan, option, bad)
+        assert f"{option}: 'x' is not a whole number" in refused(*plan, option, "x")
     assert "one with an arm" in refused("ik", *"100000", "--robot", "none")
     assert "path of a .yaml file" in refused("reach", "--robot", ".")
 

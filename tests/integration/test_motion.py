@@ -180,6 +180,9 @@ def test_a_saved_plan_is_refused_where_it_does_not_belong(refused, result, tmp_p
     assert "nothing is searched" in refused(
         "motion", capture, "--grasps", grasps, "--mass", "3"
     )
+    assert "--n-best: got one" in refused(
+        "motion", capture, "--grasps", grasps, "--n-best", "3"
+    )
     with pytest.raises(ConfigError, match="for which"):
         recall_plan(grasps, result.capture, None)
     content = json.loads(grasps.read_text())
