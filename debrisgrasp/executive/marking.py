@@ -27,7 +27,7 @@ class StaysMarked:
     """
 
     points: FloatArray
-    """On the object, base frame [m], shape (n, 3)."""
+    """On the object, base frame of when the task begins [m], shape (n, 3)."""
 
     @classmethod
     def of(cls, capture: Capture) -> StaysMarked:

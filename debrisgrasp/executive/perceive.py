@@ -216,8 +216,11 @@ def _on_ground(
 def _marked(context: Context, taken: Capture) -> Capture:
     """Add the mask of an object of interest, if one is sought."""
     settings = context.settings
+    assert taken.T_base_camera is not None
+    # Like the workspace, what is marked stays where it was when the task began.
+    T_way_camera = context.T_base_way.inverse() @ taken.T_base_camera
     if settings.mark is not None:
-        mask = settings.mark(taken)
+        mask = settings.mark(taken.posed(T_way_camera))
         if mask is None:
             return taken
         if np.asarray(mask).dtype.kind not in "biu":
@@ -230,9 +233,6 @@ def _marked(context: Context, taken: Capture) -> Capture:
     if settings.region is None or taken.depth is None or taken.intrinsics is None:
         return taken
     points = taken.intrinsics.deproject(np.nan_to_num(taken.depth))
-    assert taken.T_base_camera is not None
-    # Like the workspace, the region stays where it was when the task began.
-    T_way_camera = context.T_base_way.inverse() @ taken.T_base_camera
     places = T_way_camera.apply(points.reshape(-1, 3)).reshape(points.shape)
     inside = settings.region.contains(places) & np.isfinite(taken.depth)
     return replace(taken, mask=inside)

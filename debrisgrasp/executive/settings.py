@@ -34,8 +34,9 @@ _PERIODS = (5e-4, 0.01)
 
 Marker = Callable[[Capture], BoolArray | None]
 """Says of a capture which pixels belong to the object of interest: a detector, or a
-person, (height, width). None: it is not in the picture. The task is done if something
-was removed before; else that is a fault, ``empty_cloud``."""
+person, (height, width). Its pose is in the base frame of when the task began. None: it
+is not in the picture. The task is done if something was removed before; else that is a
+fault, ``empty_cloud``."""
 
 
 def _beside() -> Mapping[str, tuple[float, float]]:

@@ -106,8 +106,17 @@ def test_only_the_object_in_the_region_is_taken(handle):
     assert HANDLE.contains(seen.cloud.points[seen.is_marked]).all()
 
 
-def test_the_region_stays_where_it_was_when_the_base_has_moved(handle):
-    context, found = handle(region=HANDLE)
+def _marked_by(handle, way):
+    """Settings that mark the crate by a region, or by a mask that it was drawn in."""
+    if way == "region":
+        return {"region": HANDLE}
+    context, _ = handle(region=HANDLE)
+    return {"mark": StaysMarked.of(context.cycle.capture)}
+
+
+@pytest.mark.parametrize("way", ["region", "mask"])
+def test_a_mark_stays_where_it_was_when_the_base_has_moved(handle, way):
+    context, found = handle(**_marked_by(handle, way))
     began, base = np.array(found.facts["centroid"]), context.robot.base
     before = base.read()
     drive(context.robot, 0.08, 0.1, 1.5)
