@@ -75,7 +75,11 @@ def recover(context: Context, event: FaultEvent, answer: Answer) -> StepResult:
             if fault is not None:
                 return fault
     if answer.action is Action.HOLD:
-        context.wait(_CALM)
+        held = context.held
+        if held is None:
+            context.wait(_CALM)
+        elif fault := Drive(context, held.arm).squeezed_on(_CALM):
+            return fault
         context.cycle.speed *= 0.5
     if answer.is_cleared_up:
         fault = clear_up(context)

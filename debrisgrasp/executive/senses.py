@@ -144,16 +144,35 @@ class Senses:
         self.devices.gripper.command(GripCommand(tuple(inside), force))
 
     def _stopped(self, stop: Stop, reading: Reading) -> FaultFound:
-        """Halt, and name the fault; fingers that hold something close no more.
+        """Halt, and name the fault; fingers that hold something squeeze it on.
 
-        Where those of one side have lost it, the others would press the hand off it.
+        Where those of one side have lost it they close no more: the others would press
+        the hand off it.
         """
         self._halt()
         held = self.context.held
-        is_closing = self.context.state in _CLOSING
-        if held is not None and held.arm == self.limb.name and not is_closing:
+        if held is None or held.arm != self.limb.name:
+            return self._fault(stop, reading)
+        has_lost = held.grip.weakest(self.fingers().forces) < STILL_FELT
+        # Sent to where they are, fingers whose joints tell that would let go.
+        if has_lost and self.context.state not in _CLOSING:
             self._stay(held.grip.config.squeeze)
         return self._fault(stop, reading)
+
+    def squeezed_on(self, seconds: float) -> FaultFound | None:
+        """Let the arm stand, and notice when what it holds is lost.
+
+        No load is judged.
+        """
+        for _ in range(max(int(np.ceil(seconds / self.period - 1e-9)), 1)):
+            self.context.wait(self.period)
+            self._note(self.clock.now(), self.weighed())
+            if self.limb.doubt is not None:
+                return self._doubted(self.limb.doubt)
+            fault = self._watched_fingers(self.load)
+            if fault is not None:
+                return fault
+        return None
 
     def _watched_fingers(self, load: tuple[float, ...]) -> FaultFound | None:
         """While something is held: go on squeezing, and notice when it is lost."""

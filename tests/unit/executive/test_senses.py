@@ -7,6 +7,7 @@ import pytest
 
 from debrisgrasp.control import (
     Fault,
+    FingerReading,
     GripCommand,
     GripPhase,
     Reading,
@@ -127,3 +128,35 @@ def test_fingers_close_no_more_whatever_stopped_the_arm(pipeline, monkeypatch, f
     monkeypatch.setattr(drive.devices.gripper, "command", sent.append)
     drive._stopped(Stop(fault, "as asked", 1.0), drive.read())
     assert sent == [GripCommand(openings, context.held.grip.config.squeeze)]
+
+
+def test_what_both_sides_feel_is_squeezed_on_when_the_arm_stops(pipeline, monkeypatch):
+    """Fingers that tell where their joints are would let go of it, sent to there."""
+    _, task = before_a_brick(pipeline)
+    context, drive = task.context, Drive(task.context, "right")
+    context.state, context.held, sent = State.TRANSPORT, holding(), []
+    felt = FingerReading((0.05,) * 3, (40.0, 20.0, 20.0))
+    monkeypatch.setattr(drive, "fingers", lambda: felt)
+    monkeypatch.setattr(drive.devices.gripper, "command", sent.append)
+    drive._stopped(Stop(Fault.TORQUE_OVERLOAD, "as asked", 1.0), drive.read())
+    assert sent == []
+    one_sided = felt._replace(forces=(40.0, 0.0, 0.0))
+    monkeypatch.setattr(drive, "fingers", lambda: one_sided)
+    drive._stopped(Stop(Fault.TORQUE_OVERLOAD, "as asked", 1.0), drive.read())
+    assert sent == [GripCommand(felt.openings, context.held.grip.config.squeeze)]
+
+
+def test_while_it_calms_down_what_is_held_is_squeezed_and_watched(pipeline):
+    fake, task = before_a_brick(pipeline)
+    context, drive = task.context, Drive(task.context, "right")
+    context.state, context.held, begun = State.TRANSPORT, holding(), context.now()
+    context.held.state = context.held.state._replace(
+        phase=GripPhase.HOLDING, held_openings=drive.fingers().openings
+    )
+    found = drive.squeezed_on(1.0)
+    assert found is not None  # there is nothing between the fingers
+    assert context.now() - begun < 1.0
+    context.held = None
+    assert drive.squeezed_on(1.0) is None
+    assert context.now() - begun > 1.0
+    assert fake.truth().violations == ()
