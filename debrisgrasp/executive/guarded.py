@@ -8,7 +8,7 @@ from pathlib import Path
 
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import DriverError
-from debrisgrasp.robot.kinds import odd_answers, odd_head
+from debrisgrasp.robot.kinds import odd_answers, odd_base, odd_head
 
 from .context import Context
 from .result import FaultFound, FaultRaised, StepResult
@@ -47,10 +47,15 @@ def nonsense(context: Context) -> FaultFound | None:
         if odd:
             words = f"a driver of the {arm_called(name)} sends nonsense: {odd}"
             return FaultFound("connection_lost", words, name)
-    head = context.robot.head
-    odd = "" if head is None else _first(odd_head(head))
-    words = f"the driver of the head sends nonsense: {odd}"
-    return FaultFound("connection_lost", words) if odd else None
+    head, base = context.robot.head, context.base
+    for called, odd in (
+        ("head", "" if head is None else _first(odd_head(head))),
+        ("base", "" if base is None else _first(odd_base(base))),
+    ):
+        if odd:
+            words = f"the driver of the {called} sends nonsense: {odd}"
+            return FaultFound("connection_lost", words)
+    return None
 
 
 def _raised_by_driver(context: Context, error: BaseException) -> FaultFound | None:

@@ -9,14 +9,15 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import shortened
-from debrisgrasp.geometry import Intrinsics
+from debrisgrasp.geometry import SE3, Intrinsics
 from debrisgrasp.kinematics import LimitSet
 
-from .interface import DepthFrame, Head, Limb
+from .interface import Base, DepthFrame, Head, Limb
 
 __all__ = [
     "dead_half",
     "odd_answers",
+    "odd_base",
     "odd_head",
     "odd_image",
     "odd_openings",
@@ -74,6 +75,13 @@ def odd_head(head: Head) -> Iterator[str]:
         yield f"reads {shortened(repr(reading))} without q"
     elif odd := unlike_numbers(reading.q, len(head.joint_names)):
         yield odd
+
+
+def odd_base(base: Base) -> Iterator[str]:
+    """Say of what a base reads, if it is no pose, what it is."""
+    said = base.read()
+    if not isinstance(said, SE3) or said.matrix.ndim != 2:
+        yield f"reads {shortened(repr(said))}; one pose is needed, as SE3"
 
 
 def dead_half(raw: FloatArray) -> str:

@@ -18,6 +18,7 @@ from .interface import DepthFrame, Limb, Robot
 from .kinds import (
     dead_half,
     odd_answers,
+    odd_base,
     odd_image,
     odd_openings,
     odd_time,
@@ -315,6 +316,9 @@ def base_stands(robot: Robot) -> Iterator[str]:
     if base is None:
         return
     base.stop()
+    if odd := next(odd_base(base), ""):
+        yield odd
+        return
     robot.clock.wait_until(robot.clock.now() + 2.0)
     first = SE3.from_matrix(base.read().matrix, "T_odom_base")
     robot.clock.wait_until(robot.clock.now() + 0.2)

@@ -19,6 +19,7 @@ from debrisgrasp.executive import (
     TaskSettings,
 )
 from debrisgrasp.executive import run as module
+from debrisgrasp.executive.guarded import nonsense
 from debrisgrasp.executive.noticed import misplaced
 from debrisgrasp.executive.prepare import _turn
 from debrisgrasp.executive.recover import recover
@@ -395,3 +396,14 @@ def test_joints_that_may_be_told_in_degrees_are_asked_about(fake):
         found = misplaced(scale * (limits.upper + 0.1), limits, "right")
         assert found.fault == "start_outside_limits"
         assert ("not degrees" in found.message) == is_asked
+
+
+@pytest.mark.parametrize("said", [None, (0.0, 0.0, 0.0), np.eye(4)])
+def test_a_base_that_tells_no_pose_is_named_before_anything_moves(
+    fake, pipeline, monkeypatch, said
+):
+    monkeypatch.setattr(fake.base, "read", lambda: said)
+    rng = np.random.default_rng(0)
+    found = nonsense(Executive(fake.robot, pipeline=pipeline, rng=rng).context)
+    assert found.fault == "connection_lost"
+    assert found.message.startswith("the driver of the base sends nonsense: reads ")

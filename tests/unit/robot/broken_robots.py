@@ -339,6 +339,10 @@ def impatient_clock(robot):
     return replace(robot, clock=Changed(robot.clock, wait_until=nothing))
 
 
+def base_of_numbers(robot):
+    return replace(robot, base=Changed(robot.base, read=lambda: (0.0, 0.0, 0.0)))
+
+
 def head_in_degrees(robot):
     head = robot.head
     return replace(

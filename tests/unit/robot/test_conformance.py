@@ -14,6 +14,7 @@ from debrisgrasp.robot import CHECKS, MOVING_CHECKS, check_robot
 from debrisgrasp.robot.promises import limits_are_true
 from tests.unit.robot.broken_robots import (
     backward_clock,
+    base_of_numbers,
     blind,
     degrees,
     exiting,
@@ -131,6 +132,7 @@ def test_without_motion_nothing_moves():
         (backward_clock, "clock_runs", "time fell"),
         (impatient_clock, "clock_runs", "ended after"),
         (head_in_degrees, "head_is_known", "beyond"),
+        (base_of_numbers, "base_stands", "one pose is needed, as SE3"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )
