@@ -53,6 +53,19 @@ class FaultEvent:
         """Class of the fault."""
         return fault_named(self.fault).fault_class
 
+    def facts(self) -> dict[str, object]:
+        """Tell what a record has of it."""
+        return {
+            "state": self.state.value,
+            "fault": self.fault,
+            "class": self.fault_class.value,
+            "message": self.message,
+            "action": self.action.value,
+            "arm": self.arm,
+            "values": dict(self.values),
+            "time": round(self.time, 4),
+        }
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Attempt:
@@ -115,7 +128,7 @@ class RunResult:
     left: Mapping[str, str] = field(default_factory=dict)
     """Objects that stay, in words, and why."""
     duration: float = 0.0
-    """By the robot's clock [s]."""
+    """From begin to end, by the robot's clock [s]."""
     silent: tuple[str, ...] = ()
     """Arms, or the base, that were told to stop and did not, in words: somebody must
     press the emergency stop."""

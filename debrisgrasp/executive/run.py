@@ -116,6 +116,7 @@ class Executive:
         self._faults: list[FaultEvent] = []
         self._of_attempt = 0
         self._silent: tuple[str, ...] = ()
+        self._begun = 0.0
 
     def run(self) -> RunResult:
         """Run to an end; raises nothing, whatever the robot does.
@@ -123,6 +124,7 @@ class Executive:
         A `KeyboardInterrupt` in any state stops the arms and ends the run in order.
         What an observer or the record raises is passed on, once the arms are stopped.
         """
+        self._begun = self.context.now()
         try:
             end = self._run()
         except KeyboardInterrupt:
@@ -280,14 +282,15 @@ class Executive:
         self._flush_trace(State.ABORT)
         if isinstance(result, FaultFound):
             # The class of the run is that of what it was aborted for.
-            self._write_fault(self._event(State.ABORT, result, Action.STOP))
+            event = self._event(State.ABORT, result, Action.STOP)
+            self._write("fault", event.facts())
             return self._stopped()
         return RunEnd.ABORTED
 
     def _note(self, state: State, found: FaultFound, action: Action) -> FaultEvent:
         event = self._event(state, found, action)
         self._faults.append(event)
-        self._write_fault(event)
+        self._write("fault", event.facts())
         return event
 
     def _event(self, state: State, found: FaultFound, action: Action) -> FaultEvent:
@@ -300,19 +303,6 @@ class Executive:
             arm=found.arm,
             values=dict(found.values),
         )
-
-    def _write_fault(self, event: FaultEvent) -> None:
-        facts = {
-            "state": event.state.value,
-            "fault": event.fault,
-            "class": event.fault_class.value,
-            "message": event.message,
-            "action": event.action.value,
-            "arm": event.arm,
-            "values": dict(event.values),
-            "time": round(event.time, 4),
-        }
-        self._write("fault", facts)
 
     def _finish_attempt(self, *, keeps_look: bool = False) -> None:
         """Close the present attempt, and begin the next."""
@@ -362,7 +352,7 @@ class Executive:
             attempts=tuple(self._attempts),
             faults=tuple(self._faults),
             left=dict(self.context.left),
-            duration=self.context.now(),
+            duration=self.context.now() - self._begun,
             silent=self._silent,
             holding=held.arm if (held := self.context.held) else None,
         )
@@ -377,7 +367,7 @@ class Executive:
                 "first_fault": first.fault if first else None,
                 "left": dict(result.left),
                 "holding": result.holding,
-                "time": round(result.duration, 4),
+                "time": round(self.context.now(), 4),
             },
         )
         return result

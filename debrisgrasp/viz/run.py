@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
 from html import escape
 from typing import Any, Protocol
 
@@ -15,6 +14,7 @@ from debrisgrasp._words import arm_called, counted
 from debrisgrasp.prototypes import GripperModel, with_shipped
 
 from .html import write_page
+from .run_events import Try, since_begun, spans_of, tries_of
 from .run_map import map_key, map_svg
 from .run_scene import scene_image
 
@@ -91,21 +91,6 @@ class RecordedRun(Protocol):
         ...
 
 
-@dataclass(eq=False)
-class _Try:
-    """One attempt, collected from the events."""
-
-    number: int
-    grasp: Mapping[str, Any] | None = None
-    push: Mapping[str, Any] | None = None
-    object: Mapping[str, Any] | None = None
-    capture: str = ""
-    faults: list[Mapping[str, Any]] = field(default_factory=list)
-    traces: list[FloatArray] = field(default_factory=list)
-    """Time [s], force [N] and torque [N m] of each state, shapes (n, 3)."""
-    facts: Mapping[str, Any] = field(default_factory=dict)
-
-
 def run_html(
     path: str | os.PathLike[str],
     run: RecordedRun,
@@ -128,8 +113,9 @@ def run_html(
     ConfigError, OutputError
         If the file has another suffix, or can't be written.
     """
-    spans, total = _spans(run.events)
-    tries = _tries(run.events)
+    events = since_begun(run.events)
+    spans, total = spans_of(events)
+    tries = tries_of(events)
     nothing: Mapping[str, Any] = {}
     end = next((e for e in reversed(run.events) if e.get("event") == "end"), nothing)
     hands = with_shipped(grippers)
@@ -172,7 +158,7 @@ def _ending(end: Mapping[str, Any], total: float) -> str:
     return words
 
 
-def _ended_by(end: Mapping[str, Any], tries: Sequence[_Try]) -> str:
+def _ended_by(end: Mapping[str, Any], tries: Sequence[Try]) -> str:
     """Say what fault a run ended by, if it did."""
     faults = [fault for item in tries for fault in item.faults]
     if end.get("class") in (None, "", "success") or not faults:
@@ -182,47 +168,8 @@ def _ended_by(end: Mapping[str, Any], tries: Sequence[_Try]) -> str:
     return f'<p class="note">ended by {escape(words)}</p>'
 
 
-def _spans(
-    events: Sequence[Mapping[str, Any]],
-) -> tuple[list[tuple[str, float, float]], float]:
-    """States with their begin and end [s], and the end of all."""
-    marks = [(e["state"], e["time"]) for e in events if e.get("event") == "state"]
-    timed = [e["time"] for e in events if isinstance(e.get("time"), (int, float))]
-    total = max(timed, default=1.0)
-    ends = [*(begin for _, begin in marks), total][1:]
-    spans = [(s, a, b) for (s, a), b in zip(marks, ends, strict=True)]
-    return spans, max(total, 1e-3)
-
-
-def _tries(events: Sequence[Mapping[str, Any]]) -> list[_Try]:
-    """Collect the attempts in order, each with what belongs to it."""
-    found = [_Try(1)]
-    capture = ""
-    for event in events:
-        kind, state, now = event.get("event"), event.get("state"), found[-1]
-        if kind == "done" and state == "capture":
-            capture = f"capture_{event.get('look', now.number):03d}"
-        now.capture = now.capture or capture
-        if kind == "done" and state == "capture":
-            now.capture = capture
-        if kind == "done" and state == "select":
-            now.object = event
-        if kind == "done" and state == "plan_motion":
-            now.grasp = event
-        if kind == "done" and state == "push" and "pose" in event:
-            now.push = event
-        if kind == "fault":
-            now.faults.append(event)
-        if kind == "trace":
-            now.traces.append(np.array(event.get("rows") or np.empty((0, 3))))
-        if kind == "attempt":
-            now.facts = event
-            found.append(_Try(now.number + 1))
-    return [item for item in found if item.facts or item.faults]
-
-
 def _timeline(
-    spans: Sequence[tuple[str, float, float]], tries: Sequence[_Try], total: float
+    spans: Sequence[tuple[str, float, float]], tries: Sequence[Try], total: float
 ) -> str:
     """Draw the states over time, with a key to the groups that there were."""
     scale = 1000.0 / total
@@ -277,7 +224,7 @@ def _key(shown: Set[str], *, has_faults: bool) -> str:
     return f'<p class="key">{"".join(items)}</p>'
 
 
-def _from_above(run: RecordedRun, tries: Sequence[_Try]) -> str:
+def _from_above(run: RecordedRun, tries: Sequence[Try]) -> str:
     """Show the pile at the first look, and where its objects were put down."""
     name = next((item.capture for item in tries if item.capture), "")
     capture = run.capture(name) if name else None
@@ -291,7 +238,7 @@ def _from_above(run: RecordedRun, tries: Sequence[_Try]) -> str:
     )
 
 
-def _card(item: _Try, run: RecordedRun, hands: Mapping[str, GripperModel]) -> str:
+def _card(item: Try, run: RecordedRun, hands: Mapping[str, GripperModel]) -> str:
     is_removed = bool(item.facts.get("removed"))
     fate, pushed = "removed" if is_removed else "not removed", item.facts.get("pushed")
     if pushed:
@@ -369,7 +316,7 @@ def _forces(traces: Sequence[FloatArray]) -> str:
     return f'<p class="most">{words}</p>{picture}{_ticks(begin, span)}'
 
 
-def _picture(item: _Try, run: RecordedRun, hands: Mapping[str, GripperModel]) -> str:
+def _picture(item: Try, run: RecordedRun, hands: Mapping[str, GripperModel]) -> str:
     """Draw the scene with the hand where it was to grip, or began to push."""
     hand = item.grasp if item.push is None else item.push
     capture = run.capture(item.capture) if item.capture else None

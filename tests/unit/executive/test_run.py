@@ -398,6 +398,13 @@ def test_joints_that_may_be_told_in_degrees_are_asked_about(fake):
         assert ("not degrees" in found.message) == is_asked
 
 
+def test_a_run_lasts_from_its_begin_whatever_the_clock_said(run, fake):
+    fake.robot.clock.wait_until(40.0)
+    result, record = run({State.CAPTURE: lambda context: context.wait(0.5) or Done()})
+    assert result.duration == pytest.approx(1.0, abs=0.02)
+    assert record.events[-1]["time"] == pytest.approx(41.0, abs=0.02)
+
+
 @pytest.mark.parametrize("said", [None, (0.0, 0.0, 0.0), np.eye(4)])
 def test_a_base_that_tells_no_pose_is_named_before_anything_moves(
     fake, pipeline, monkeypatch, said

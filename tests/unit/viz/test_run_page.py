@@ -125,6 +125,20 @@ def test_the_forces_of_an_attempt_are_at_the_times_of_the_timeline(tmp_path):
     assert 'left:5.00%">4 s<' in forces
 
 
+def test_the_page_counts_from_the_begin_of_the_run_whatever_the_clock_said(tmp_path):
+    def page(begun):
+        seen = states("capture", "lift")
+        trace = {"event": "trace", "rows": [[3.0, 10.0, 1.0], [23.0, 60.0, 5.0]]}
+        fault = {"event": "fault", "fault": "slip", "state": "lift", "time": 9.0}
+        fault |= {"message": "slipped", "action": "next"}
+        rows = [[time + begun, *felt] for time, *felt in trace["rows"]]
+        events = [{**e, "time": e["time"] + begun} for e in (*seen, fault)]
+        last = {"event": "attempt", "number": 1, "removed": False}
+        return page_of(tmp_path, *events, {**trace, "rows": rows}, last)
+
+    assert page(1234567.0) == page(0.0)
+
+
 def test_no_force_is_drawn_where_none_was_read(tmp_path):
     page = page_of(
         tmp_path,
