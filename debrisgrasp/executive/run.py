@@ -13,6 +13,7 @@ import numpy as np
 from debrisgrasp._arrays import Rng
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.control import FaultClass
+from debrisgrasp.errors import InputError
 from debrisgrasp.pipeline import Pipeline, with_hands
 from debrisgrasp.pipeline.inputs import require_generic
 from debrisgrasp.prototypes import with_shipped
@@ -116,14 +117,22 @@ class Executive:
         self._faults: list[FaultEvent] = []
         self._of_attempt = 0
         self._silent: tuple[str, ...] = ()
-        self._begun = 0.0
+        self._begun: float | None = None
 
     def run(self) -> RunResult:
-        """Run to an end; raises nothing, whatever the robot does.
+        """Run to an end, once; raises nothing, whatever the robot does.
 
         A `KeyboardInterrupt` in any state stops the arms and ends the run in order.
         What an observer or the record raises is passed on, once the arms are stopped.
+        A second run is refused (`InputError`): what is known is of the first.
         """
+        if self._begun is not None:
+            raise InputError(
+                "run of an Executive",
+                got="a second one",
+                expected="one",
+                mend="Make another Executive of the same robot, pipeline and settings.",
+            )
         self._begun = self.context.now()
         try:
             end = self._run()
@@ -352,7 +361,7 @@ class Executive:
             attempts=tuple(self._attempts),
             faults=tuple(self._faults),
             left=dict(self.context.left),
-            duration=self.context.now() - self._begun,
+            duration=self.context.now() - (self._begun or 0.0),
             silent=self._silent,
             holding=held.arm if (held := self.context.held) else None,
         )

@@ -398,6 +398,16 @@ def test_joints_that_may_be_told_in_degrees_are_asked_about(fake):
         assert ("not degrees" in found.message) == is_asked
 
 
+def test_an_executive_that_ran_is_not_run_again(fake, pipeline, run):
+    """It would count what was removed before, and take the base for where it was."""
+    run({})  # replaces the steps
+    settings, rng = TaskSettings(max_removals=1), np.random.default_rng(0)
+    executive = Executive(fake.robot, settings, pipeline=pipeline, rng=rng)
+    assert executive.run().n_removed == 1
+    with pytest.raises(InputError, match="Make another Executive"):
+        executive.run()
+
+
 def test_a_run_lasts_from_its_begin_whatever_the_clock_said(run, fake):
     fake.robot.clock.wait_until(40.0)
     result, record = run({State.CAPTURE: lambda context: context.wait(0.5) or Done()})
