@@ -288,8 +288,8 @@ def _drop_off_in_pile(context: Context) -> FaultFound | None:
     """Say that the pile reaches where things are to be put down."""
     seen = context.cycle.seen
     assert seen is not None
-    if context.n_removed:
-        return None  # what lies there now was put there
+    if context.n_changes:
+        return None  # what lies there now was put or pushed there, or driven to
     ground = seen.segmentation.ground
     points = seen.cloud.points[seen.segmentation.labels > 0]
     if ground.plane is not None and _is_bare(context):

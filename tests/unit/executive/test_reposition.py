@@ -8,13 +8,20 @@ import numpy as np
 import pytest
 
 from debrisgrasp.executive import Executive, TaskSettings
+from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.reposition import repositioned
-from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.robot import fake_robot
 from debrisgrasp.worlds import World
-from tests.unit.executive.rigs import before_a_brick, brick_at, look
+from tests.unit.executive.rigs import (
+    PERIOD,
+    before_a_brick,
+    brick_at,
+    look,
+    task_before,
+)
 
 
 def test_a_base_drives_to_where_the_arms_reach_and_takes_along_what_it_knows(pipeline):
@@ -97,3 +104,19 @@ def test_the_room_ahead_begins_at_the_front_of_the_base(pipeline, monkeypatch, a
     monkeypatch.setattr(RobotModel, "fixed_solids", lambda _: solids)
     way = repositioned(context, [np.array([1.8, 0.0, 0.2])])
     assert way == pytest.approx(min(0.35, 0.95 - 0.43 - 0.08 - ahead), abs=0.01)
+
+
+@pytest.mark.parametrize("changed", ["n_removed", "n_pushed", "n_moves"])
+def test_a_drop_off_that_was_free_at_first_is_not_said_to_lie_in_the_pile(
+    pipeline, changed
+):
+    """A base that drives on takes its drop-offs along, past what was pushed aside."""
+    drop_off = {"right": (0.7, -0.7), "left": (0.25, 0.75)}
+    settings = TaskSettings(period=PERIOD, drop_off=drop_off)
+    brick = brick_at(0.75)
+    beside = brick.at(SE3.from_parts(p=[0.75, -0.66, 0.03]))
+    context = task_before(pipeline, beside, settings=settings)[1].context
+    assert isinstance(capture(context), Done)
+    assert "lies in the pile" in segment(context).message
+    setattr(context, changed, 1)
+    assert isinstance(segment(context), Done)
