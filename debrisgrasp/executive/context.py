@@ -242,8 +242,11 @@ class Context:
         return frame
 
     def joint_values(self) -> dict[str, float]:
-        """Measured joints of all arms and the head, by name [rad or m]."""
-        devices: list[Arm | Head] = [s.limb.arm for s in self.limbs.values()]
+        """Measured joints of all arms and the head, by name [rad or m].
+
+        Also of arms that the task does not use: the camera sees them, too.
+        """
+        devices: list[Arm | Head] = [limb.arm for limb in self.robot.limbs.values()]
         if self.robot.head is not None:
             devices.append(self.robot.head)
         values: dict[str, float] = {}

@@ -13,7 +13,7 @@ from debrisgrasp.geometry import SE3
 from debrisgrasp.io import Capture
 from debrisgrasp.pipeline import without_robot
 from debrisgrasp.pipeline.self_filter import are_near, body_at
-from tests.unit.executive.rigs import before_a_brick
+from tests.unit.executive.rigs import PERIOD, before_a_brick
 
 SIZES = {"length": 0.2, "width": 0.1, "height": 0.06}
 BASE = SE3.identity()
@@ -25,8 +25,10 @@ def context_of(pipeline, start, settings=None, **config):
     return task.context
 
 
-def test_arms_in_the_picture_are_no_objects(pipeline):
-    context = context_of(pipeline, IN_VIEW)
+@pytest.mark.parametrize("used", [(), ("right",), ("left",)])
+def test_arms_in_the_picture_are_no_objects(pipeline, used):
+    settings = TaskSettings(period=PERIOD, arms=used)
+    context = context_of(pipeline, IN_VIEW, settings)
     found = capture(context)
     assert isinstance(found, Done)
     assert found.facts["removed_points"]["robot"] > 1000
