@@ -21,12 +21,12 @@ from debrisgrasp.executive import (
 from debrisgrasp.executive import run as module
 from debrisgrasp.executive.guarded import nonsense
 from debrisgrasp.executive.noticed import misplaced
-from debrisgrasp.executive.prepare import _turn
+from debrisgrasp.executive.prepare import _turn, self_test
 from debrisgrasp.executive.recover import recover
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.io import data_path
 from debrisgrasp.kinematics import RobotModel
-from tests.unit.executive.rigs import POINTS, holding
+from tests.unit.executive.rigs import PERIOD, POINTS, brick_at, holding, task_before
 from tests.unit.executive.stepped import failing
 from tests.unit.robot.broken_robots import with_limb
 
@@ -424,3 +424,16 @@ def test_a_base_that_tells_no_pose_is_named_before_anything_moves(
     found = nonsense(Executive(fake.robot, pipeline=pipeline, rng=rng).context)
     assert found.fault == "connection_lost"
     assert found.message.startswith("the driver of the base sends nonsense: reads ")
+
+
+def test_an_arm_that_is_not_used_must_stand_where_it_is_planned_around(pipeline):
+    settings = TaskSettings(period=PERIOD, arms=("right",))
+    brick, aside = brick_at(1.0), {"left": "ready"}
+    fake, task = task_before(pipeline, brick, settings=settings, start=aside)
+    before = fake.arms["right"].read().q
+    found = self_test(task.context)
+    assert (found.fault, found.arm) == ("plan_collision", "left")
+    assert "left_arm_joint1 of the left arm, which is not used, is at" in found.message
+    assert fake.arms["right"].read().q == before
+    fake, task = task_before(pipeline, brick, settings=settings)
+    assert isinstance(self_test(task.context), Done)
