@@ -22,7 +22,7 @@ from debrisgrasp.robot import Robot
 from .context import Context, Cycle, Recorder
 from .faults import Action, fault_named
 from .guarded import guarded
-from .limbs import limbs_of, require_devices
+from .limbs import limbs_of, require_devices, resting
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
 from .record import NoRecord
 from .recover import clear_up, recover
@@ -91,7 +91,8 @@ class Executive:
         rng: Rng,
     ) -> None:
         settings = settings or TaskSettings()
-        robot = replace(robot, clock=SteadyClock(robot.clock))
+        clock, model = SteadyClock(robot.clock), resting(robot.model, settings)
+        robot = replace(robot, clock=clock, model=model)
         if pipeline is None:
             arm = settings.arms[0] if len(settings.arms) == 1 else None
             pipeline = Pipeline(robot=robot.model, arm=arm)

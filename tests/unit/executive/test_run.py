@@ -437,3 +437,15 @@ def test_an_arm_that_is_not_used_must_stand_where_it_is_planned_around(pipeline)
     assert fake.arms["right"].read().q == before
     fake, task = task_before(pipeline, brick, settings=settings)
     assert isinstance(self_test(task.context), Done)
+
+
+def test_an_arm_is_planned_around_the_other_where_that_rests(fake, pipeline):
+    settings, rng = TaskSettings(rest="ready"), np.random.default_rng(0)
+    context = Executive(fake.robot, settings, rng=rng).context
+    for name, other in (("right", "left"), ("left", "right")):
+        rest = pipeline.robot.posture(other, "ready")
+        robots = [context.limbs[name].reach.robot]
+        robots += [arm.robot for arm in context.pipeline.arms if arm.name == name]
+        for robot in robots:
+            values = robot.joint_values()
+            assert {joint: values[joint] for joint in rest} == rest
