@@ -140,8 +140,9 @@ class Executive:
         except KeyboardInterrupt:
             self._stop("interrupted")
             end = RunEnd.INTERRUPTED
-        except BaseException:
-            stop_all(self.context)  # nobody watches the arms any more
+        except BaseException as error:
+            for silent in stop_all(self.context):  # nobody watches the arms any more
+                error.add_note(f"NOT STOPPED: {silent}")
             raise
         return self._result(end)
 

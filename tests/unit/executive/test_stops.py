@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -123,6 +124,19 @@ def test_what_an_observer_raises_comes_out_once_the_arms_are_stopped(
     with pytest.raises(RuntimeError, match="observer"):
         executive.run()
     assert all(arm.is_stopped for arm in fake.arms.values())
+
+
+def test_what_an_observer_raises_names_the_arms_that_do_not_stop(
+    fake, pipeline, monkeypatch
+):
+    bad = SimpleNamespace(on_state=raising(RuntimeError("bug of an observer")))
+    monkeypatch.setattr(fake.arms["right"], "stop", nothing)
+    rng = np.random.default_rng(0)
+    executive = Executive(fake.robot, pipeline=pipeline, observers=[bad], rng=rng)
+    with pytest.raises(RuntimeError) as raised:
+        executive.run()
+    (note,) = raised.value.__notes__
+    assert note.startswith("NOT STOPPED: right arm: it does not stop")
 
 
 @pytest.mark.parametrize("state", FOLLOWING)
