@@ -64,6 +64,11 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
     ----------
     look
         Joints of the head for a capture [rad or m].
+
+    Raises
+    ------
+    UnknownNameError
+        If a joint of its head is not the model's.
     """
     if robot.camera is None:
         raise InputError(
@@ -82,6 +87,11 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
                 expected=", ".join(expected),
                 mend="A driver names the joints of the model, from the base on.",
             )
+    if robot.head is not None:
+        turned = robot.head.joint_names
+        for name in turned if isinstance(turned, (tuple, list)) else (turned,):
+            if name not in model.tree.joints:
+                raise UnknownNameError("joint of the head", name, model.tree.joints)
     above = require_watching(model, robot.limbs)
     for joint in above:
         value = look.get(joint.name, 0.0)

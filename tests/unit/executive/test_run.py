@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -317,6 +318,13 @@ def test_arms_that_the_robot_has_not_are_refused(fake, pipeline):
             pipeline=pipeline,
             rng=np.random.default_rng(0),
         )
+
+
+@pytest.mark.parametrize("said", [("ptu_pan_joint", "tilt"), ("tilt",), None])
+def test_joints_of_a_head_that_the_model_has_not_are_refused(fake, pipeline, said):
+    robot = replace(fake.robot, head=SimpleNamespace(joint_names=said))
+    with pytest.raises(UnknownNameError, match="unknown joint of the head"):
+        Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
 def test_an_arm_without_a_drop_off_is_refused(fake, pipeline):
