@@ -180,6 +180,13 @@ def limbs_of(
         a touch by, or beyond the range of its sensor.
     """
     names = settings.arms or tuple(robot.limbs)
+    if not names:
+        raise InputError(
+            f"limbs of {model.name}",
+            got="none",
+            expected=f"one or more of {', '.join(model.arms)}",
+            mend="Give Robot(limbs=...) a Limb for each arm that there is.",
+        )
     for name in names:
         if name not in robot.limbs:
             raise UnknownNameError("arm", name, robot.limbs)

@@ -327,6 +327,12 @@ def test_joints_of_a_head_that_the_model_has_not_are_refused(fake, pipeline, sai
         Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
 
 
+def test_a_robot_without_arms_is_refused(fake, pipeline):
+    robot = replace(fake.robot, limbs={})
+    with pytest.raises(InputError, match="expected one or more of right, left"):
+        Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
 def test_an_arm_without_a_drop_off_is_refused(fake, pipeline):
     settings = TaskSettings(drop_off={"right": (0.2, -0.7)})
     with pytest.raises(
