@@ -68,7 +68,7 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
     Raises
     ------
     UnknownNameError
-        If a joint of its head is not the model's.
+        If a joint of its head is not the model's, or one of the look is not the head's.
     """
     if robot.camera is None:
         raise InputError(
@@ -92,6 +92,9 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
         for name in turned if isinstance(turned, (tuple, list)) else (turned,):
             if name not in model.tree.joints:
                 raise UnknownNameError("joint of the head", name, model.tree.joints)
+        for name in look:
+            if name not in turned:
+                raise UnknownNameError("joint of the head in look", name, turned)
     above = require_watching(model, robot.limbs)
     for joint in above:
         value = look.get(joint.name, 0.0)

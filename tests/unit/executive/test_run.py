@@ -76,13 +76,14 @@ def test_the_way_is_clear_when_select_says_so(run):
     [
         (TaskSettings(rest="nowhere"), "unknown posture.*nowhere"),
         (TaskSettings(look={"neck": 0.1}), "unknown joint.*neck"),
+        (TaskSettings(look={"torso_joint": 0.1}), "joint of the head in look.*torso"),
         (TaskSettings(look={"ptu_pan_joint": float("nan")}), "ptu_pan_joint.*number"),
         (
             TaskSettings(look={"ptu_pan_joint": 50.0}),
             "ptu_pan_joint: got 50.0.*radians",
         ),
     ],
-    ids=("rest", "joint", "nan", "degrees"),
+    ids=("rest", "joint", "trunk", "nan", "degrees"),
 )
 def test_a_rest_or_a_look_that_the_robot_lacks_is_refused(
     fake, pipeline, settings, words
