@@ -29,7 +29,7 @@ _SHOWN = 0.01
 
 def look_of(context: Context) -> Mapping[str, float]:
     """Joints of the head for a capture."""
-    return context.settings.look or context.model.rest
+    return {**context.model.rest, **(context.settings.look or {})}
 
 
 def look_towards(

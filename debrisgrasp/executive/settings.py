@@ -76,7 +76,8 @@ class TaskSettings:
     rest: str | None = None
     """Posture between removals; None: the arm's idle one."""
     look: Mapping[str, float] | None = None
-    """Joints of the head for a capture; None: those of the robot's file at rest."""
+    """Joints of the head for a capture; those not named are as the robot's file has
+    them at rest."""
     lift: float = 0.15
     """How far an object is lifted before it is carried [m]."""
     load_share: float = 0.8

@@ -20,6 +20,7 @@ from debrisgrasp.executive import (
     TaskSettings,
 )
 from debrisgrasp.executive import run as module
+from debrisgrasp.executive.gaze import look_of, turn_head
 from debrisgrasp.executive.guarded import nonsense
 from debrisgrasp.executive.noticed import misplaced
 from debrisgrasp.executive.prepare import _turn, self_test
@@ -464,3 +465,11 @@ def test_an_arm_is_planned_around_the_other_where_that_rests(fake, pipeline):
         for robot in robots:
             values = robot.joint_values()
             assert {joint: values[joint] for joint in rest} == rest
+
+
+def test_a_look_to_a_side_stays_as_low_as_at_rest(fake, pipeline):
+    settings, rng = TaskSettings(look={"ptu_pan_joint": 0.2}), np.random.default_rng(0)
+    context = Executive(fake.robot, settings, pipeline=pipeline, rng=rng).context
+    turn_head(context, look_of(context))
+    pan, tilt = fake.robot.head.read().q
+    assert (pan, tilt) == pytest.approx((0.2, pipeline.robot.rest["ptu_tilt_joint"]))
