@@ -126,6 +126,8 @@ class Context:
     record: Recorder
     rng: Rng
     limbs: Mapping[str, LimbState]
+    begun: float | None = None
+    """When the run began, by the robot's clock [s]; None: it has not."""
     state: State = State.SELF_TEST
     cycle: Cycle = field(default_factory=lambda: Cycle(number=1))
     held: Held | None = None
@@ -224,6 +226,14 @@ class Context:
     def base(self) -> Base | None:
         """What drives; None: the robot stands fast."""
         return self.robot.base if self.model.drives else None
+
+    def sure_since(self, limb: LimbState) -> float:
+        """Tell when the zero of an arm's sensor was known, by the robot's clock [s].
+
+        Before the first baseline it is what it was when the run began, whatever the
+        clock said then.
+        """
+        return limb.baseline_time or self.begun or 0.0
 
     def now(self) -> float:
         """Time by the robot's clock [s]."""

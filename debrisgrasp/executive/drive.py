@@ -329,7 +329,7 @@ class Drive(Senses):
                 ),
                 compliance=compliance,
                 guard=guard,
-                baseline_time=limb.baseline_time,
+                baseline_time=self.context.sure_since(limb),
             )
             engagement = controller.engage(reading._replace(q=q))
         except InputError as error:

@@ -118,7 +118,6 @@ class Executive:
         self._faults: list[FaultEvent] = []
         self._of_attempt = 0
         self._silent: tuple[str, ...] = ()
-        self._begun: float | None = None
 
     def run(self) -> RunResult:
         """Run to an end, once; raises nothing, whatever the robot does.
@@ -127,14 +126,14 @@ class Executive:
         What an observer or the record raises is passed on, once the arms are stopped.
         A second run is refused (`InputError`): what is known is of the first.
         """
-        if self._begun is not None:
+        if self.context.begun is not None:
             raise InputError(
                 "run of an Executive",
                 got="a second one",
                 expected="one",
                 mend="Make another Executive of the same robot, pipeline and settings.",
             )
-        self._begun = self.context.now()
+        self.context.begun = self.context.now()
         try:
             end = self._run()
         except KeyboardInterrupt:
@@ -363,7 +362,7 @@ class Executive:
             attempts=tuple(self._attempts),
             faults=tuple(self._faults),
             left=dict(self.context.left),
-            duration=self.context.now() - (self._begun or 0.0),
+            duration=self.context.now() - (self.context.begun or 0.0),
             silent=self._silent,
             holding=held.arm if (held := self.context.held) else None,
         )

@@ -284,7 +284,7 @@ class Senses:
             limb.loads,
             self.period,
             safety,
-            limb.baseline_time,
+            self.context.sure_since(limb),
         )
         if limb.doubt is not None:
             return supervisor, self._doubted(limb.doubt)

@@ -20,6 +20,7 @@ from debrisgrasp.executive import (
     TaskSettings,
 )
 from debrisgrasp.executive import run as module
+from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.gaze import look_of, turn_head
 from debrisgrasp.executive.guarded import nonsense
 from debrisgrasp.executive.noticed import misplaced
@@ -422,6 +423,19 @@ def test_an_executive_that_ran_is_not_run_again(fake, pipeline, run):
     assert executive.run().n_removed == 1
     with pytest.raises(InputError, match="Make another Executive"):
         executive.run()
+
+
+def test_a_zero_that_is_configured_is_as_sure_as_when_the_run_began(run, fake):
+    """Days after the clock began its drift would be taken off all limits."""
+    fake.robot.clock.wait_until(40.0)
+    since = []
+
+    def begin(context):
+        since.append(Drive(context, "right").supervised()[0].baseline_time)
+        return Done()
+
+    run({State.SELF_TEST: begin})
+    assert since == [pytest.approx(40.0, abs=0.02)]
 
 
 def test_a_run_lasts_from_its_begin_whatever_the_clock_said(run, fake):
