@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,8 @@ SCHEMA = "debrisgrasp/grasps/1"
 _WIDEST, _FARTHEST = 2.0, 1e3
 """No hand opens wider [m], and no joint is farther from zero [rad or m]."""
 _DIGITS = 9
+_DIGITS_OF_DISTANCE = 6
+"""Fewer, so that 16 cm between rounded poses are still 0.16."""
 _INTERVALS = ("mass", "force", "torque", "grip", "margins")
 _NUMBERS = ("lever", "lever_error", "tilt", "margin")
 """Fields of a `LoadForecast`."""
@@ -97,24 +99,32 @@ def load_plan(path: str | os.PathLike[str]) -> GraspPlan:
 
 def _grasp_to_dict(grasp: Grasp) -> dict[str, Any]:
     joints = grasp.joints
+    # What follows from numbers follows from those that are written: else a plan that
+    # was read would be other bytes.
+    grasp = replace(
+        grasp,
+        T_base_hand=SE3(_rounded(grasp.T_base_hand.matrix)),
+        T_base_pregrasp=SE3(_rounded(grasp.T_base_pregrasp.matrix)),
+        **{name: _rounded(getattr(grasp, name)) for name in "SCR"},
+    )
     return {
-        "pose": _rounded(grasp.T_base_hand.matrix),
+        "pose": grasp.T_base_hand.matrix.tolist(),
         "gripper": grasp.gripper,
         "preshape": grasp.preshape,
         "opening": _rounded(grasp.opening),
         "width": _rounded(grasp.width),
         "prototype": grasp.prototype,
         "Q": _rounded(grasp.Q),
-        "S": _rounded(grasp.S),
-        "C": _rounded(grasp.C),
-        "R": _rounded(grasp.R),
+        "S": grasp.S,
+        "C": grasp.C,
+        "R": grasp.R,
         "coverage": _rounded(grasp.coverage),
         "support": grasp.support,
         "expected": _rounded(grasp.expected),
         "score": _rounded(grasp.score),
         "approach": {
-            "pregrasp": _rounded(grasp.T_base_pregrasp.matrix),
-            "distance": _rounded(grasp.approach_distance),
+            "pregrasp": grasp.T_base_pregrasp.matrix.tolist(),
+            "distance": round(grasp.approach_distance, _DIGITS_OF_DISTANCE),
         },
         "arm": grasp.arm,
         "joints": None
@@ -224,7 +234,9 @@ def _advice_to_dict(advice: Advice) -> dict[str, Any]:
 def _pose(matrix: Any, name: str) -> SE3:
     pose = SE3.from_matrix(matrix, name)
     require_metres(f"place of a {name}", pose.p)
-    return pose
+    # The nearest rotation would differ in the last digit when it is written again.
+    is_rounded = np.allclose(matrix, pose.matrix, rtol=0.0, atol=10.0**-_DIGITS)
+    return SE3(matrix) if is_rounded else pose
 
 
 def _gap(content: dict[str, Any], name: str) -> float:

@@ -107,6 +107,27 @@ def test_a_plan_survives_saving(plan, tmp_path):
         assert_allclose(ours.Q, theirs.Q)
 
 
+def test_a_plan_that_was_read_is_written_as_the_same_bytes(plan, tmp_path, rng):
+    first, again = tmp_path / "grasps.json", tmp_path / "again.json"
+    hands = random_rotations(50, rng=rng)
+    pregrasp = SE3.from_parts(p=[0.0, 0.0, -0.16])
+    grasps = []
+    for R, p, (S, C) in zip(
+        hands, rng.random((50, 3)), rng.random((50, 2)), strict=True
+    ):
+        T = SE3.from_parts(R, p)
+        grasps.append(
+            replace(
+                plan.grasps[0], T_base_hand=T, T_base_pregrasp=T @ pregrasp, S=S, C=C
+            )
+        )
+    save_plan(replace(plan, grasps=tuple(grasps)), first)
+    save_plan(load_plan(first), again)
+    assert again.read_bytes() == first.read_bytes()
+    grasp = json.loads(first.read_text())["grasps"][0]
+    assert grasp["approach"]["distance"] == 0.16
+
+
 @pytest.mark.parametrize("told", [[-0.75, 0.0], {"fit": -0.75, "slack": 0.01}])
 def test_terms_of_another_model_are_none_of_ours(plan, told, tmp_path):
     content = plan_to_dict(plan)
