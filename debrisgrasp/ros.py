@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_range
-from debrisgrasp.errors import CaptureError
+from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.geometry import SE3, Intrinsics, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.kinematics import Trajectory
@@ -94,7 +94,11 @@ def capture_of(
     ------
     CaptureError
         If the image is no depth, incomplete, distorted, or the camera of another size.
+    InputError
+        If one of them is a message of another kind.
     """
+    _require_fields(image, ImageMessage, "sensor_msgs/Image")
+    _require_fields(info, CameraInfoMessage, "sensor_msgs/CameraInfo")
     depth = _depth(image)
     size = (int(info.height), int(info.width))
     if size != depth.shape:
@@ -112,10 +116,16 @@ def capture_of(
             expected="none",
             mend="Subscribe to the rectified image.",
         )
-    K = np.asarray(_field(info, "k"), dtype=np.float64).reshape(3, 3)
+    K = np.asarray(_field(info, "k"), dtype=np.float64)
+    if K.size != 9:
+        raise CaptureError(
+            "K of camera info",
+            got=f"{K.size} numbers",
+            expected="9, row by row: [fx, 0, cx, 0, fy, cy, 0, 0, 1]",
+        )
     return Capture(
         depth=depth,
-        intrinsics=Intrinsics.from_matrix(K, size),
+        intrinsics=Intrinsics.from_matrix(K.reshape(3, 3), size),
         T_base_camera=T_base_camera,
         name="ros",
     )
@@ -132,9 +142,11 @@ def pose_of(transform: TransformMessage | StampedTransformMessage) -> SE3:
     Raises
     ------
     InputError
-        If its quaternion is zero, or a number of it is not finite.
+        If its quaternion is zero, a number of it is not finite, or it is a message of
+        another kind.
     """
     inner: Any = getattr(transform, "transform", None) or transform
+    _require_fields(inner, TransformMessage, "geometry_msgs/Transform")
     t, r = inner.translation, inner.rotation
     R = so3.from_quat_wxyz(np.array([r.w, r.x, r.y, r.z], dtype=np.float64))
     return SE3.from_matrix(SE3.from_parts(R, [t.x, t.y, t.z]).matrix)
@@ -307,6 +319,21 @@ def _depth(image: ImageMessage) -> FloatArray:
     rows = data[: height * step].reshape(height, step)[:, : width * kind.itemsize]
     raw = np.ascontiguousarray(rows).view(kind)
     return raw.astype(np.float64) * unit
+
+
+def _require_fields(message: Any, protocol: type, kind: str) -> None:
+    """Raise `InputError` if a message lacks what is read of its kind."""
+    missing = [
+        name
+        for name in protocol.__annotations__
+        if not (hasattr(message, name) or hasattr(message, name.upper()))
+    ]
+    if missing:
+        raise InputError(
+            "message",
+            got=f"a {type(message).__name__} without {', '.join(missing)}",
+            expected=f"one of {kind}",
+        )
 
 
 def _field(message: Any, name: str) -> Any:

@@ -155,6 +155,23 @@ def test_a_camera_of_another_size_or_with_distortion_is_refused(store, info, dep
         ros.capture_of(message, replace(info, d=np.array([0.1, 0, 0, 0, 0])), TURNED)
 
 
+def test_k_of_another_size_is_refused(store, info, depth):
+    message = image_message(store, image(np.round(1000 * depth), "16UC1"))
+    with pytest.raises(CaptureError, match=r"K of camera info.*4 numbers.*9"):
+        ros.capture_of(message, replace(info, k=np.ones(4)), TURNED)
+
+
+def test_messages_of_another_kind_are_told(store, info, depth):
+    message = image_message(store, image(np.round(1000 * depth), "16UC1"))
+    with pytest.raises(InputError, match=r"without encoding.*sensor_msgs/Image"):
+        ros.capture_of(info, message, TURNED)
+    with pytest.raises(InputError, match=r"without k, d.*sensor_msgs/CameraInfo"):
+        ros.capture_of(message, message, TURNED)
+    pose = SimpleNamespace(position=None, orientation=None)
+    with pytest.raises(InputError, match=r"translation.*geometry_msgs/Transform"):
+        ros.pose_of(pose)
+
+
 def test_a_pose_survives_the_way_there_and_back(store, sent):
     message = sent(
         "geometry_msgs/msg/PoseStamped",
