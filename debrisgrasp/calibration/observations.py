@@ -27,6 +27,8 @@ KINEMATIC_SIGMA = 0.001
 """Standard deviation of a coordinate that forward kinematics gives [m]."""
 _FARTHEST = 25.0
 """No arm and no depth camera of an arm reaches so far [m]; millimetres begin beyond."""
+_LARGEST = 1e6
+"""In no unit a coordinate is more; squares of what is far more overflow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,12 +171,14 @@ def _require_usable(given: Observations) -> None:
         ("measured points", given.points_camera),
         ("readings of the head", given.readings),
     ):
-        bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+        bad = np.flatnonzero(~(np.abs(points) <= _LARGEST).all(axis=1))
         if len(bad):
             raise InputError(
                 what,
-                got=f"NaN or infinity in observation {_listed(given, bad)}",
-                expected="finite numbers",
+                got=f"NaN or infinity in observation {_listed(given, bad)}"
+                if not np.isfinite(points).all()
+                else f"{np.abs(points).max():g} in observation {_listed(given, bad)}",
+                expected=f"finite numbers, at most {_LARGEST:g}",
                 mend="Leave these observations out; depth at the fiducial is often "
                 "missing, the median of a ring around it is not.",
             )

@@ -80,6 +80,12 @@ def test_nan():
     refused("NaN", "observation 3", points_camera=seen)
 
 
+def test_a_number_whose_square_overflows():
+    seen = looks().points_camera.copy()
+    seen[2, 0] = 1e200
+    refused("1e+200", "observation 3", "1e+06", points_camera=seen)
+
+
 def test_too_few():
     refused(
         "at least 3",
