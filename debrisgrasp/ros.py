@@ -109,7 +109,7 @@ def capture_of(
             mend="Subscribe to the camera_info topic beside the image.",
         )
     distortion = np.asarray(_field(info, "d"), dtype=np.float64)
-    if np.any(np.abs(distortion) > 1e-6):
+    if not np.all(np.abs(distortion) <= 1e-6):
         raise CaptureError(
             "distortion of camera info",
             got=distortion.tolist(),

@@ -192,7 +192,7 @@ def _read_camera(path: Path) -> _CameraFile:
     if K.size != 9:
         raise ConfigError(f"K in {path}", got=f"{K.size} numbers", expected=_K_WORDS)
     distortion = _numbers(content.get("D", content.get("d")) or [], f"D in {path}")
-    if np.any(np.abs(distortion) > 1e-6):
+    if not np.all(np.abs(distortion) <= 1e-6):
         raise ConfigError(
             f"D in {path}",
             got=distortion.tolist(),

@@ -153,6 +153,8 @@ def test_a_camera_of_another_size_or_with_distortion_is_refused(store, info, dep
         ros.capture_of(message, replace(info, width=32), TURNED)
     with pytest.raises(CaptureError, match="rectified"):
         ros.capture_of(message, replace(info, d=np.array([0.1, 0, 0, 0, 0])), TURNED)
+    with pytest.raises(CaptureError, match="distortion.*nan"):
+        ros.capture_of(message, replace(info, d=np.full(5, np.nan)), TURNED)
 
 
 def test_k_of_another_size_is_refused(store, info, depth):
