@@ -114,7 +114,9 @@ def capture_of(
             "distortion of camera info",
             got=distortion.tolist(),
             expected="none",
-            mend="Subscribe to the rectified image.",
+            mend="Subscribe to the rectified image. ROS describes that by p beside the "
+            "k and d of the raw one: copy its info, with the left 3 x 3 of p as k, and "
+            "no d.",
         )
     K = np.asarray(_field(info, "k"), dtype=np.float64)
     if K.size != 9:
