@@ -31,6 +31,8 @@ _COLOR_NAMES = tuple(
 _CAMERA_SUFFIXES = (".json", ".yaml", ".yml")
 _MILLIMETRE = 0.001
 _K_WORDS = "9 numbers, row by row: [fx, 0, cx, 0, fy, cy, 0, 0, 1]"
+_DISTORTION = ("D", "d", "distortion_coefficients")
+"""The last, with the numbers as its data, is in the files of ROS's calibration."""
 _OPTIONAL = ("depth_scale", "T_base_camera", "width", "height")
 _CLOSE = 0.8
 """Keys as like as this are misspelt; others are those of who wrote the file."""
@@ -191,7 +193,9 @@ def _read_camera(path: Path) -> _CameraFile:
     K = _numbers(flat, f"K in {path}")
     if K.size != 9:
         raise ConfigError(f"K in {path}", got=f"{K.size} numbers", expected=_K_WORDS)
-    distortion = _numbers(content.get("D", content.get("d")) or [], f"D in {path}")
+    told = next((content[key] for key in _DISTORTION if key in content), None)
+    told = told.get("data") if isinstance(told, dict) else told
+    distortion = _numbers(told or [], f"D in {path}")
     if not np.all(np.abs(distortion) <= 1e-6):
         raise ConfigError(
             f"D in {path}",

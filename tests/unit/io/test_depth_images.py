@@ -90,6 +90,10 @@ def test_the_scale_of_the_camera_file_and_lower_case_keys_count(folder, info, de
         ({"K": [0.0] * 9}, "K"),
         ({"D": [0.1, 0, 0, 0, 0]}, "Rectify"),
         ({"D": ["nan"] * 5}, "no distortion"),
+        (
+            {"D": None, "distortion_coefficients": {"rows": 1, "data": [0.1, 0.0]}},
+            "Rectify",
+        ),
         ({"depth_scale": 0}, "depth_scale"),
         ({"depth_scale": "mm"}, "depth_scale"),
         ({"depth_scale": 1}, "millimetres"),
