@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
@@ -98,7 +99,7 @@ def pose_from_rows(rows: Any, name: str) -> SE3:
         matrix = np.array(rows, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ConfigError(name, got=rows, expected="a 4x4 matrix") from error
-    if matrix.shape not in ((4, 4), (16,)):
+    if matrix.shape not in ((4, 4), (16,), (1, 16)):
         raise ConfigError(name, got=f"shape {matrix.shape}", expected="a 4x4 matrix")
     try:
         pose = SE3.from_matrix(matrix.reshape(4, 4), name)
@@ -114,6 +115,8 @@ def _read_npy(path: Path) -> Any:
 
 def _read_txt(path: Path) -> Any:
     text = read_text(path).replace(",", " ")
+    if not re.sub("#.*", "", text).strip():  # of which NumPy warns
+        raise ConfigError(str(path), got="nothing", expected="a 4x4 matrix")
     return _read_array(path, lambda: np.loadtxt(StringIO(text), ndmin=2))
 
 

@@ -42,7 +42,8 @@ def test_every_kind_of_file_gives_the_same_pose(tmp_path, T_base_camera):
     (tmp_path / "a.yaml").write_text(
         yaml.safe_dump({"T_base_camera": matrix.tolist(), "note": "tilt 0.7"})
     )
-    for name in ("a.npy", "a.txt", "a.json", "b.json", "a.yaml"):
+    np.savetxt(tmp_path / "b.txt", matrix.reshape(1, 16))
+    for name in ("a.npy", "a.txt", "b.txt", "a.json", "b.json", "a.yaml"):
         pose = parse_camera_pose(str(tmp_path / name))
         assert_allclose(pose.matrix, matrix, atol=1e-12)
 
@@ -76,6 +77,7 @@ def test_six_numbers_that_make_no_pose_are_refused_for_what_they_are(text, why):
         ("a.yaml", "T_base_camera: [1, 2"),
         ("a.txt", "1 2 3\n4 5\n"),
         ("a.txt", "one two"),
+        ("a.txt", "# 4x4\n"),
         ("a.npy", "no array"),
     ],
 )
