@@ -60,7 +60,15 @@ def parse_pose(text: str, what: str, forms: str = _FORMS) -> SE3:
     except ValueError as error:
         raise ConfigError(what, got=repr(text), expected=forms) from error
     if numbers.shape != (6,):
-        raise ConfigError(what, got=repr(text), expected=forms)
+        raise ConfigError(
+            what,
+            got=repr(text),
+            expected=forms,
+            mend="Roll, pitch and yaw of a quaternion x, y, z, w are "
+            "scipy.spatial.transform.Rotation.from_quat([x, y, z, w]).as_euler('xyz')."
+            if numbers.shape == (7,)
+            else "",
+        )
     if not np.isfinite(numbers).all():
         raise ConfigError(what, got=repr(text), expected="finite numbers")
     require_metres(what, numbers[:3])

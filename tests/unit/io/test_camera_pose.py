@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import so3
@@ -52,6 +53,14 @@ def test_every_kind_of_file_gives_the_same_pose(tmp_path, T_base_camera):
 def test_other_words_are_refused_with_all_forms(text):
     with pytest.raises(ConfigError, match="roll,pitch,yaw"):
         parse_camera_pose(text)
+
+
+def test_the_angles_of_a_quaternion_are_told(T_base_camera):
+    quaternion = Rotation.from_matrix(T_base_camera.R)
+    with pytest.raises(ConfigError, match=r"Rotation.*as_euler\('xyz'\)"):
+        parse_camera_pose("0,0,1," + ",".join(map(str, quaternion.as_quat())))
+    text = ",".join(map(str, [0.0, 0.0, 1.0, *quaternion.as_euler("xyz")]))
+    assert_allclose(parse_camera_pose(text).R, T_base_camera.R, atol=1e-9)
 
 
 @pytest.mark.parametrize(
