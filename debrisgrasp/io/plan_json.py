@@ -154,10 +154,10 @@ def _success_from_dict(content: dict[str, Any]) -> SuccessForecast:
     told = content["terms"]
     is_ours = isinstance(told, dict) and set(told) == set(SUCCESS_TERMS)
     return SuccessForecast(
-        probability=float(content["probability"]),
+        probability=_share(content, "probability"),
         terms=tuple(float(told[name]) for name in SUCCESS_TERMS) if is_ours else (),
         outside=tuple(str(name) for name in content["outside"]),
-        squeezed=float(content.get("squeezed", 1.0)),
+        squeezed=_share({"squeezed": 1.0, **content}, "squeezed"),
     )
 
 
@@ -239,6 +239,13 @@ def _pose(matrix: Any, name: str) -> SE3:
     return SE3(matrix) if is_rounded else pose
 
 
+def _share(content: dict[str, Any], name: str) -> float:
+    """Read a number from 0 to 1."""
+    share = float(content[name])
+    require_range(f"{name} of a grasp", share, 0.0, 1.0)
+    return share
+
+
 def _gap(content: dict[str, Any], name: str) -> float:
     """Distance between finger pads."""
     gap = float(content[name])
@@ -265,14 +272,14 @@ def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
         opening=_gap(content, "opening"),
         width=_gap(content, "width"),
         prototype=str(content["prototype"]),
-        S=float(content["S"]),
-        C=float(content["C"]),
-        R=float(content["R"]),
+        S=_share(content, "S"),
+        C=_share(content, "C"),
+        R=_share(content, "R"),
         # Files of earlier versions do not have these.
-        coverage=float(content.get("coverage", 0.0)),
+        coverage=_share({"coverage": 0.0, **content}, "coverage"),
         support=int(content.get("support", 0)),
-        expected=float(content.get("expected", content["score"])),
-        score=float(content["score"]),
+        expected=_share({"expected": content["score"], **content}, "expected"),
+        score=_share(content, "score"),
         arm=arm,
         joints=None if joints is None else _joints(joints),
         object_label=int(content["object"]),
