@@ -119,14 +119,23 @@ def load_motion(path: str | os.PathLike[str]) -> StoredMotion:
             )
             for part in content["motions"]
         }
+        for part in content["motions"]:
+            _require_distinct(part["joints"], "joints of a motion")
+        _require_distinct([part["name"] for part in content["motions"]], "motions")
         arm, rank = content["arm"], content["grasp"]
-    if trajectories and not (isinstance(arm, str) and isinstance(rank, int)):
+    is_place = type(rank) is int and rank >= 1
+    if trajectories and not (isinstance(arm, str) and is_place):
         raise ConfigError(
             f"{path}",
             got=f"arm {arm!r}, grasp {rank!r}",
             expected="a name, and a place in the plan from 1",
         )
     return StoredMotion(trajectories=trajectories, arm=arm, rank=rank)
+
+
+def _require_distinct(names: Any, what: str) -> None:
+    if not isinstance(names, list) or len(set(names)) < len(names):
+        raise ConfigError(what, got=names, expected="a list of names, each once")
 
 
 def _rounded(array: ArrayLike) -> Any:
