@@ -54,8 +54,8 @@ def read_ply(path: Path) -> CaptureFields:
 
 
 def _read_header(content: bytes) -> _Header:
-    mark = content.find(b"end_header", 0, _LONGEST_HEADER)
-    end = content.find(b"\n", mark)
+    mark = content.find(b"\nend_header", 0, _LONGEST_HEADER)
+    end = content.find(b"\n", mark + 1)
     if not content.startswith(b"ply") or mark < 0 or end < 0:
         raise _malformed("no 'ply' ... 'end_header'")
     lines = content[:mark].decode("latin-1").splitlines()

@@ -132,6 +132,12 @@ def test_ply_written_by_another_library_is_read(tmp_path, points, encoding):
     assert_allclose(capture.points, points, atol=1e-6)
 
 
+def test_a_comment_may_speak_of_the_end_of_the_header(tmp_path, points):
+    extra = "comment faces would be before end_header\n"
+    path = written(tmp_path, "ply", ply(points, "ascii", extra=extra))
+    assert_array_equal(Capture.load(path).points, points)
+
+
 def test_faces_after_the_vertices_are_ignored(tmp_path, points):
     faces = "element face 1\nproperty list uchar int vertex_indices\n"
     content = ply(points, "ascii", extra=faces) + b"3 0 1 2\n"
