@@ -61,7 +61,7 @@ class Intrinsics:
         fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
         is_pinhole = fx > 0 and fy > 0 and np.allclose(K[2], (0, 0, 1))
         # Calibrations store a skew of rounding size; a real one would bend the cloud.
-        has_skew = abs(K[0, 1]) > 1e-3 * fx or abs(K[1, 0]) > 1e-3 * fx
+        has_skew = max(abs(K[0, 1]), abs(K[1, 0])) > 1e-3 * abs(fx)
         if not is_pinhole or has_skew:
             raise CaptureError(
                 "K",

@@ -73,6 +73,11 @@ def test_a_matrix_that_does_not_fit_the_image_is_refused(matrix):
         Intrinsics.from_matrix(matrix, (480, 640))
 
 
+def test_a_mirrored_matrix_is_not_told_to_have_skew():
+    with pytest.raises(InputError, match=r"fx, fy > 0\. Give it row by row"):
+        Intrinsics.from_matrix(K * [[-1.0], [1.0], [1.0]], (480, 640))
+
+
 @pytest.mark.parametrize(
     ("field", "value"),
     [("fx", 0.0), ("fy", np.nan), ("fx", np.inf), ("cx", np.nan), ("height", 0)],
