@@ -24,6 +24,7 @@ _FARTHEST_CLOUD = 250.0
 """The same for scanners, which reach farther."""
 _FARTHEST_COORDINATE = 1e4
 """Beyond this [m] single precision no longer tells millimetres apart."""
+_LARGEST_LABEL = 2**31 - 1
 _FEWEST_POINTS = 3
 """Without this many measured points there is no surface."""
 
@@ -140,6 +141,13 @@ def checked_image(image: object, name: str, shape: tuple[int, ...]) -> NDArray[A
         raise CaptureError(name, got=f"dtype {array.dtype}", expected=expected)
     if name == "mask":
         _doubt_labels(array)
+    elif array.size and (array.min() < -_LARGEST_LABEL or array.max() > _LARGEST_LABEL):
+        raise CaptureError(
+            name,
+            got=f"values from {array.min()} to {array.max()}",
+            expected=f"numbers of objects, at most {_LARGEST_LABEL}",
+            mend="Number the objects: numpy.unique(labels, return_inverse=True)[1].",
+        )
     copy: NDArray[Any] = np.array(array, dtype=dtype)
     copy.flags.writeable = False
     return copy

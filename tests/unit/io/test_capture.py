@@ -58,6 +58,13 @@ def test_masked_labels_are_refused(depth, camera, name):
         Capture(depth=depth, intrinsics=camera, **{name: image})
 
 
+def test_labels_that_no_int32_holds_are_refused(depth, camera):
+    labels = np.zeros(depth.shape, dtype=np.int64)
+    labels[3, 4] = 2**32 + 1  # would be 1
+    with pytest.raises(CaptureError, match=r"labels: .*4294967297.*at most"):
+        Capture(depth=depth, intrinsics=camera, labels=labels)
+
+
 def test_arrays_are_copied_and_read_only(depth, camera):
     capture = Capture(depth=depth, intrinsics=camera)
     depth[20, 20] = 9.0
