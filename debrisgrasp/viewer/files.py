@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
+
 from debrisgrasp._files import is_yaml, read_json, yaml_files
 from debrisgrasp._unreadable import why_nothing_there
 from debrisgrasp.errors import ConfigError
@@ -12,10 +14,11 @@ from debrisgrasp.executive.record import load_run
 from debrisgrasp.io import Capture, point_colors
 from debrisgrasp.io.calibration_json import SCHEMA as CALIBRATION
 from debrisgrasp.io.calibration_json import load_calibration
-from debrisgrasp.io.motion_json import load_motion
+from debrisgrasp.io.motion_json import StoredMotion, load_motion
 from debrisgrasp.io.plan_json import SCHEMA as PLAN
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.planning import GraspPlan
 from debrisgrasp.prototypes import PrototypeLibrary, load_grippers
 from debrisgrasp.segmentation import SupportAware, segment_cloud
 
@@ -23,6 +26,8 @@ from .contents import PlanContent, RunContent, ViewContent
 
 __all__ = ["content_of"]
 
+_THERE = 0.01
+"""Nearer to a grasp [m] a motion has come there."""
 _KNOWN = (
     "a capture (.npz, .ply, .pcd, depth .png or its folder), a plan, a calibration, a "
     "prototype (.yaml) or a folder of them, or the folder of a run"
@@ -95,8 +100,8 @@ def _from_json(
             mend="Give it with --capture FILE (capture=...).",
         )
     seen = _seen(path.stem, capture)
-    stored = None if motion is None else load_motion(motion)
-    name = robot or plan.robot
+    shown = _robot(robot or plan.robot)
+    stored = None if motion is None else _motion_of(motion, plan, shown)
     return PlanContent(
         title=seen.title,
         capture=seen.capture,
@@ -105,11 +110,37 @@ def _from_json(
         order=seen.order,
         plan=plan,
         grippers=load_grippers(grippers),
-        robot=_robot(name),
+        robot=shown,
         motions={} if stored is None else stored.trajectories,
         motion_grasp=0 if stored is None else (stored.rank or 1) - 1,
         motion_arm="" if stored is None else stored.arm or "",
     )
+
+
+def _motion_of(
+    path: str | os.PathLike[str], plan: GraspPlan, robot: RobotModel | None
+) -> StoredMotion:
+    """Read motions, whose approach has to end at their grasp of the plan."""
+    stored = load_motion(path)
+    rank, arm = stored.rank, stored.arm
+    approach = stored.trajectories.get("approach")
+    if approach is None or rank is None or arm is None or robot is None:
+        return stored
+    of_rank = plan.grasps[rank - 1 : rank]
+    is_there = [grasp.arm for grasp in of_rank] == [arm]
+    if is_there:
+        joints = dict(zip(approach.joint_names, approach.q[-1].tolist(), strict=True))
+        palm = robot.link_poses(joints)[robot.arm(arm).tip]
+        beside = np.linalg.norm(palm.p - of_rank[0].T_base_hand.p)
+        is_there = bool(beside < _THERE)
+    if not is_there:
+        raise ConfigError(
+            f"motions in {path}",
+            got=f"an approach that does not end at grasp {rank} of the plan",
+            expected=f"motions of the {arm} arm to a grasp of this plan",
+            mend="Plan them anew: debrisgrasp motion CAPTURE --grasps PLAN --out FILE.",
+        )
+    return stored
 
 
 def _seen(title: str, capture: Capture) -> PlanContent:

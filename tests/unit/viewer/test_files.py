@@ -1,0 +1,68 @@
+"""What the viewer reads from files, which takes no browser."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3
+from debrisgrasp.io import Capture, data_path
+from debrisgrasp.io.motion_json import motion_to_dict, save_motion
+from debrisgrasp.io.plan_json import save_plan
+from debrisgrasp.kinematics import RobotModel, Trajectory
+from debrisgrasp.planning import GraspPlan
+from debrisgrasp.viewer import content_of
+from tests.grasps import grasp_at
+
+
+@pytest.fixture(scope="module")
+def capture() -> Capture:
+    return Capture.load(data_path("captures", "pile.npz"))
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """A plan of two grasps, and motions to the second."""
+    chain = RobotModel.load("roman").chain("right")
+    q = chain.sampled(1, rng=np.random.default_rng(0))[0]
+    here = replace(grasp_at(chain.fk(q)), arm="right")
+    beside = replace(here, T_base_hand=SE3.from_parts(p=[0, 0, 0.1]) @ here.T_base_hand)
+    plan = GraspPlan(
+        grasps=(beside, here), object_label=1, region=None, robot="roman", seed=0
+    )
+    approach = Trajectory(
+        joint_names=tuple(chain.joint_names),
+        times=[0.0],
+        q=[q],
+        dq=[0 * q],
+        limits_hash="",
+    )
+    save_plan(plan, tmp_path / "grasps.json")
+
+    def save(index: int, arm: str) -> None:
+        content = motion_to_dict(
+            {"approach": approach}, robot="roman", arm=arm, index=index, passed_over=()
+        )
+        save_motion(content, tmp_path / "motion.json")
+
+    return save
+
+
+def test_motions_to_a_grasp_of_the_plan_are_read(saved, capture, tmp_path):
+    saved(1, "right")
+    opened = content_of(
+        tmp_path / "grasps.json", capture=capture, motion=tmp_path / "motion.json"
+    )
+    assert (opened.motion_grasp, opened.motion_arm) == (1, "right")
+
+
+@pytest.mark.parametrize(("index", "arm"), [(0, "right"), (2, "right"), (1, "left")])
+def test_motions_to_another_grasp_are_refused(saved, capture, tmp_path, index, arm):
+    saved(index, arm)
+    with pytest.raises(ConfigError, match=rf"not end at grasp {index + 1} of the plan"):
+        content_of(
+            tmp_path / "grasps.json", capture=capture, motion=tmp_path / "motion.json"
+        )
