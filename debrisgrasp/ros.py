@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_range
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import CaptureError, InputError
 from debrisgrasp.geometry import SE3, Intrinsics, so3
 from debrisgrasp.io import Capture
@@ -76,6 +77,7 @@ class StampedTransformMessage(Protocol):
     transform: TransformMessage
 
 
+@checked
 def capture_of(
     image: ImageMessage, info: CameraInfoMessage, T_base_camera: SE3
 ) -> Capture:
@@ -154,6 +156,7 @@ def pose_of(transform: TransformMessage | StampedTransformMessage) -> SE3:
     return SE3.from_matrix(SE3.from_parts(R, [t.x, t.y, t.z]).matrix)
 
 
+@checked
 def pose_stamped(T: SE3, *, frame_id: str = "base", stamp: float = 0.0) -> Fields:
     """Make the fields of ``geometry_msgs/PoseStamped``.
 
@@ -165,7 +168,14 @@ def pose_stamped(T: SE3, *, frame_id: str = "base", stamp: float = 0.0) -> Field
         Name by which the ROS side knows the frame that the pose is in.
     stamp
         Seconds.
+
+    Raises
+    ------
+    InputError
+        If it is several poses, or none.
     """
+    if T.batch:
+        raise InputError("T", got=f"a batch {T.batch}", expected="one pose")
     w, x, y, z = so3.to_quat_wxyz(T.R).tolist()
     return {
         "header": _header(frame_id, stamp),
@@ -176,6 +186,7 @@ def pose_stamped(T: SE3, *, frame_id: str = "base", stamp: float = 0.0) -> Field
     }
 
 
+@checked
 def joint_trajectory(
     trajectory: Trajectory, *, period: float | None = None, stamp: float = 0.0
 ) -> Fields:
@@ -219,6 +230,7 @@ def joint_trajectory(
     }
 
 
+@checked
 def moveit_grasp(
     grasp: Grasp,
     hand: GripperModel,

@@ -189,6 +189,17 @@ def test_a_pose_survives_the_way_there_and_back(store, sent):
     np.testing.assert_allclose(ros.pose_of(stamped).matrix, TURNED.matrix, atol=1e-12)
 
 
+def test_what_no_message_can_be_made_of_is_told():
+    with pytest.raises(InputError, match=r"T: got ndarray.*SE3"):
+        ros.pose_stamped(TURNED.matrix)
+    with pytest.raises(InputError, match=r"T: got a batch.*one pose"):
+        ros.pose_stamped(SE3(np.stack([TURNED.matrix] * 3)))
+    with pytest.raises(InputError, match="stamp"):
+        ros.pose_stamped(TURNED, stamp=np.nan)
+    with pytest.raises(InputError, match="trajectory"):
+        ros.joint_trajectory(None)
+
+
 def test_a_transform_that_nobody_filled_in_is_no_pose(store):
     types = store.types
     empty = types["geometry_msgs/msg/Transform"](
