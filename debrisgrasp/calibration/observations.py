@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.geometry import SE3
 
 from .plausibility import extent, likely_unit
 
@@ -81,6 +82,7 @@ class Observations:
             raise ShapeError("names", got=len(names), expected=f"{n}, or none")
         if self.R_base_wrist is not None:
             wrist = frozen(self.R_base_wrist, "attitudes of the wrist", (n, 3, 3))
+            SE3.from_matrix(SE3.from_parts(wrist).matrix, "attitudes of the wrist")
             object.__setattr__(self, "R_base_wrist", wrist)
         elif self.link is not None:
             raise ConfigError(

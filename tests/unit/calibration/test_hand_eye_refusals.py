@@ -80,6 +80,14 @@ def test_nan():
     refused("NaN", "observation 3", points_camera=seen)
 
 
+@pytest.mark.parametrize("wrong", [np.nan, 2.0])
+def test_attitudes_that_are_no_rotations(wrong):
+    attitudes = np.tile(np.eye(3), (len(PLACES), 1, 1))
+    attitudes[2, 0, 0] = wrong
+    with pytest.raises(InputError, match="attitudes of the wrist"):
+        Observations(PLACES, looks().points_camera, R_base_wrist=attitudes)
+
+
 def test_a_number_whose_square_overflows():
     seen = looks().points_camera.copy()
     seen[2, 0] = 1e200
