@@ -37,6 +37,7 @@ _MENDS = {
     "Capture": "Capture.load(path) reads one.",
     "Generator": "numpy.random.default_rng(seed) makes one.",
     "Intrinsics": "Intrinsics.from_matrix(K, depth.shape) makes one.",
+    "Observations": "debrisgrasp.calibrate(path) reads a file of them.",
     "PlanningResult": "debrisgrasp.plan(capture) makes one.",
     "Robot": "fake_robot(model, world, rng=rng).robot, for instance.",
     "RobotModel": "RobotModel.load(name or path) reads one.",

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
 from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
@@ -82,6 +83,7 @@ class Calibration(CalibratedCamera):
         return next(a for a in self.attempts if a.model == self.model)
 
 
+@checked
 def calibrate(
     observations: Observations,
     known: Known | None = None,

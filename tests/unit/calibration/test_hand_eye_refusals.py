@@ -94,6 +94,13 @@ def test_a_number_whose_square_overflows():
     refused("1e+200", "observation 3", "1e+06", points_camera=seen)
 
 
+def test_a_file_is_for_the_facade():
+    with pytest.raises(
+        InputError, match=r"Observations.*debrisgrasp\.calibrate\(path\)"
+    ):
+        calibrate("looks.yaml")
+
+
 def test_too_few():
     refused(
         "at least 3",
