@@ -10,6 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp._files import require_suffix, write_atomic
 
+from ._checks import checked_image
 from .capture import Capture
 
 __all__ = ["measured", "point_colors", "save_labels"]
@@ -47,11 +48,14 @@ def save_labels(
     ------
     ConfigError
         If the file's name does not end in .npz.
+    CaptureError
+        If the labels are not integers, one for each point of the cloud.
     """
     require_suffix(path, (".npz",), "a file of labels")
     is_measured = measured(capture)
+    given = checked_image(labels, "labels", (int(is_measured.sum()),))
     full = np.zeros(is_measured.shape, dtype=np.int32)
-    full[is_measured] = labels
+    full[is_measured] = given
     buffer = BytesIO()
     np.savez_compressed(buffer, labels=full)
     write_atomic(path, buffer.getvalue())

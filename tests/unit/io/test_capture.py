@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from debrisgrasp.errors import CaptureError, InputError, OutputError
 from debrisgrasp.geometry import SE3
-from debrisgrasp.io import Capture, measured
+from debrisgrasp.io import Capture, measured, save_labels
 
 
 def test_the_cloud_lies_where_the_camera_says(depth, camera, T_base_camera):
@@ -303,3 +303,13 @@ def test_what_git_lfs_left_in_the_place_of_a_file_is_named(tmp_path, name):
     )
     with pytest.raises(CaptureError, match=r"Git LFS.*git lfs pull"):
         Capture.load(path)
+
+
+def test_labels_that_are_not_of_the_cloud_are_not_saved(depth, camera, tmp_path):
+    capture, path = Capture(depth=depth, intrinsics=camera), tmp_path / "labels.npz"
+    with pytest.raises(CaptureError, match=r"labels: got shape \(5,\)"):
+        save_labels(capture, np.zeros(5, dtype=int), path)
+    n_points = np.count_nonzero(measured(capture))
+    with pytest.raises(CaptureError, match="labels: got dtype float64"):
+        save_labels(capture, np.full(n_points, 1.7), path)
+    assert not path.exists()
