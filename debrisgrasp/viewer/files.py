@@ -14,7 +14,7 @@ from debrisgrasp.executive.record import load_run
 from debrisgrasp.io import Capture, point_colors
 from debrisgrasp.io.calibration_json import SCHEMA as CALIBRATION
 from debrisgrasp.io.calibration_json import load_calibration
-from debrisgrasp.io.motion_json import StoredMotion, load_motion
+from debrisgrasp.io.motion_json import MOTION_SCHEMA, StoredMotion, load_motion
 from debrisgrasp.io.plan_json import SCHEMA as PLAN
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import RobotModel
@@ -89,7 +89,12 @@ def _from_json(
         return load_calibration(path)
     if schema != PLAN:
         raise ConfigError(
-            f"schema of {path}", got=repr(schema), expected=f"{PLAN!r}, {CALIBRATION!r}"
+            f"schema of {path}",
+            got=repr(schema),
+            expected=f"{PLAN!r}, {CALIBRATION!r}",
+            mend="Motions are shown beside a plan: give that, and these by --motion."
+            if schema == MOTION_SCHEMA
+            else "",
         )
     plan = load_plan(path)
     if capture is None:

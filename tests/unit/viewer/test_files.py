@@ -66,3 +66,9 @@ def test_motions_to_another_grasp_are_refused(saved, capture, tmp_path, index, a
         content_of(
             tmp_path / "grasps.json", capture=capture, motion=tmp_path / "motion.json"
         )
+
+
+def test_motions_alone_are_told_where_they_are_shown(saved, tmp_path):
+    saved(1, "right")
+    with pytest.raises(ConfigError, match=r"motion/2.*beside a plan.*--motion"):
+        content_of(tmp_path / "motion.json")
