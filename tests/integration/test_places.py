@@ -193,7 +193,7 @@ def test_a_level_pose_that_is_not_there_is_an_error_alone(refused, folder):
 def test_nothing_to_list_is_said(run, pipe_file, monkeypatch):
     empty = debrisgrasp.segment(debrisgrasp.Capture.load(pipe_file))
     object.__setattr__(empty, "segments", ())
-    monkeypatch.setattr(debrisgrasp, "segment", lambda _: empty)
+    monkeypatch.setattr(debrisgrasp, "segment", lambda *_: empty)
     ended = run("segment", pipe_file)
     assert ended.status == 1
     assert ended.out.endswith("no object was found beside the ground and what else "
