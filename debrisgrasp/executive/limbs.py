@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -30,7 +29,6 @@ __all__ = [
     "require_own_joints",
     "require_own_sides",
     "require_watching",
-    "resting",
 ]
 
 _BESIDE_ANOTHER = 0.2
@@ -40,21 +38,6 @@ _HEIGHT = 0.35
 _HAND = 0.2
 """Of the palm over the lowest of what it holds, about [m]."""
 _TILTS, _YAWS = (0.0, np.pi / 4.0), 8
-
-
-def resting(model: RobotModel, settings: TaskSettings) -> RobotModel:
-    """Return a robot whose arms in use rest where the settings say.
-
-    There all others are planned around them.
-    """
-    rest, used = settings.rest, settings.arms or tuple(model.arms)
-    if rest is None:
-        return model
-    arms = {
-        name: replace(arm, idle=rest) if name in used and rest in arm.postures else arm
-        for name, arm in model.arms.items()
-    }
-    return replace(model, arms=arms)
 
 
 def require_devices(robot: Robot, look: Mapping[str, float]) -> None:

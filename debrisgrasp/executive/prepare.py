@@ -33,6 +33,7 @@ from .noticed import misplaced
 from .obstacles import space_of
 from .resting import to_rest
 from .result import Done, FaultFound, StepResult
+from .stances import has_moved
 
 __all__ = ["self_test"]
 
@@ -44,8 +45,6 @@ _LOOK = 1.02
 """Duration of a look at free space [s]; the sensor's noise is judged over it."""
 _LATE, _OFTEN = 1.5, 0.02
 """A tick after so many periods is late, and more of them than this share are often."""
-_NEARLY = 0.05
-"""So near to its posture of rest an arm must be that nobody brings there [rad or m]."""
 _TURN = np.pi / 2
 """By which a joint of the wrist turns between the looks [rad]."""
 _LEAST_TURN = np.deg2rad(50.0)
@@ -61,7 +60,7 @@ def self_test(context: Context) -> StepResult:
     odd = nonsense(context)
     if odd is not None:
         return odd
-    if fault := _out_of_step(context) or _in_between(context):
+    if fault := _out_of_step(context) or has_moved(context):
         return fault
     for limb in context.limbs.values():
         fault = _limits(limb) or _gripper(context, limb)
@@ -95,27 +94,6 @@ def _out_of_step(context: Context) -> FaultFound | None:
     words = f"a wait of {1e3 * period:g} ms takes {1e3 * taken:.3g} ms: set "
     words += "TaskSettings.period to the period of the robot's loop"
     return FaultFound("clock_disorder", words)
-
-
-def _in_between(context: Context) -> FaultFound | None:
-    """See that arms that are not used stand where motions are planned around them."""
-    used = {name for s in context.limbs.values() for name in s.limb.arm.joint_names}
-    expected = context.model.joint_values()
-    for name, limb in context.robot.limbs.items():
-        told = np.asarray(limb.arm.read().q, dtype=np.float64)
-        if not np.isfinite(told).all():
-            words = f"joints read {told.tolist()}"
-            return FaultFound("encoder_jump", words, name)
-        for joint, q in zip(limb.arm.joint_names, told.tolist(), strict=True):
-            # Those that both have are where the other one has them.
-            if joint in used or abs(q - expected[joint]) <= _NEARLY:
-                continue
-            rest = context.model.arm(name).idle
-            words = f"{joint} of the {arm_called(name)}, which is not used, is at "
-            words += f"{q:.2f}, not at {expected[joint]:.2f} as at rest ({rest!r}), "
-            words += "where motions are planned around it: bring it there, or use it"
-            return FaultFound("plan_collision", words, name)
-    return None
 
 
 def _limits(limb: LimbState) -> FaultFound | None:

@@ -22,12 +22,13 @@ from debrisgrasp.robot import Robot
 from .context import Context, Cycle, Recorder
 from .faults import Action, fault_named
 from .guarded import guarded
-from .limbs import limbs_of, require_devices, resting
+from .limbs import limbs_of, require_devices
 from .outcome import Attempt, FaultEvent, RunEnd, RunResult
 from .record import NoRecord
 from .recover import clear_up, recover
 from .result import Done, FaultFound, StepResult
 from .settings import TaskSettings
+from .stances import planning_around, standing
 from .states import State
 from .steady import SteadyClock
 from .steps import STEPS
@@ -91,11 +92,12 @@ class Executive:
         rng: Rng,
     ) -> None:
         settings = settings or TaskSettings()
-        clock, model = SteadyClock(robot.clock), resting(robot.model, settings)
+        clock, model = SteadyClock(robot.clock), standing(robot, settings)
         robot = replace(robot, clock=clock, model=model)
         if pipeline is None:
             arm = settings.arms[0] if len(settings.arms) == 1 else None
             pipeline = Pipeline(robot=robot.model, arm=arm)
+        pipeline = planning_around(pipeline, model)
         if settings.mark is None and settings.region is None:
             require_generic(pipeline.library)
         hands = with_shipped(pipeline.grippers)

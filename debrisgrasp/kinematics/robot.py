@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from numbers import Real
@@ -13,11 +13,12 @@ from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Solid
 
 from .chain import KinematicChain
+from .frames import with_frames
 from .limits import LimitFamily, LimitSet
 from .packages import PACKAGE_SCHEME, package_file
-from .robot_file import ArmSpec, FrameSpec, RobotFile
+from .robot_file import ArmSpec, RobotFile
 from .solids import solids_of_shape
-from .urdf import UrdfJoint, UrdfTree
+from .urdf import UrdfTree
 
 __all__ = ["RobotModel"]
 
@@ -31,6 +32,7 @@ _BESIDE_A_URDF = (
     "shipped or an example robot, which tells of each field."
 )
 _DEGREES = "degrees, multiply by pi / 180"
+_STANDING = "as it stands"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,7 +74,7 @@ class RobotModel:
         urdf = package_file(file.urdf) if is_packed else path.parent / file.urdf
         model = cls(
             name=file.name,
-            tree=_with_frames(UrdfTree.load(urdf), file.frames),
+            tree=with_frames(UrdfTree.load(urdf), file.frames),
             base=file.base,
             camera=file.camera,
             drives=file.drives,
@@ -259,6 +261,29 @@ class RobotModel:
             )
         return dict(spec.postures[name])
 
+    def standing(self, joints: Mapping[str, float]) -> RobotModel:
+        """Return the robot with arms that idle where some of their joints are now.
+
+        Others are planned around them there.
+
+        Parameters
+        ----------
+        joints
+            Values by name [rad or m]; the others of these arms are idle.
+
+        Raises
+        ------
+        UnknownNameError, InputError
+            As `joint_values` does.
+        """
+        values, arms = self.joint_values(joints), dict(self.arms)
+        for name, arm in self.arms.items():
+            if not joints.keys().isdisjoint(arm.joints):
+                now = {joint: values[joint] for joint in arm.joints}
+                postures = {**arm.postures, _STANDING: now}
+                arms[name] = replace(arm, postures=postures, idle=_STANDING)
+        return replace(self, arms=arms)
+
     def joint_values(
         self, moved: Mapping[str, float] | None = None
     ) -> dict[str, float]:
@@ -351,26 +376,6 @@ class RobotModel:
                 mend="Name one under `camera:` in the robot's file.",
             )
         return self.link_pose(self.camera, moved)
-
-
-def _with_frames(tree: UrdfTree, frames: Sequence[FrameSpec]) -> UrdfTree:
-    """Add frames as links without a body, each on a fixed joint."""
-    shapes = {**tree.shapes, **{frame.name: () for frame in frames}}
-    joints = dict(tree.joints)
-    for frame in frames:
-        if frame.parent not in shapes:
-            raise UnknownNameError(
-                f"parent of frame {frame.name!r} of {tree.name}", frame.parent, shapes
-            )
-        joint = UrdfJoint.fixed(frame.parent, frame.name, frame.T_parent_frame)
-        if frame.name in tree.shapes or joint.name in joints:
-            raise ConfigError(
-                f"frame of {tree.name}",
-                got=repr(frame.name),
-                expected="a name that no link and no joint has",
-            )
-        joints[joint.name] = joint
-    return replace(tree, shapes=shapes, joints=joints)
 
 
 def _find(name_or_path: str | Path) -> Path:

@@ -15,17 +15,9 @@ from debrisgrasp._fields import is_number
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
-__all__ = ["ArmSpec", "FrameSpec", "RobotFile"]
+from .frames import FrameSpec
 
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class FrameSpec:
-    """A frame that is fixed to a link, and that the URDF doesn't have."""
-
-    name: str
-    parent: str
-    """Link that it is fixed to."""
-    T_parent_frame: SE3
+__all__ = ["ArmSpec", "RobotFile"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

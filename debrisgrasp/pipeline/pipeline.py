@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -147,6 +148,19 @@ class Pipeline:
         used = {prototype.gripper for prototype in self.library}
         return [self.grippers[name] for name in sorted(used)]
 
+    def standing(self, joints: Mapping[str, float]) -> Pipeline:
+        """Return the same with arms that idle where some of their joints are now.
+
+        For an arm that is not used, and that can't go where the robot's file has it
+        idle. See `RobotModel.standing`; plans for a floating hand have no arms.
+        """
+        if self.robot is None:
+            return self
+        pipeline = copy(self)
+        pipeline.robot = robot = self.robot.standing(joints)
+        pipeline.arms = tuple(replace(arm, robot=robot) for arm in self.arms)
+        return pipeline
+
     @checked
     def perceive(
         self,
@@ -264,7 +278,10 @@ class Pipeline:
         if target is not None:
             grasps = self._grasps(planner, seen, result, target, watch)
             if (advise or not grasps) and not watch.is_late():
-                advice = self._advice(planner, seen, result, target, seed, watch)
+                with watch.stage("advice"):
+                    asked = result, planner, seen, target, self.arms
+                    rng = np.random.default_rng([seed, 1])
+                    advice = advice_on(*asked, rng=rng, is_late=watch.is_late)
         passed_over, least = tuple(best.passed_over), self.config.min_object_points
         plan = GraspPlan(
             grasps=grasps,
@@ -377,24 +394,3 @@ class Pipeline:
         chains = [arm.chain for arm in self.arms]
         report, label = seen.segmentation.ground, target.label
         return unfit(label, points, target.region, report, self.config, chains)
-
-    def _advice(
-        self,
-        planner: GraspPlanner,
-        seen: Perception,
-        result: SearchResult,
-        target: Target,
-        seed: int,
-        watch: Stopwatch,
-    ) -> tuple[Advice, ...]:
-        """Ask what would free the poses that were ruled out on a target."""
-        with watch.stage("advice"):
-            return advice_on(
-                result,
-                planner,
-                seen,
-                target,
-                self.arms,
-                rng=np.random.default_rng([seed, 1]),
-                is_late=watch.is_late,
-            )

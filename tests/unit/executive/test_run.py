@@ -456,17 +456,51 @@ def test_a_base_that_tells_no_pose_is_named_before_anything_moves(
     assert found.message.startswith("the driver of the base sends nonsense: reads ")
 
 
-def test_an_arm_that_is_not_used_must_stand_where_it_is_planned_around(pipeline):
+def test_an_arm_that_is_not_used_is_planned_around_where_it_stands(pipeline):
     settings = TaskSettings(period=PERIOD, arms=("right",))
     brick, aside = brick_at(1.0), {"left": "ready"}
     fake, task = task_before(pipeline, brick, settings=settings, start=aside)
-    before = fake.arms["right"].read().q
+    before = fake.arms["left"].read().q
+    assert isinstance(self_test(task.context), Done)
+    assert fake.arms["left"].read().q == before
+    robots = [task.context.limbs["right"].reach.robot]
+    robots += [arm.robot for arm in task.context.pipeline.arms]
+    stands = pipeline.robot.posture("left", "ready")
+    for robot in robots:
+        values = robot.joint_values()
+        own = {k: v for k, v in stands.items() if k not in robot.arm("right").joints}
+        assert {k: values[k] for k in own} == pytest.approx(own, abs=1e-3)
+
+
+def test_an_arm_that_is_not_used_must_stay_where_it_is_planned_around(
+    pipeline, monkeypatch
+):
+    settings = TaskSettings(period=PERIOD, arms=("right",))
+    fake, task = task_before(pipeline, brick_at(1.0), settings=settings)
+    left, before = fake.arms["left"], fake.arms["right"].read().q
+    told = left.read()
+    aside = told._replace(q=(told.q[0], told.q[1] + 0.1, *told.q[2:]))
+    monkeypatch.setattr(left, "read", lambda: aside)
     found = self_test(task.context)
     assert (found.fault, found.arm) == ("plan_collision", "left")
     assert "left_arm_joint1 of the left arm, which is not used, is at" in found.message
     assert fake.arms["right"].read().q == before
-    fake, task = task_before(pipeline, brick, settings=settings)
-    assert isinstance(self_test(task.context), Done)
+
+
+@pytest.mark.parametrize("q", [None, (np.nan,) * 8, (0.1,)])
+def test_an_unused_arm_that_cannot_tell_where_it_stands_is_left_to_the_self_test(
+    fake, pipeline, monkeypatch, q
+):
+    left = fake.robot.limbs["left"].arm
+    odd = left.read()._replace(q=q)
+    monkeypatch.setattr(left, "read", lambda: odd)
+    settings = TaskSettings(period=PERIOD, arms=("right",))
+    rng = np.random.default_rng(0)
+    task = Executive(fake.robot, settings, pipeline=pipeline, rng=rng)
+    assert task.context.pipeline is pipeline
+    found = self_test(task.context)
+    assert found.arm == "left"
+    assert found.fault in ("connection_lost", "encoder_jump")
 
 
 def test_an_arm_is_planned_around_the_other_where_that_rests(fake, pipeline):

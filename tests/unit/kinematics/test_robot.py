@@ -243,3 +243,29 @@ def test_a_joint_without_a_speed_that_can_be_is_named(
     tree = replace(roman.tree, joints={**roman.tree.joints, joint.name: joint})
     with pytest.raises(ConfigError, match=rf"left_arm_joint3.*{told}.*velocity.*urdf"):
         replace(roman, tree=tree).limits("left")
+
+
+def test_an_arm_that_stands_elsewhere_is_idle_there(roman: RobotModel) -> None:
+    there = roman.standing({"left_arm_joint1": 0.9})
+    idle = roman.joint_values()
+    assert there.joint_values() == idle | {"left_arm_joint1": 0.9}
+    assert there.arm("right") is roman.arm("right")
+
+
+def test_others_are_held_against_an_arm_where_it_stands(
+    roman: RobotModel, rng: np.random.Generator
+) -> None:
+    chain, aside = roman.chain("right"), roman.posture("left", "ready")
+    aside = {name: q for name, q in aside.items() if name not in chain.joint_names}
+    q = chain.sampled(500, rng=rng)
+    hits = ArmCollision.fit(roman.standing(aside), "right", chain).hits_itself(q)
+    held = ArmCollision.fit(roman, "right", chain, held=aside).hits_itself(q)
+    np.testing.assert_array_equal(hits, held)
+    assert (hits != ArmCollision.fit(roman, "right", chain).hits_itself(q)).any()
+
+
+def test_a_joint_to_stand_at_must_be_known_and_a_number(roman: RobotModel) -> None:
+    with pytest.raises(UnknownNameError, match="left_arm_joint1"):
+        roman.standing({"left_arm_joint_1": 0.9})
+    with pytest.raises(DebrisGraspError, match="left_arm_joint1"):
+        roman.standing({"left_arm_joint1": float("nan")})

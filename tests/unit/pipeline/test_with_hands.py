@@ -33,3 +33,14 @@ def test_a_robot_is_named_given_as_a_path_or_given_as_it_is():
     for robot in ("roman", str(path), path, RobotModel.load(path)):
         (arm,) = Pipeline(robot=robot, arm="right").arms
         assert arm.name == "right"
+
+
+def test_a_pipeline_plans_around_an_arm_where_it_stands():
+    before = Pipeline(robot="roman", arm="right")
+    after = before.standing({"left_arm_joint1": 0.9})
+    (arm,), (as_before,) = after.arms, before.arms
+    assert arm.robot.joint_values()["left_arm_joint1"] == 0.9
+    assert as_before.robot.joint_values()["left_arm_joint1"] != 0.9
+    assert after.library is before.library
+    floating = Pipeline(robot="none")
+    assert floating.standing({}) is floating
