@@ -47,8 +47,8 @@ notebooks: $(VENV)/ready
 	PYTHONWARNINGS=ignore $(BIN)/jupyter nbconvert --to notebook --execute --inplace \
 	    --ExecutePreprocessor.record_timing=False docs/notebooks/*.ipynb
 
-wheel: $(VENV)/ready
-	$(BIN)/python -m build --wheel --outdir dist .
+wheel: $(VENV)/usable
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
 clean:
 	rm -rf $(VENV) build dist $(OUT)

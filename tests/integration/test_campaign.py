@@ -44,9 +44,8 @@ def struck(*faults: Injection, recovery: bool = False) -> RunSpec:
     )
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_crate_is_taken_by_its_handle(seed):
-    spec = RunSpec(name="x", seed=seed, tier="handle", max_removals=1, max_attempts=4)
+def test_a_crate_is_taken_by_its_handle():
+    spec = RunSpec(name="x", seed=1, tier="handle", max_removals=1, max_attempts=4)
     record = run_fake(spec)
     assert (record.outcome, record.n_removed) == ("success", 1)
     assert not any(record.checks.values())

@@ -30,6 +30,7 @@ from debrisgrasp.executive.record import MemoryRecord
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.robot import INJECTABLE, FakeConfig, Injection, fake_robot
 from tests.disks import files_up_to
+from tests.tasks import run_struck, trust_the_camera
 
 
 def run_at(pipeline, beam, period, settings):
@@ -161,40 +162,43 @@ def test_an_injected_fault_ends_the_run_in_its_class(pipeline):
     assert done.truth.violations == ()
 
 
-def test_with_a_load_in_the_hand_a_sensor_that_lies_stops_the_robot(pipeline):
-    task = SimulatedTask(
-        objects=1, seed=3, drive_over=0.02, faults=("wrench_sign@verify_hold",)
-    )
-    done = api.clear(task, pipeline=pipeline)
-    assert done.result.end is RunEnd.STOPPED
-    assert done.result.faults[-1].fault == "wrench_sign"
-    assert done.result.faults[-1].action is Action.STOP
-    assert done.truth.overloads == ()
+def test_with_a_load_in_the_hand_a_sensor_that_lies_stops_the_robot(
+    pipeline, beam, monkeypatch
+):
+    trust_the_camera(monkeypatch)
+    lies = Injection(fault="wrench_sign", state="verify_hold")
+    struck = run_struck(pipeline, beam, TaskSettings(drive_over=0.02), [lies])
+    assert struck.result.end is RunEnd.STOPPED
+    assert struck.result.faults[-1].fault == "wrench_sign"
+    assert struck.result.faults[-1].action is Action.STOP
+    assert struck.fake.truth().overloads == ()
 
 
-def test_a_load_that_grows_on_an_open_hand_that_stands_stops_it(pipeline):
-    task = SimulatedTask(
-        objects=1, seed=4, drive_over=0.02, faults=("ratchet@verify_release",)
-    )
-    done = api.clear(task, pipeline=pipeline)
-    assert done.happened == ("ratchet",)
-    assert done.result.end is RunEnd.STOPPED
+def test_a_load_that_grows_on_an_open_hand_that_stands_stops_it(
+    pipeline, beam, monkeypatch
+):
+    trust_the_camera(monkeypatch)
+    grows = Injection(fault="ratchet", state="verify_release")
+    struck = run_struck(pipeline, beam, TaskSettings(drive_over=0.02), [grows])
+    assert struck.happened == ("ratchet",)
+    assert struck.result.end is RunEnd.STOPPED
     # Before the hand is shaken, as if something hung on it; the sensor of the idle arm
     # lies too.
-    of_hand = [fault.fault for fault in done.result.faults if fault.arm == "right"]
-    assert of_hand == ["ratchet"]
-    assert done.truth.overloads == ()
+    arm = struck.result.attempts[0].arm
+    assert [f.fault for f in struck.result.faults if f.arm == arm] == ["ratchet"]
+    assert struck.fake.truth().overloads == ()
 
 
-def test_an_empty_image_never_means_that_the_way_is_clear(pipeline):
-    task = SimulatedTask(objects=1, seed=3, faults=("empty_cloud@capture",))
-    done = api.clear(task, pipeline=pipeline)
-    assert done.happened == ("empty_cloud",)
-    assert {event.fault for event in done.result.faults} == {"empty_cloud"}
-    assert {event.action for event in done.result.faults} == {Action.RETRY}
+def test_an_empty_image_never_means_that_the_way_is_clear(pipeline, beam, monkeypatch):
+    trust_the_camera(monkeypatch)
+    empty = Injection(fault="empty_cloud", state="capture")
+    struck = run_struck(pipeline, beam, TaskSettings(drive_over=0.9), [empty])
+    assert struck.happened == ("empty_cloud",)
+    assert {event.fault for event in struck.result.faults} == {"empty_cloud"}
+    assert {event.action for event in struck.result.faults} == {Action.RETRY}
     # Only the image after those, with the ground in it, may say so.
-    assert done.result.end is RunEnd.CLEARED
-    assert done.result.left
+    assert struck.result.end is RunEnd.CLEARED
+    assert struck.result.left
 
 
 @pytest.mark.parametrize(

@@ -151,16 +151,12 @@ def test_a_chosen_object_is_the_one_that_is_gripped(plan, run, block_file):
 
 def test_a_plan_has_as_many_grasps_as_are_asked_for(run):
     command = ("plan", data_path("captures", "pile.npz"))
-    usual = run(*command, "--json").json["grasps"]
-    few = run(*command, "--n-best", 2, "--json").json["grasps"]
-    assert len(few) == 2 < len(usual)
+    assert re.search(r"^and \d+ more$", run(*command).out, re.MULTILINE)
+    assert len(run(*command, "--n-best", 2, "--json").json["grasps"]) == 2
     for option, field in (("hand", "gripper"), ("prototype", "prototype")):
         found = run(*command, f"--n-per-{option}", 1, "--json").json["grasps"]
         names = [grasp[field] for grasp in found]
         assert len(names) == len(set(names)) > 1
-    assert len(usual) > 10
-    assert f"and {len(usual) - 10} more" in run(*command).out
-    assert "more\n" not in run(*command, "--n-best", len(usual)).out
 
 
 def test_a_chosen_hand_is_the_only_one(run, pipe_file):
