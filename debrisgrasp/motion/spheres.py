@@ -299,15 +299,20 @@ class SphereTest:
 
     def _trunk_is_free(self, q: FloatArray) -> BoolArray:
         first, table = self._trunk_table
+        if not np.isfinite(self.arm.body.chain.lower[0]):
+            q = q - 2.0 * np.pi * np.round(q / (2.0 * np.pi))
         place = np.round((q - first) / _STEP).astype(np.intp)
         return table[np.clip(place, 0, len(table) - 1)]
 
     @cached_property
     def _trunk_table(self) -> tuple[float, BoolArray]:
-        """Whether the trunk is clear, by the value of the first joint."""
+        """Whether the trunk is clear, by the value of the first joint.
+
+        Of one that turns without end, by those of one turn.
+        """
         chain, cover = self.arm.body.chain, self.arm.trunk
-        lower = chain.lower[0] if np.isfinite(chain.lower[0]) else -2 * np.pi
-        upper = chain.upper[0] if np.isfinite(chain.upper[0]) else 2 * np.pi
+        lower = chain.lower[0] if np.isfinite(chain.lower[0]) else -np.pi
+        upper = chain.upper[0] if np.isfinite(chain.upper[0]) else np.pi
         values = np.arange(lower, upper + _STEP, _STEP)
         if not len(cover.radii):
             return float(lower), np.ones(len(values), dtype=bool)

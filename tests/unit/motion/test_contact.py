@@ -7,9 +7,10 @@ import pytest
 
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3, DepthSight, Intrinsics, PointCloud
-from debrisgrasp.kinematics import ArmCollision
+from debrisgrasp.kinematics import ArmCollision, ArmReach, RobotModel
 from debrisgrasp.motion import MotionSpace, UnknownSpace
 from debrisgrasp.motion.spheres import ArmSpheres, SphereTest
+from tests.unit.kinematics.robots import JointText, row_robot
 
 from .conftest import GROUND
 
@@ -91,6 +92,26 @@ def test_spheres_that_are_sure_are_right(arm, planner, clutter, postures):
     sure, right = spheres(postures), exact.is_free(postures)
     assert right[sure].all()
     assert sure.sum() > 0.5 * right.sum()
+
+
+def test_an_endless_first_joint_may_have_turned_often(tmp_path):
+    beam = '<collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.1 0.05"/>'
+    beam += "</geometry></collision>"
+    endless = JointText(kind="continuous")
+    arm = ArmReach(RobotModel.load(row_robot(tmp_path, beam, joint=endless)), "one")
+    wall = np.mgrid[-0.4:-0.3:0.01, -0.1:0.1:0.01, 0.1:0.3:0.01].reshape(3, -1).T
+    test = SphereTest(
+        arm=ArmSpheres(arm.collision.body),
+        space=MotionSpace.from_points(wall),
+        margin=0.005,
+        self_margin=0.0,
+    )
+    q = np.zeros((3, 6))
+    q[:, 0] = 0.0, 1.5, 3.0
+    assert test(q).tolist() == [True, True, False]
+    turn = np.eye(6)[0] * 2.0 * np.pi
+    for turns in (-3, -1, 1, 4):
+        assert (test(q + turns * turn) == test(q)).all()
 
 
 def test_spheres_see_near_points_as_brute_force_does(rng, clutter):
