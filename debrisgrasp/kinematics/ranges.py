@@ -1,4 +1,4 @@
-"""Ranges of joints that cannot be meant: empty ones, and angles in degrees."""
+"""Ranges of joints that cannot be meant: empty ones, degrees, and millimetres."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._arrays import BoolArray, FloatArray, require_metres
 from debrisgrasp.errors import ConfigError
 
 __all__ = ["require_ranges"]
@@ -33,14 +33,17 @@ def require_ranges(
     for name, turns, low, high in zip(names, is_revolute, lower, upper, strict=True):
         got = f"{low:g} to {high:g}"
         if not low < high:
+            endless = ", or the type continuous if it turns without end"
             raise ConfigError(
                 f"limits of joint {name!r}",
                 got=got,
                 expected="lower < upper",
-                mend="Give both in its <limit>, or the type continuous if it turns "
-                "without end. To hold it still leave it out of the arm's joints, or "
+                mend=f"Give both in its <limit>{endless if turns else ', in metres'}. "
+                "To hold it still leave it out of the arm's joints, or "
                 f"pass locked={{{name!r}: value}}.",
             )
+        if not turns:
+            require_metres(f"limits of joint {name!r}", (low, high))
         most = max(abs(low), abs(high))
         if turns and 2.0 * np.pi * _MOST_TURNS < most < np.inf:
             raise ConfigError(

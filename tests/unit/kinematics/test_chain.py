@@ -192,9 +192,23 @@ def test_limits_in_degrees_are_refused_with_a_mend(tmp_path: Path) -> None:
     path = written(tmp_path, [JointText(), JointText(lower=-90, upper=90)])
     with pytest.raises(ConfigError, match=r"joint2.*-90 to 90.*pi / 180"):
         KinematicChain.from_urdf(path, "link0", "link2")
-    far = [JointText("prismatic", upper=90), JointText("continuous", upper=90)]
+    far = [JointText("prismatic", upper=19), JointText("continuous", upper=90)]
     path = written(tmp_path, [*far, JointText(lower=-25, upper=25)])
     assert KinematicChain.from_urdf(path, "link0", "link3").n_joints == 3
+
+
+def test_limits_in_millimetres_are_refused_with_a_mend(tmp_path: Path) -> None:
+    path = written(tmp_path, [JointText("prismatic", lower=-900, upper=900)])
+    with pytest.raises(ConfigError, match=r"joint1.*900.*metres.*divide by 1000"):
+        KinematicChain.from_urdf(path, "link0", "link1")
+
+
+def test_a_slide_without_a_range_is_not_told_to_turn(tmp_path: Path) -> None:
+    path = written(tmp_path, [JointText("prismatic", lower=0.9, upper=-0.9)])
+    with pytest.raises(ConfigError, match=r"joint1.*0\.9 to -0\.9") as refused:
+        KinematicChain.from_urdf(path, "link0", "link1")
+    assert "metres" in str(refused.value)
+    assert "continuous" not in str(refused.value)
 
 
 def test_a_chain_without_moving_joints_is_refused(tmp_path: Path) -> None:
