@@ -135,10 +135,11 @@ class UrdfTree:
                 "URDF", got=f"{path}, a xacro file", expected="plain URDF", mend=_EXPAND
             )
         links = {
-            _attribute(link, "name", path): tuple(
-                _shape(element, path) for element in link.findall("collision")
+            name: tuple(_shape(e, f"link {name!r} in {path}") for e in solids)
+            for name, solids in (
+                (_attribute(link, "name", path), link.findall("collision"))
+                for link in root.findall("link")
             )
-            for link in root.findall("link")
         }
         joints = [_joint(element, path) for element in root.findall("joint")]
         tree = cls(
@@ -265,11 +266,11 @@ def _mend_of_xml(content: bytes) -> str:
     return ""
 
 
-def _attribute(element: ElementTree.Element, name: str, path: Path) -> str:
+def _attribute(element: ElementTree.Element, name: str, where: str | Path) -> str:
     value = element.get(name)
     if value is None:
         raise ConfigError(
-            f"<{element.tag}> in {path}", got=f"no {name}", expected=f'{name}="..."'
+            f"<{element.tag}> in {where}", got=f"no {name}", expected=f'{name}="..."'
         )
     return value
 
@@ -278,55 +279,58 @@ def _numbers(
     element: ElementTree.Element | None,
     name: str,
     default: tuple[float, ...],
-    path: Path,
+    where: str,
 ) -> FloatArray:
-    text = None if element is None else element.get(name)
-    if text is None:
+    """Numbers of an attribute of a part of a link or joint, which ``where`` names."""
+    if element is None or (text := element.get(name)) is None:
         return np.array(default)
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError:
         values = np.array([np.nan])
-    if len(values) != len(default) or not np.isfinite(values).all():
+    n = len(default)
+    if len(values) != n or not np.isfinite(values).all():
         raise ConfigError(
-            f"{name} in {path}", got=repr(text), expected=f"{len(default)} numbers"
+            f"{name} in <{element.tag}> of {where}",
+            got=repr(text),
+            expected="a finite number" if n == 1 else f"{n} numbers, all finite",
         )
     return values
 
 
-def _origin(element: ElementTree.Element, path: Path) -> SE3:
+def _origin(element: ElementTree.Element, where: str) -> SE3:
     origin = element.find("origin")
-    p = _numbers(origin, "xyz", (0.0, 0.0, 0.0), path)
-    require_metres(f"xyz in {path}", p)
-    rpy = _numbers(origin, "rpy", (0.0, 0.0, 0.0), path)
+    p = _numbers(origin, "xyz", (0.0, 0.0, 0.0), where)
+    require_metres(f"xyz in <origin> of {where}", p)
+    rpy = _numbers(origin, "rpy", (0.0, 0.0, 0.0), where)
     return SE3.from_parts(so3.from_rpy(rpy), p)
 
 
-def _shape(collision: ElementTree.Element, path: Path) -> UrdfShape:
+def _shape(collision: ElementTree.Element, where: str) -> UrdfShape:
     geometry = collision.find("geometry")
     shape = next(iter(geometry), None) if geometry is not None else None
     if shape is None or shape.tag not in _ARITY:
         raise ConfigError(
-            f"collision geometry in {path}",
+            f"collision geometry of {where}",
             got="none" if shape is None else f"<{shape.tag}>",
             expected="one of " + ", ".join(_ARITY),
         )
     if shape.tag in ("cylinder", "capsule"):
-        sizes = [_numbers(shape, n, (np.nan,), path)[0] for n in ("radius", "length")]
+        sizes = [_numbers(shape, n, (np.nan,), where)[0] for n in ("radius", "length")]
     else:
         name = {"box": "size", "sphere": "radius", "mesh": "scale"}[shape.tag]
         default = 1.0 if shape.tag == "mesh" else np.nan
-        sizes = list(_numbers(shape, name, (default,) * _ARITY[shape.tag], path))
+        sizes = list(_numbers(shape, name, (default,) * _ARITY[shape.tag], where))
     # A negative scale mirrors a mesh; a negative size means nothing.
     if not all(size > 0 or (shape.tag == "mesh" and size < 0) for size in sizes):
         raise ConfigError(
-            f"<{shape.tag}> in {path}", got=sizes, expected="sizes above zero"
+            f"<{shape.tag}> of {where}", got=sizes, expected="sizes above zero"
         )
-    file = _attribute(shape, "filename", path) if shape.tag == "mesh" else ""
+    file = _attribute(shape, "filename", where) if shape.tag == "mesh" else ""
     return UrdfShape(
         kind=shape.tag,
         size=tuple(float(size) for size in sizes),
-        T_link_shape=_origin(collision, path),
+        T_link_shape=_origin(collision, where),
         file=file,
     )
 
@@ -346,11 +350,12 @@ def _end(joint: ElementTree.Element, tag: str, path: Path) -> str:
 def _joint(element: ElementTree.Element, path: Path) -> UrdfJoint:
     name = _attribute(element, "name", path)
     kind = _attribute(element, "type", path)
-    axis = _numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0), path)
+    where = f"joint {name!r} in {path}"
+    axis = _numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0), where)
     length = float(np.linalg.norm(axis))
     if length < 1e-9 and kind in MOVABLE_KINDS:
         raise ConfigError(
-            f"axis of joint {name!r} in {path}",
+            f"axis of {where}",
             got=axis.tolist(),
             expected="a direction",
         )
@@ -358,7 +363,7 @@ def _joint(element: ElementTree.Element, path: Path) -> UrdfJoint:
     # A revolute or prismatic joint without limits would be fixed at zero; that is what
     # the format says, and what the zero-width check of a chain then reports.
     lower, upper = (
-        float(_numbers(limit, end, (0.0,), path)[0]) for end in ("lower", "upper")
+        float(_numbers(limit, end, (0.0,), where)[0]) for end in ("lower", "upper")
     )
     if kind == "continuous":
         lower, upper = -np.inf, np.inf
@@ -367,11 +372,11 @@ def _joint(element: ElementTree.Element, path: Path) -> UrdfJoint:
         kind=kind,
         parent=_end(element, "parent", path),
         child=_end(element, "child", path),
-        T_parent_joint=_origin(element, path),
+        T_parent_joint=_origin(element, where),
         axis=axis / max(length, 1e-9),
         lower=lower,
         upper=upper,
-        velocity=float(_numbers(limit, "velocity", (np.inf,), path)[0]),
-        effort=float(_numbers(limit, "effort", (np.inf,), path)[0]) or np.inf,
-        mimics=None if mimic is None else _attribute(mimic, "joint", path),
+        velocity=float(_numbers(limit, "velocity", (np.inf,), where)[0]),
+        effort=float(_numbers(limit, "effort", (np.inf,), where)[0]) or np.inf,
+        mimics=None if mimic is None else _attribute(mimic, "joint", where),
     )

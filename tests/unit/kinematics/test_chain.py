@@ -245,7 +245,7 @@ def test_missing_meshes_do_not_matter(tmp_path: Path) -> None:
         (
             "<robot><link name='a'/><link name='b'/><joint name='j' type='revolute'>"
             "<parent link='a'/><child link='b'/><origin xyz='1 2'/></joint></robot>",
-            "3 numbers",
+            "xyz in <origin> of joint 'j'.*3 numbers",
         ),
         (
             "<robot><link name='a'/><link name='b'/><joint name='j' type='revolute'>"
@@ -255,13 +255,18 @@ def test_missing_meshes_do_not_matter(tmp_path: Path) -> None:
         ),
         (
             "<robot><link name='a'/><link name='b'/><joint name='j' type='revolute'>"
+            "<parent link='a'/><child link='b'/><limit lower='nan'/></joint></robot>",
+            "lower in <limit> of joint 'j'.*'nan'.*a finite number",
+        ),
+        (
+            "<robot><link name='a'/><link name='b'/><joint name='j' type='revolute'>"
             "<parent link='a'/><child link='b'/><axis xyz='0 0 0'/></joint></robot>",
             "a direction",
         ),
         (
             "<robot><link name='a'><collision><geometry><box size='1 1 -1'/>"
             "</geometry></collision></link></robot>",
-            "above zero",
+            "box.* of link 'a'.*above zero",
         ),
         (
             "<robot><link name='a'><collision><geometry><cone radius='1'/>"
