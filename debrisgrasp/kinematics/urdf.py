@@ -134,24 +134,26 @@ class UrdfTree:
             raise ConfigError(
                 "URDF", got=f"{path}, a xacro file", expected="plain URDF", mend=_EXPAND
             )
-        links = {
-            name: tuple(_shape(e, f"link {name!r} in {path}") for e in solids)
-            for name, solids in (
-                (_attribute(link, "name", path), link.findall("collision"))
-                for link in root.findall("link")
-            )
-        }
+        links = [
+            (_attribute(link, "name", path), link.findall("collision"))
+            for link in root.findall("link")
+        ]
         joints = [_joint(element, path) for element in root.findall("joint")]
+        _require_distinct("link", [name for name, _ in links], path)
+        _require_distinct("joint", [joint.name for joint in joints], path)
         tree = cls(
             name=root.get("name", path.stem),
             path=path,
-            shapes=links,
+            shapes={
+                name: tuple(_shape(e, f"link {name!r} in {path}") for e in solids)
+                for name, solids in links
+            },
             joints={joint.name: joint for joint in joints},
         )
-        tree._require_one_tree(len(joints))
+        tree._require_one_tree()
         return tree
 
-    def _require_one_tree(self, n_joints: int) -> None:
+    def _require_one_tree(self) -> None:
         for joint in self.joints.values():
             for link in (joint.parent, joint.child):
                 if link not in self.shapes:
@@ -160,18 +162,11 @@ class UrdfTree:
                         link,
                         self.shapes,
                     )
-        has_one_parent = (
-            len(self.joints)
-            == n_joints
-            == len(self.parent_joint)
-            == len(self.shapes) - 1
-        )
-        if not has_one_parent:
+        if not len(self.joints) == len(self.parent_joint) == len(self.shapes) - 1:
             raise ConfigError(
                 f"joints of {self.path}",
-                got=f"{n_joints} joints over {len(self.shapes)} links",
-                expected="one tree: distinct joint names, and one parent joint for "
-                "every link but the root",
+                got=f"{len(self.joints)} joints over {len(self.shapes)} links",
+                expected="one tree: one parent joint for every link but the root",
             )
 
     @cached_property
@@ -242,6 +237,16 @@ class UrdfTree:
                 poses[joint.child] = poses[link] @ step
                 waiting.append(joint.child)
         return poses
+
+
+def _require_distinct(kind: str, names: list[str], path: Path) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(
+                f"{kind}s of {path}",
+                got=f"{names.count(name)} called {name!r}",
+                expected="names that are given once",
+            )
 
 
 def _is_xacro(element: ElementTree.Element) -> bool:
