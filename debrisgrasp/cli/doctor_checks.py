@@ -167,7 +167,7 @@ def self_test(settings: Settings) -> Iterator[Finding]:
         yield Finding("self-test", "fault", str(error))
         return
     if not plan.grasps:
-        why = plan.why_empty or "no grasp"
+        why = "; ".join([*plan.notes, plan.why_empty or "no grasp"])
         if settings.path is None:
             yield Finding("plan", "fault", why)
         else:

@@ -9,7 +9,7 @@ from .limits import DeflectionLimits, LimitFamily, LimitSet
 from .mounted import with_hand
 from .nearest import solve_nearest
 from .placement import BasePlacement, PlacementConfig, base_placements
-from .posture import PostureCost, dexterity
+from .posture import PostureCost, dexterity, mobility
 from .reach import ArmReach
 from .reach_files import (
     cache_folder,
@@ -62,6 +62,7 @@ __all__ = [
     "follow",
     "grid_places",
     "load_reach_map",
+    "mobility",
     "palm_poses",
     "save_reach_map",
     "solve",

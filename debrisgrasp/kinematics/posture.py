@@ -10,7 +10,7 @@ from debrisgrasp._arrays import FloatArray, as_floats, require_finite
 
 from .chain import KinematicChain
 
-__all__ = ["PostureCost", "dexterity", "self_motions"]
+__all__ = ["PostureCost", "dexterity", "mobility", "self_motions"]
 
 _LIMIT_ZONE = 0.05
 """Part of a joint's range, at either end, that postures rather avoid."""
@@ -18,6 +18,10 @@ _CLEAR_ENOUGH = 0.05
 """Clearance beyond which more of it is worth nothing [m]."""
 _LENGTH = 0.3
 """Metres that one radian of the tip's rotation counts as."""
+_SEED, _N_SAMPLES = 2_718_281_828, 16
+"""Of the random postures that tell in how many ways a chain moves its tip."""
+_MOVES = 0.01
+"""A tip moves some way if unit speeds of the joints move it so much [m/s or rad/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +82,15 @@ def dexterity(chain: KinematicChain, q: FloatArray) -> FloatArray:
     square = J @ np.swapaxes(J, -1, -2)
     least = np.linalg.eigvalsh(square)[..., 0]
     return np.asarray(np.sqrt(np.maximum(least, 0.0)), dtype=np.float64)
+
+
+def mobility(chain: KinematicChain) -> int:
+    """In how many of the six ways a chain moves its tip; with less, few poses are met.
+
+    A SCARA moves it in four, on a rail in no more.
+    """
+    q = chain.sampled(_N_SAMPLES, rng=np.random.default_rng(_SEED))
+    return int(np.linalg.matrix_rank(chain.jacobian(q), tol=_MOVES).max())
 
 
 def self_motions(chain: KinematicChain, q: FloatArray, length: float) -> FloatArray:

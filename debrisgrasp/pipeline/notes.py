@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray
 from debrisgrasp._words import arm_called, shortened
-from debrisgrasp.planning import Arm, PlannerConfig
+from debrisgrasp.kinematics import ArmReach, mobility
+from debrisgrasp.planning import PlannerConfig
 from debrisgrasp.prototypes import GraspPrototype
 from debrisgrasp.segmentation import (
     WHOLE_SHARE,
@@ -148,17 +149,23 @@ def mask_notes(
 
 
 def pipeline_notes(
-    arms: Iterable[Arm],
+    arms: Sequence[ArmReach],
     prototypes: Iterable[GraspPrototype],
     config: PlannerConfig,
 ) -> tuple[str, ...]:
-    """Say which arms no grasp was sought for, and whose coefficients score grasps."""
+    """Say which arms no grasp was sought for, or is met by, and what scores grasps."""
     hands = {prototype.gripper for prototype in prototypes}
     notes = tuple(
         f"no grasp is sought for the {arm_called(arm.name)}: no prototype that was "
         f"tried is for its hand, {arm.gripper}"
         for arm in arms
         if arm.gripper not in hands
+    )
+    notes += tuple(
+        f"hardly a grasp is found for the {arm_called(arm.name)}: it moves its palm in "
+        f"{ways} of six ways, and grasps are sought at poses that take all six"
+        for arm in arms
+        if (ways := mobility(arm.chain)) < 6
     )
     if config.success is None:
         return notes

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +14,11 @@ from debrisgrasp.kinematics import (
     ReachConfig,
     RobotModel,
     dexterity,
+    mobility,
 )
 from debrisgrasp.kinematics.posture import self_motions
+
+from .robots import JointText, written
 
 COST = PostureCost(
     limit_weight=1.0, singularity_weight=1.0, free_dexterity=0.04, scene_weight=0.5
@@ -29,6 +33,21 @@ def test_dexterity_is_the_slowest_motion_of_the_tip(
     J[:, 3:] *= 0.3
     least = np.linalg.svd(J, compute_uv=False)[:, -1]
     np.testing.assert_allclose(dexterity(arm, q), least, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("turn", [1.57, 1.5707963])
+def test_mobility_counts_ways_and_not_joints(
+    arm: KinematicChain, tmp_path: Path, turn: float
+) -> None:
+    assert mobility(arm) == 6
+    scara = [JointText(), JointText(xyz=(0.4, 0.0, 0.0))]
+    scara += [JointText("prismatic", xyz=(0.3, 0.0, 0.0)), JointText()]
+    rail = JointText("prismatic", xyz=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0))
+    tilted = JointText(rpy=(0.0, turn, 0.0), axis=(-1.0, 0.0, 0.0))
+    for joints in (scara, [rail, *scara], [*scara, tilted]):
+        path = written(tmp_path, joints)
+        chain = KinematicChain.from_urdf(path, "link0", f"link{len(joints)}")
+        assert mobility(chain) == 4
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

@@ -12,6 +12,7 @@ import debrisgrasp
 from debrisgrasp._files import data_path
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.io import Capture, measured
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Target
 from debrisgrasp.pipeline.notes import (
     deadline_notes,
@@ -43,8 +44,10 @@ def test_a_deadline_is_told_of_where_it_cut_something_short():
 
 
 def test_an_arm_whose_hand_no_prototype_is_for_is_told_of():
+    chain = RobotModel.load("roman").chain("left")
     arms = [
-        SimpleNamespace(name=n, gripper=h) for n, h in (("left", "a"), ("arm", "b"))
+        SimpleNamespace(name=n, gripper=h, chain=chain)
+        for n, h in (("left", "a"), ("arm", "b"))
     ]
     of_a, of_b = (SimpleNamespace(gripper=hand) for hand in "ab")
     assert pipeline_notes(arms, [of_a, of_b], PlannerConfig()) == ()
@@ -52,6 +55,14 @@ def test_an_arm_whose_hand_no_prototype_is_for_is_told_of():
     assert "for the arm:" in note
     assert note.endswith("for its hand, b")
     assert len(pipeline_notes(arms, [], PlannerConfig())) == 2
+
+
+def test_an_arm_that_moves_its_palm_in_some_ways_only_is_told_of():
+    wrist = [f"right_arm_joint{i}" for i in range(1, 4)]
+    chain = RobotModel.load("roman").chain("right", dict.fromkeys(wrist, 0.0))
+    arm = SimpleNamespace(name="right", gripper="a", chain=chain)
+    (note,) = pipeline_notes([arm], [SimpleNamespace(gripper="a")], PlannerConfig())
+    assert "for the right arm: it moves its palm in 5 of six ways" in note
 
 
 def test_a_plan_tells_of_coefficients_other_than_the_shipped_ones():
