@@ -224,7 +224,7 @@ def site(settings: Settings) -> Iterator[Finding]:
             yield from _bodies(robot, arm.name)
             yield from _overlaps(arm)
             yield from _postures(robot, arm)
-            yield _limits(arm.name, robot.limits(arm.name).controller, settings)
+            yield _limits(arm, robot.limits(arm.name).controller, settings)
 
 
 def _same_joints(robot: RobotModel, arms: Sequence[ArmReach]) -> Iterator[Finding]:
@@ -307,13 +307,15 @@ def _postures(robot: RobotModel, arm: ArmReach) -> Iterator[Finding]:
         yield Finding(f"rest of {arm_called(arm.name)}", "note", text)
 
 
-def _limits(name: str, limits: LimitSet, settings: Settings) -> Finding:
-    what = f"limits of {arm_called(name)}"
-    text = (
-        f"{limits.force:g} N, {limits.torque:g} N m, joints up to "
-        f"{limits.velocity.max():.2f} rad/s, hand "
-        f"{settings.limits.hand_speed:g} m/s on approach and lift"
+def _limits(arm: ArmReach, limits: LimitSet, settings: Settings) -> Finding:
+    what, turns = f"limits of {arm_called(arm.name)}", arm.chain.is_revolute
+    speeds = " and ".join(
+        f"{limits.velocity[those].max():.2f} {unit}"
+        for those, unit in ((turns, "rad/s"), (~turns, "m/s"))
+        if those.any()
     )
+    text = f"{limits.force:g} N, {limits.torque:g} N m, joints up to {speeds}, hand "
+    text += f"{settings.limits.hand_speed:g} m/s on approach and lift"
     try:
         require_room(limits, TaskSettings().load_share)
     except InputError as error:

@@ -391,6 +391,21 @@ def test_the_doctor_tells_of_an_arm_that_is_present_at_a_limit(run, tmp_path):
 
 
 @pytest.mark.usefixtures("quick")
+def test_the_doctor_tells_speeds_of_slides_in_metres(run, tmp_path):
+    urdf = data_path("robots", "roman.urdf").read_text("utf-8")
+    turning = 'name="torso_joint" type="revolute"'
+    assert urdf.count(turning) == 1
+    slides = urdf.replace(turning, turning.replace("revolute", "prismatic"))
+    (tmp_path / "roman.urdf").write_text(slides, "utf-8")
+    robot = data_path("robots", "roman.yaml").read_text("utf-8")
+    (tmp_path / "lifted.yaml").write_text(robot, "utf-8")
+    path = tmp_path / "site.yaml"
+    path.write_text("schema: debrisgrasp/site/1\nrobot: lifted.yaml\n", "utf-8")
+    ended = run("doctor", "--site", path)
+    assert ended.out.count(" rad/s and 0.50 m/s, hand") == 2
+
+
+@pytest.mark.usefixtures("quick")
 def test_the_doctor_tells_of_a_hand_that_is_turned_back_into_its_arm(run, tmp_path):
     mounted = '<child link="right_robotiq_palm_link"/><origin xyz="0 0 0" rpy="0 0 '
     urdf = data_path("robots", "roman.urdf").read_text("utf-8")
