@@ -123,7 +123,7 @@ def motion_png(
         kind = "speed" if is_pair or i else "posture"
         heading = f"{'Speed' if kind == 'speed' else 'Posture'} of the joints"
         axes = _scaled(page, slot, heading)
-        _draw_joints(axes, track, of_speed=kind == "speed")
+        _draw_joints(axes, track, robot, of_speed=kind == "speed")
     page.write(path)
 
 
@@ -218,7 +218,9 @@ def _scaled(page: Page, slot: Slot, title: str) -> Axes:
     return axes
 
 
-def _draw_joints(axes: Axes, track: MotionTrack, *, of_speed: bool) -> None:
+def _draw_joints(
+    axes: Axes, track: MotionTrack, robot: RobotModel, *, of_speed: bool
+) -> None:
     t = np.linspace(0.0, track.duration, 500)
     q, dq = track.at(t)
     values = dq / track.limits.velocity if of_speed else q
@@ -235,7 +237,9 @@ def _draw_joints(axes: Axes, track: MotionTrack, *, of_speed: bool) -> None:
     if not of_speed:
         low, high = float(values.min()), float(values.max())
         axes.set_ylim(low - 0.2, high + 0.4 * (high - low) + 0.2)
-    unit = "share of the limit" if of_speed else "rad"
+    kinds = [robot.tree.joints[name].kind for name in track.limits.joint_names]
+    units = dict.fromkeys("m" if kind == "prismatic" else "rad" for kind in kinds)
+    unit = "share of the limit" if of_speed else " or ".join(units)
     axes.set_ylabel(unit, fontsize=10, color=hex_color(MUTED_INK))
     axes.set_xlim(0.0, max(track.duration, 1e-3))
     axes.legend(fontsize=8, ncols=4, loc="upper right", handlelength=1.2)
