@@ -11,10 +11,10 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import arm_called
 from debrisgrasp.control import SafetyConfig
 from debrisgrasp.geometry import SE3, Intrinsics
-from debrisgrasp.kinematics import LimitSet
+from debrisgrasp.kinematics import KinematicChain, LimitSet
 
 from .gaps import absent, unanswered
-from .interface import DepthFrame, Limb, Robot
+from .interface import DepthFrame, Robot
 from .kinds import (
     dead_half,
     odd_answers,
@@ -42,6 +42,10 @@ __all__ = [
 
 _OLD = 0.2
 """A reading older than this is not of now [s]; a wrench must be younger."""
+_OFTEN = 10.0 * np.pi
+"""An endless joint that reads more is rather in degrees [rad]."""
+_UNITS = {True: "radians, not degrees?", False: "metres, not millimetres?"}
+"""What to ask of a joint that turns, and of one that slides."""
 _FREE_LOAD = (20.0, 5.0)
 """Load of an idle hand, at most [N, N m]."""
 
@@ -134,10 +138,10 @@ def times_rise(robot: Robot) -> Iterator[str]:
 
 
 def joints_are_read(robot: Robot) -> Iterator[str]:
-    """Check that joints are finite, in radians, within their limits."""
+    """Check that joints are finite, in radians or metres, within their limits."""
     for name, limb in robot.limbs.items():
         limits, said = limb.arm.limits, limb.arm.read().q
-        if odd := _odd_joints(limb, said):
+        if odd := _odd_joints(robot.model.chain(name), said):
             yield f"arm {name}: {odd}"
             continue
         q = np.asarray(said, dtype=np.float64)
@@ -145,25 +149,29 @@ def joints_are_read(robot: Robot) -> Iterator[str]:
             yield f"arm {name}: {limits.violation(q, tolerance=0.02)}"
 
 
-def _odd_joints(limb: Limb, said: Sequence[float] | FloatArray) -> str:
+def _odd_joints(chain: KinematicChain, said: Sequence[float] | FloatArray) -> str:
     """Say why values can't be where the joints are; "" if they can."""
-    n = len(limb.arm.joint_names)
     if odd := unlike_numbers(said):
         return odd
     q = np.asarray(said, dtype=np.float64)
-    if q.shape != (n,):
-        return f"{q.shape} values for {n} joints"
+    if q.shape != (chain.n_joints,):
+        return f"{q.shape} values for {chain.n_joints} joints"
     if not np.isfinite(q).all():
         return f"reads {q.tolist()}"
-    if np.abs(q).max() > 4.0 * np.pi:
-        return f"reads {np.abs(q).max():.1f}; radians, not degrees?"
-    return ""
+    farthest = 2.0 * np.maximum(np.abs(chain.lower), np.abs(chain.upper))
+    share = np.abs(q) / np.where(np.isfinite(farthest), farthest, _OFTEN)
+    worst = int(np.argmax(share))
+    if share[worst] <= 1.0:
+        return ""
+    doubt = _UNITS[bool(chain.is_revolute[worst])]
+    return f"{chain.joint_names[worst]} reads {q[worst]:.1f}; {doubt}"
 
 
 def limits_are_true(robot: Robot) -> Iterator[str]:
     """Check that the limits of the arms are those of the model."""
     for name, limb in robot.limbs.items():
         said, known = limb.arm.limits, robot.model.limits(name).hardware
+        turns = robot.model.chain(name).is_revolute
         if not isinstance(said, LimitSet):
             yield f"arm {name}: limits are {said!r}; a LimitSet is needed"
             continue
@@ -172,12 +180,13 @@ def limits_are_true(robot: Robot) -> Iterator[str]:
             continue
         for what in ("lower", "upper", "velocity", "acceleration"):
             a, b = getattr(said, what), getattr(known, what)
-            for joint, own, model in zip(said.joint_names, a, b, strict=True):
+            rows = zip(said.joint_names, a, b, turns, strict=True)
+            for joint, own, model, does_turn in rows:
                 # A joint without limits has infinite ones, whose difference is NaN.
                 if own != model and abs(own - model) > 1e-3 * max(1.0, abs(model)):
-                    factor = np.rad2deg(1.0)
-                    is_degrees = np.isclose(own, factor * model, rtol=0.01)
-                    hint = "; radians, not degrees?" if is_degrees else ""
+                    factor = np.rad2deg(1.0) if does_turn else 1e3
+                    is_scaled = np.isclose(own, factor * model, rtol=0.01)
+                    hint = f"; {_UNITS[bool(does_turn)]}" if is_scaled else ""
                     yield (
                         f"arm {name}: {what} of {joint} is {own:g}; the model says "
                         f"{model:g}{hint}"
@@ -210,7 +219,7 @@ def wrist_is_read(robot: Robot) -> Iterator[str]:
         elif odd := dead_half(raw):
             yield f"sensor {name}: {odd}"
         q = limb.arm.read().q
-        if _odd_joints(limb, q):
+        if _odd_joints(robot.model.chain(name), q):
             continue  # `joints_are_read` tells; nobody knows where down is
         T = robot.model.chain(name).fk(np.asarray(q))
         mean = raw.mean(axis=0)
@@ -303,7 +312,8 @@ def head_is_known(robot: Robot) -> Iterator[str]:
     for name, value in zip(head.joint_names, q, strict=True):
         joint = robot.model.tree.joints[name]
         if not joint.lower - 0.02 <= value <= joint.upper + 0.02:
-            hint = "; radians, not degrees?" if abs(value) > 2.0 * np.pi else ""
+            doubt = _UNITS[joint.kind != "prismatic"]
+            hint = f"; {doubt}" if abs(value) > 2.0 * np.pi else ""
             ends = f"{joint.lower:g} to {joint.upper:g}"
             yield f"{name} at {value:g}, beyond {ends}{hint}"
     if not head.is_still:

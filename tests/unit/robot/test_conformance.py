@@ -11,7 +11,7 @@ import pytest
 
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.robot import CHECKS, MOVING_CHECKS, check_robot
-from debrisgrasp.robot.promises import limits_are_true
+from debrisgrasp.robot.promises import joints_are_read, limits_are_true
 from tests.unit.robot.broken_robots import (
     backward_clock,
     base_of_numbers,
@@ -63,15 +63,50 @@ def test_our_robot_conforms_even_in_motion():
     assert len(report.passed) == len(CHECKS) + len(MOVING_CHECKS)
 
 
-def test_joints_without_limits_are_those_of_the_model():
+def with_joint(**joint):
+    """RoMan's left arm, whose first own joint is of another kind."""
     model = RobotModel.load("roman")
-    joint = model.tree.joints["left_arm_joint1"]
-    endless = replace(joint, kind="continuous", lower=-np.inf, upper=np.inf)
-    joints = {**model.tree.joints, joint.name: endless}
+    known = model.tree.joints["left_arm_joint1"]
+    joints = {**model.tree.joints, known.name: replace(known, **joint)}
     model = replace(model, tree=replace(model.tree, joints=joints))
     arm = SimpleNamespace(limits=model.limits("left").hardware)
-    robot = SimpleNamespace(model=model, limbs={"left": SimpleNamespace(arm=arm)})
+    return SimpleNamespace(model=model, limbs={"left": SimpleNamespace(arm=arm)}), arm
+
+
+def reading(value):
+    """All joints of an arm at zero, but for its second one."""
+    return lambda: SimpleNamespace(q=(0.0, value, *(0.0,) * 6))
+
+
+def test_joints_without_limits_are_those_of_the_model():
+    robot, _ = with_joint(kind="continuous", lower=-np.inf, upper=np.inf)
     assert list(limits_are_true(robot)) == []
+
+
+@pytest.mark.parametrize(
+    ("joint", "value", "words"),
+    [
+        ({"kind": "continuous", "lower": -np.inf, "upper": np.inf}, 19.0, ""),
+        ({"kind": "continuous", "lower": -np.inf, "upper": np.inf}, 90.0, "degrees"),
+        ({"lower": -25.0, "upper": 25.0}, 24.0, ""),
+        ({"lower": -1.0, "upper": 1.0}, 50.0, "joint1 reads 50.0; radians, not deg"),
+        ({"kind": "prismatic", "lower": 0.0, "upper": 0.9}, 0.8, ""),
+        ({"kind": "prismatic", "lower": 0.0, "upper": 0.9}, 8.0, "not millimetres"),
+    ],
+)
+def test_a_joint_that_can_not_stand_there_is_asked_for_its_unit(joint, value, words):
+    robot, arm = with_joint(**joint)
+    arm.read = reading(value)
+    said = list(joints_are_read(robot))
+    assert len(said) == bool(words)
+    assert words in "".join(said)
+
+
+def test_limits_of_a_slide_in_millimetres_are_told_as_such():
+    robot, arm = with_joint(kind="prismatic", lower=-0.5, upper=0.9)
+    arm.limits = replace(arm.limits, upper=arm.limits.upper * ([1.0, 1e3] + [1.0] * 6))
+    (said,) = limits_are_true(robot)
+    assert "left_arm_joint1 is 900; the model says 0.9; metres, not milli" in said
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=str)
