@@ -76,7 +76,7 @@ def arm_follows(robot: Robot, *, period: float) -> Iterator[str]:
             yield f"arm {name}: {odd}"
             continue
         start = _q(arm)
-        goal = start + _swing(arm, start)
+        goal = start + _swing(robot, name, start)
         _send(robot, name, start, goal, period)
         missed = np.abs(_q(arm) - goal)
         for joint, gap, way in zip(arm.joint_names, missed, goal - start, strict=True):
@@ -88,7 +88,7 @@ def arm_follows(robot: Robot, *, period: float) -> Iterator[str]:
         _send(robot, name, goal, start, period)
         arm.disengage()
         _wait(robot, 0.2)
-        if np.abs(_q(arm) - start).max() > 0.25 * _SWING:
+        if (np.abs(_q(arm) - start) > 0.25 * np.abs(goal - start)).any():
             yield f"arm {name}: did not come back to where it was"
 
 
@@ -103,7 +103,7 @@ def wrist_feels_weight(robot: Robot, *, period: float) -> Iterator[str]:
             yield f"arm {name}: {odd}"
             continue
         start = _q(arm)
-        goal = start + _tilt(arm, chain, start)
+        goal = start + _tilt(arm, chain, start, _swing(robot, name, start))
         ends = []
         for q_from, q_to in ((start, start), (start, goal)):
             _send(robot, name, q_from, q_to, period)
@@ -132,9 +132,11 @@ def wrist_feels_weight(robot: Robot, *, period: float) -> Iterator[str]:
             yield f"{said} changes the force by {felt:.2f} N; does it jump?"
 
 
-def _tilt(arm: Arm, chain: KinematicChain, q: FloatArray) -> FloatArray:
-    """Small motion that turns the hand most against gravity, shape (d,)."""
-    down, size = chain.fk(q).R[2], np.abs(_swing(arm, q))
+def _tilt(
+    arm: Arm, chain: KinematicChain, q: FloatArray, swing: FloatArray
+) -> FloatArray:
+    """Of small motions of the joints those that turn the hand most against gravity."""
+    down, size = chain.fk(q).R[2], np.abs(swing)
     steps = np.concatenate([np.diag(size), -np.diag(size)])
     # Each joint for itself: others may read a little outside their limits.
     allowed = (q + size <= arm.limits.upper, q - size >= arm.limits.lower)
@@ -278,17 +280,18 @@ def _stands(robot: Robot, name: str, state: str, period: float) -> Iterator[str]
     """Send an arm away that must not go."""
     arm = robot.limbs[name].arm
     before = _q(arm)
-    _send(robot, name, before, before + _swing(arm, before), period)
+    _send(robot, name, before, before + _swing(robot, name, before), period)
     moved = float(np.abs(_q(arm) - before).max())
     if moved > _STOOD:
         yield f"arm {name}: followed by {moved:.4f} rad or m though it was {state}"
 
 
-def _swing(arm: Arm, q: FloatArray) -> FloatArray:
-    """Small motion away from the nearer limit, shape (d,)."""
-    limits = arm.limits
+def _swing(robot: Robot, name: str, q: FloatArray) -> FloatArray:
+    """Small motion of an arm away from the nearer limits, shape (d,)."""
+    limits, turns = robot.limbs[name].arm.limits, robot.model.chain(name).is_revolute
     room = limits.upper - q > q - limits.lower
-    sizes = np.minimum(_SWING, 0.1 * (limits.upper - limits.lower))
+    most = np.where(turns, _SWING, 0.1 * _SWING)
+    sizes: FloatArray = np.minimum(most, 0.1 * (limits.upper - limits.lower))
     return np.where(room, sizes, -sizes)
 
 

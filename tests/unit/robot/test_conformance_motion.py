@@ -14,6 +14,7 @@ import pytest
 from debrisgrasp.errors import ConfigError, DriverError, InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.robot import MOVING_CHECKS, FakeConfig, check_robot, fake_robot
+from debrisgrasp.worlds import World
 from tests.unit.robot.broken_robots import (
     Changed,
     inverted_wrench,
@@ -23,7 +24,7 @@ from tests.unit.robot.broken_robots import (
     stuck_joint,
     with_limb,
 )
-from tests.unit.robot.rigs import GRIPPERS, ROMAN
+from tests.unit.robot.rigs import FAR, GRIPPERS, ROMAN
 
 
 def eager(robot):
@@ -284,6 +285,34 @@ def test_limits_in_degrees_do_not_make_an_arm_fast():
     speeds = np.abs(np.diff(sent, axis=0)).max(axis=0) / 0.004
     assert (speeds > 0.0).all()
     assert (speeds < 0.25 * known.velocity).all()
+
+
+def test_a_slide_goes_millimetres_and_comes_back():
+    tree = ROMAN.tree
+    slide = replace(tree.joints["torso_joint"], kind="prismatic")
+    tree = replace(tree, joints={**tree.joints, slide.name: slide})
+    world, rng = World((FAR,)), np.random.default_rng(0)
+    model = replace(ROMAN, tree=tree)
+    robot = fake_robot(model, world, rng=rng, grippers=GRIPPERS).robot
+    arm, sent = robot.limbs["right"].arm, []
+
+    def command(q):
+        sent.append(list(q))
+        arm.command(q)
+
+    [check] = [c for c in MOVING_CHECKS if c.name == "arm_follows"]
+    assert check(with_limb(robot, "arm", command=command)) == ()
+    ways = np.ptp(sent, axis=0)
+    assert ways[0] == pytest.approx(0.1 * np.deg2rad(2.0))
+    assert ways[1:] == pytest.approx(np.deg2rad(2.0))
+
+    def left_behind(q):
+        sent.append(list(q))
+        arm.command([max((row[0] for row in sent), key=abs), *q[1:]])
+
+    sent.clear()
+    (said,) = check(with_limb(robot, "arm", command=left_behind))
+    assert "did not come back" in said
 
 
 @pytest.mark.parametrize("period", [5e-4, 0.001, 0.008])
