@@ -146,7 +146,7 @@ class Drive(Senses):
             return begun
         state, gap = begun, float(np.abs(np.array(begun.q) - trajectory.q[0]).max())
         if gap > _AT_START:
-            words = f"{gap:.3f} rad from the start of the motion"
+            words = f"{gap:.3f} rad or m from the start of the motion"
             return FaultFound("plan_collision", words, self.limb.name)
         # The last leg may have commanded in this very tick.
         fault, state, now = self.ticked(supervisor, state, begun.q, is_moving=False)

@@ -100,7 +100,7 @@ def switch(context: Context) -> StepResult:
     moved = float(np.abs(context.posture(limb) - before).max())
     if moved > 0.01 or not arm.is_engaged:
         arm.disengage()
-        words = f"the arm moved by {moved:.3f} rad while it was handed over"
+        words = f"the arm moved by {moved:.3f} rad or m while it was handed over"
         return FaultFound("controller_refuses", words, limb.name)
     loads = []
     for reading in readings:

@@ -90,7 +90,7 @@ def misplaced(q: FloatArray, limits: LimitSet, arm: str) -> FaultFound | None:
         return FaultFound("encoder_jump", f"joints read {q.tolist()}", arm)
     broken = limits.violation(q, tolerance=OUTSIDE)
     if broken and limits.violation(q, tolerance=_TURN):
-        broken += "; radians, not degrees?"
+        broken += "; radians or metres, not degrees or millimetres?"
     return FaultFound("start_outside_limits", broken, arm) if broken else None
 
 

@@ -68,7 +68,7 @@ class Felt(NamedTuple):
         fault = message = ""
         if away > (_BRAKES if self.is_moving else _STOOD):
             fault = "encoder_jump"
-            message = f"a joint reads {away:.2f} rad from where it stood"
+            message = f"a joint reads {away:.2f} rad or m from where it stood"
         elif is_turned and self.unturned is not None and wrench_ft != self.wrench_ft:
             fault = "wrench_sign"
             message = "all that the sensor measures changed its sign at once"

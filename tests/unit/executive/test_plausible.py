@@ -73,6 +73,7 @@ def test_joints_get_no_farther_than_they_brake(joint, gone, is_moving, fault):
     q[joint] += gone
     found = Felt(REST, HAND, is_moving).followed_by(q.tolist(), HAND, OWN)
     assert found.fault == fault
+    assert ("rad or m" in found.message) == bool(fault)
     assert found.is_moving is (joint != 0)
 
 

@@ -412,7 +412,7 @@ def test_joints_that_may_be_told_in_degrees_are_asked_about(fake):
     for scale, is_asked in ((np.rad2deg(1.0), True), (1.0, False)):
         found = misplaced(scale * (limits.upper + 0.1), limits, "right")
         assert found.fault == "start_outside_limits"
-        assert ("not degrees" in found.message) == is_asked
+        assert ("not degrees or millimetres" in found.message) == is_asked
 
 
 def test_an_executive_that_ran_is_not_run_again(fake, pipeline, run):
