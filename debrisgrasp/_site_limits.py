@@ -68,4 +68,5 @@ class SiteLimits:
                     "own file.",
                 )
             limits[name] = value
-        return replace(spec, limits=limits)
+        own = {j: self.acceleration * most for j, most in spec.accelerations.items()}
+        return replace(spec, limits=limits, accelerations=own)

@@ -237,10 +237,11 @@ class RobotModel:
                     "the data sheet",
                     mend=f"Give `velocity` in its <limit> in {self.tree.path.name}.",
                 )
+        usual = spec.limits["acceleration"]
         hardware = LimitSet.of_chain(
             chain,
             velocity=list(speeds.values()),
-            acceleration=spec.limits["acceleration"],
+            acceleration=[spec.accelerations.get(name, usual) for name in speeds],
             force=spec.limits["force"],
             torque=spec.limits["torque"],
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,8 @@ class ArmSpec:
     limits: Mapping[str, float]
     """What a URDF can't say: ``acceleration`` [rad/s^2 or m/s^2] of every joint,
     ``force`` [N] and ``torque`` [N m] at the hand."""
+    accelerations: Mapping[str, float]
+    """Of joints for which another one than that holds [rad/s^2 or m/s^2]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -120,16 +122,19 @@ def _arm(name: str, content: Any, path: Path) -> ArmSpec:
     )
     postures = reader.mapping("postures")
     within = _Reader(postures, f"{path}, arm {name}, postures")
+    joints = reader.texts("joints")
+    limits, accelerations = _limits(reader, joints)
     spec = ArmSpec(
         name=name,
         tip=reader.text("tip"),
         gripper=reader.text("gripper"),
         hand=reader.text("hand"),
-        joints=reader.texts("joints"),
+        joints=joints,
         postures={key: within.numbers(key) for key in postures},
         present=reader.text("present"),
         idle=reader.text("idle"),
-        limits=_limits(reader),
+        limits=limits,
+        accelerations=accelerations,
     )
     for field in ("present", "idle"):
         if getattr(spec, field) not in spec.postures:
@@ -145,21 +150,40 @@ _MOST = {"acceleration": 100.0, "force": 1e4, "torque": 1e4}
 """No arm that people stand beside does more [rad/s^2 or m/s^2, N, N m]."""
 
 
-def _limits(reader: _Reader) -> dict[str, float]:
+_UNITS = "rad/s^2 or m/s^2, N, N m"
+
+
+def _limits(
+    reader: _Reader, joints: Sequence[str]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Limits of an arm, and the accelerations of joints that have their own."""
     known = {"acceleration": 2.0, "force": 150.0, "torque": 40.0}
-    given = reader.numbers("limits") if reader.has("limits") else {}
-    for name, value in given.items():
-        if name not in known:
-            raise UnknownNameError(f"limit in {reader.where}", name, known)
+    content = reader.mapping("limits") if reader.has("limits") else {}
+    own: dict[str, float] = {}
+    if isinstance(content.get("acceleration"), dict):
+        within = _Reader(content, f"{reader.where}, limits")
+        own = within.numbers("acceleration", _UNITS)
+        del content["acceleration"]
+    given = _Reader({"limits": content}, reader.where).numbers("limits", _UNITS)
+    for what, names, all_known in (
+        ("limit", given, known),
+        ("joint in limits.acceleration", own, joints),
+    ):
+        for name in names:
+            if name not in all_known:
+                raise UnknownNameError(f"{what} of {reader.where}", name, all_known)
+    rows = [(name, name, value) for name, value in given.items()]
+    rows += [("acceleration", f"acceleration.{j}", value) for j, value in own.items()]
+    for name, called, value in rows:
         if not 0.0 < value <= _MOST[name]:
             words = f"If these are degrees, {value:g} is {math.radians(value):.3g} rad."
             raise ConfigError(
-                f"limits.{name} in {reader.where}",
+                f"limits.{called} in {reader.where}",
                 got=value,
                 expected=f"above zero, at most {_MOST[name]:g}",
                 mend=words if name == "acceleration" and value > 0.0 else "",
             )
-    return known | given
+    return known | given, own
 
 
 class _Reader:
@@ -215,14 +239,14 @@ class _Reader:
             )
         return tuple(values)
 
-    def numbers(self, field: str) -> dict[str, float]:
+    def numbers(self, field: str, unit: str = "rad or m") -> dict[str, float]:
         values = self.mapping(field)
         for joint, value in values.items():
             if not is_number(value):
                 raise ConfigError(
                     f"{field}.{joint} in {self.where}",
                     got=repr(value),
-                    expected="a finite number [rad or m]",
+                    expected=f"a finite number [{unit}]",
                 )
         return {joint: float(value) for joint, value in values.items()}
 

@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from debrisgrasp._files import data_path
+from debrisgrasp._site_limits import SiteLimits
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import RobotModel
@@ -111,6 +112,12 @@ def test_a_wrong_frame_is_refused(described, change, message):
     [
         ({"limits": {"acceleration": 170.0}}, "If these are degrees, 170 is 2.97 rad"),
         ({"limits": {"force": 0.0}}, "limits.force"),
+        ({"limits": {"force": "80"}}, r"limits.force .*'80'.*\[rad/s\^2 or m/s\^2, N,"),
+        (
+            {"limits": {"acceleration": {"joint2": 0.0}}},
+            "limits.acceleration.joint2 in .*above zero",
+        ),
+        ({"limits": {"acceleration": {"joint2": True}}}, "acceleration.joint2 in"),
         ({"postures": {"zero": {"joint2": 90.0}}}, r"joint2 in posture.*degrees"),
         ({"hand": "link3"}, r"hand of arm arm.*'link3', which carries joint joint4"),
         (
@@ -125,6 +132,19 @@ def test_a_wrong_arm_is_refused(described, change, message):
     right = yaml.safe_load(described(frames()).read_text())["arms"]["arm"]
     with pytest.raises(ConfigError, match=message):
         RobotModel.load(described(frames(), arms={"arm": right | change}))
+
+
+def test_accelerations_may_be_given_by_joint(described):
+    arm = yaml.safe_load(described(frames()).read_text())["arms"]["arm"]
+    own = {"joint1": 0.5, "joint3": 4.0}
+    path = described(frames(), arms={"arm": arm | {"limits": {"acceleration": own}}})
+    robot = RobotModel.load(path)
+    assert robot.limits("arm").planner.acceleration.tolist() == [0.5, 2, 4, 2, 2, 2]
+    slower = SiteLimits(acceleration=0.5).of_robot(robot)
+    assert slower.limits("arm").planner.acceleration.tolist() == [0.25, 1, 2, 1, 1, 1]
+    wrong = arm | {"limits": {"acceleration": {"joint7": 1.0}}}
+    with pytest.raises(UnknownNameError, match=r"acceleration of .*'joint7'"):
+        RobotModel.load(described(frames(), arms={"arm": wrong}))
 
 
 def test_a_joint_that_drives_another_of_the_arm_cannot_move_alone(tmp_path):
