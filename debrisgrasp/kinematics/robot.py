@@ -33,6 +33,7 @@ _BESIDE_A_URDF = (
 )
 _DEGREES = "degrees, multiply by pi / 180"
 _STANDING = "as it stands"
+_UNNAMED = "A joint that isn't named stands at zero: name it, at a value within them."
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,10 +99,12 @@ class RobotModel:
         for pair in self.ignored_collisions:
             for link in pair:
                 tree.require_link(link, "link in ignored_collisions")
-        named = [("rest", self.rest)]
+        named: list[tuple[str, Mapping[str, float]]] = [("rest", self.rest)]
         for arm in self.arms.values():
-            named += [(f"posture {k!r}", v) for k, v in arm.postures.items()]
-            named.append((f"joints of arm {arm.name}", dict.fromkeys(arm.joints, 0.0)))
+            at_zero = dict.fromkeys(arm.joints, 0.0)
+            named.append((f"joints of arm {arm.name}", at_zero))
+            for key, posture in arm.postures.items():
+                named.append((f"posture {key!r}", {**at_zero, **posture}))
         for where, values in named:
             for joint in values:
                 if joint not in tree.joints:
@@ -124,12 +127,13 @@ class RobotModel:
                 continue
             slides = joint.kind == "prismatic"
             mend = "millimetres, divide by 1000" if slides else _DEGREES
+            mend = f"If these are {mend}." if value else _UNNAMED
             raise ConfigError(
                 f"{name} in {where} of robot {self.name}",
                 got=value,
                 expected=f"{joint.lower:.4g} to {joint.upper:.4g} "
                 f"{'m' if slides else 'rad'}, its limits in the URDF",
-                mend=f"If these are {mend}.",
+                mend=mend,
             )
 
     def _require_own_joints(self, arm: ArmSpec) -> None:

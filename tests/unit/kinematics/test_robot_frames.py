@@ -134,6 +134,19 @@ def test_a_wrong_arm_is_refused(described, change, message):
         RobotModel.load(described(frames(), arms={"arm": right | change}))
 
 
+def test_a_posture_names_joints_that_can_not_stand_at_zero(tmp_path):
+    path = row_robot(tmp_path, "", joint=JointText("prismatic", lower=0.2))
+    with pytest.raises(
+        ConfigError, match=r"joint1 in posture 'zero'.*0\.2 to 2 m.*nam"
+    ):
+        RobotModel.load(path)
+    named = {"zero": {f"joint{i}": 0.5 for i in range(1, 7)}}
+    path = row_robot(
+        tmp_path, "", joint=JointText("prismatic", lower=0.2), postures=named
+    )
+    assert RobotModel.load(path).posture("one", "zero") == named["zero"]
+
+
 def test_accelerations_may_be_given_by_joint(described):
     arm = yaml.safe_load(described(frames()).read_text())["arms"]["arm"]
     own = {"joint1": 0.5, "joint3": 4.0}
