@@ -140,7 +140,7 @@ class RobotModel:
         """Refuse joints, postures and a hand that are not of this arm."""
         tree, what = self.tree, f"of arm {arm.name} of robot {self.name}"
         above = {
-            link: {joint.name for joint in tree.joints_above(link)}
+            link: {j.name for j in tree.joints_above(link) if j.kind != "fixed"}
             for link in (self.base, arm.tip, arm.hand)
         }
         moving = above[arm.tip] - above[self.base]
@@ -155,10 +155,13 @@ class RobotModel:
                 )
         for k, name in enumerate(arm.joints):
             if name not in moving or name in arm.joints[:k]:
+                is_fixed = tree.joints[name].kind == "fixed"
+                odd = "which is fixed" if is_fixed else "not between them"
                 raise ConfigError(
                     f"joints {what}",
-                    got=f"{name}, {'twice' if name in moving else 'not between them'}",
-                    expected=f"joints between base {self.base!r} and tip {arm.tip!r}",
+                    got=f"{name}, {'twice' if name in moving else odd}",
+                    expected=f"joints that move between base {self.base!r} and tip "
+                    f"{arm.tip!r}",
                 )
             # What hangs on the hand is left out of the test against the scene.
             if name not in above[arm.hand]:

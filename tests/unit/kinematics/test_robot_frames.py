@@ -125,6 +125,10 @@ def test_a_wrong_frame_is_refused(described, change, message):
             "hand of arm arm.*'ground', which is not carried by joint joint1",
         ),
         ({"joints": ["joint1", "joint2", "joint1"]}, "joints of .*joint1, twice"),
+        (
+            {"joints": ["joint1", "palm_joint"]},
+            "joints of .*palm_joint, which is fixed",
+        ),
         ({"tip": "link3"}, "joints of .*joint4, not between.*'ground' and tip 'link3'"),
     ],
 )
