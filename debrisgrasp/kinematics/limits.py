@@ -149,8 +149,25 @@ class LimitSet:
         return digest.hexdigest()[:16]
 
     def shrunk(self, margin: float = LEAST_MARGIN) -> LimitSet:
-        """Cut every bounded joint's range at both ends by a margin [rad or m]."""
+        """Cut every bounded joint's range at both ends by a margin [rad or m].
+
+        Raises
+        ------
+        ConfigError
+            If nothing is left of one.
+        """
         require_range("margin of shrunk limits", margin, 0.0)
+        for joint, low, high in zip(
+            self.joint_names, self.lower, self.upper, strict=True
+        ):
+            if not high - low > 2.0 * margin:
+                raise ConfigError(
+                    f"limits of joint {joint!r}",
+                    got=f"{low:g} to {high:g}",
+                    expected=f"a range above {2.0 * margin:g}, for at either end "
+                    f"{margin:g} rad or m are kept free",
+                    mend="To hold it still leave it out of the arm's joints.",
+                )
         return replace(self, lower=self.lower + margin, upper=self.upper - margin)
 
     def scaled(

@@ -53,6 +53,12 @@ def test_planner_lies_within_controller_by_a_margin():
         )
 
 
+def test_a_range_of_which_nothing_is_left_is_told_as_it_was():
+    short = limits(lower=[0.0, -np.inf], upper=[0.03, np.inf])
+    with pytest.raises(ConfigError, match=r"'a': got 0 to 0\.03.*above 0\.04"):
+        LimitFamily.around(short)
+
+
 @pytest.mark.parametrize(
     "wider",
     [
