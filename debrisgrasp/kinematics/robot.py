@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import inf, isfinite, pi
 from numbers import Real
 from pathlib import Path
 
@@ -120,10 +120,13 @@ class RobotModel:
     def _require_within_limits(self, where: str, values: Mapping[str, float]) -> None:
         for name, value in values.items():
             joint = self.tree.joints[name]
+            low, high, whose = joint.lower, joint.upper, "its limits in the URDF"
+            if joint.kind == "continuous":
+                low, high, whose = -2.0 * pi, 2.0 * pi, "a turn to either side"
             # A fixed joint has no value, and one without a range none to leave.
-            if joint.kind == "fixed" or joint.upper <= joint.lower:
+            if joint.kind == "fixed" or high <= low:
                 continue
-            if joint.lower - _ROUNDING <= value <= joint.upper + _ROUNDING:
+            if low - _ROUNDING <= value <= high + _ROUNDING:
                 continue
             slides = joint.kind == "prismatic"
             mend = "millimetres, divide by 1000" if slides else _DEGREES
@@ -131,8 +134,7 @@ class RobotModel:
             raise ConfigError(
                 f"{name} in {where} of robot {self.name}",
                 got=value,
-                expected=f"{joint.lower:.4g} to {joint.upper:.4g} "
-                f"{'m' if slides else 'rad'}, its limits in the URDF",
+                expected=f"{low:.4g} to {high:.4g} {'m' if slides else 'rad'}, {whose}",
                 mend=mend,
             )
 

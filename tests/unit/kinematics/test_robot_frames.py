@@ -151,6 +151,17 @@ def test_a_posture_names_joints_that_can_not_stand_at_zero(tmp_path):
     assert RobotModel.load(path).posture("one", "zero") == named["zero"]
 
 
+def test_an_endless_joint_of_a_posture_is_not_in_degrees(tmp_path):
+    endless = JointText("continuous")
+    turned = {"zero": {"joint2": -6.28}}
+    path = row_robot(tmp_path, "", joint=endless, postures=turned)
+    assert RobotModel.load(path).posture("one", "zero") == turned["zero"]
+    far = {"zero": {"joint2": 90.0}}
+    path = row_robot(tmp_path, "", joint=endless, postures=far)
+    with pytest.raises(ConfigError, match=r"joint2 in posture.*90.*a turn.*degrees"):
+        RobotModel.load(path)
+
+
 def test_accelerations_may_be_given_by_joint(described):
     arm = yaml.safe_load(described(frames()).read_text())["arms"]["arm"]
     own = {"joint1": 0.5, "joint3": 4.0}
