@@ -251,8 +251,10 @@ class LegPlanner:
                     q[j], stopped = min(max(value, lower[j]), upper[j]), j
         if size > accepted:
             if stopped >= 0:
+                unit = "rad" if J[3:, stopped].any() else "m"
+                words = f"stands at {q[stopped]:.3f} {unit}"
                 name = limits.joint_names[stopped]
-                return q, LegStatus.JOINT_LIMIT, f"{name} stands at {q[stopped]:.3f}"
+                return q, LegStatus.JOINT_LIMIT, f"{name} {words}"
             words = f"{1000 * size:.2g} mm or mrad off the line"
             if sigma < np.inf:
                 words += f", smallest singular value {sigma:.2g}"

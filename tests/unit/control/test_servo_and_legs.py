@@ -313,10 +313,24 @@ def test_a_leg_is_straight_within_limits_and_carries_their_hash(offset):
         trajectory.require_executable(LIMITS.scaled(velocity=0.5))
 
 
+def test_a_leg_that_ends_where_a_slide_ends_says_so_in_metres(tmp_path):
+    axes = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+    joints = [JointText("prismatic", axis=axis) for axis in axes]
+    joints += [JointText(xyz=(0.0, 0.0, 0.0), axis=axis) for axis in axes]
+    chain = KinematicChain.from_urdf(written(tmp_path, joints), "link0", "link6")
+    limits = LimitSet.of_chain(chain, velocity=1.0, acceleration=10.0)
+    q = np.array([1.9, 0.0, 0.0, 0.3, 0.2, 0.1])
+    goal = SE3.from_parts(p=[0.3, 0.0, 0.0]) @ chain.fk(q)
+    plan = LegPlanner(chain, limits).plan(q, goal)
+    assert plan.status is LegStatus.JOINT_LIMIT
+    assert "joint1 stands at 2.000 m" in plan.reason
+
+
 def test_a_leg_that_ends_at_a_joint_limit_says_which_and_how_far():
     plan = LegPlanner(CHAIN, LIMITS).plan(READY, SE3.from_parts(p=[0.6, 0, 0]) @ T)
     assert plan.status is LegStatus.JOINT_LIMIT
-    assert "right_arm_joint1" in plan.reason
+    assert "right_arm_joint1 stands at" in plan.reason
+    assert " rad" in plan.reason
     assert 0.5 < plan.share < 1.0
     np.testing.assert_allclose(CHAIN.fk(plan.q[-1]).p, plan.reached.p, atol=1e-4)
     assert LIMITS.violation(plan.q) == ""
