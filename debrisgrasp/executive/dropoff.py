@@ -294,7 +294,7 @@ def _is_over_base(
     where = Ts_base_hand.R @ points_hand.T + Ts_base_hand.p[..., None]
     x, y = where[:, 0], where[:, 1]
     found = np.zeros(len(where), dtype=bool)
-    for solid in context.model.fixed_solids():
+    for solid in context.model.fixed_solids:
         low, high = solid.bounds.lower - _BESIDE, solid.bounds.upper + _BESIDE
         is_over = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
         found |= is_over.any(axis=1)

@@ -124,7 +124,7 @@ def _room(context: Context) -> float:
 
 def _front(context: Context) -> tuple[float, float]:
     """Tell where the front of the base is, and how far it reaches to a side [m]."""
-    boxes = [solid.bounds for solid in context.model.fixed_solids()]
+    boxes = [solid.bounds for solid in context.model.fixed_solids]
     front = max((float(box.upper[0]) for box in boxes), default=0.0)
     beside = [max(-float(box.lower[1]), float(box.upper[1])) for box in boxes]
     return front, max(beside, default=0.0)

@@ -36,7 +36,7 @@ def standing(robot: Robot, settings: TaskSettings) -> RobotModel:
         own = {k: q for k, q in told.items() if k in idle and k not in moved}
         if any(abs(q - idle[k]) > _NEARLY for k, q in own.items()):
             stands |= own
-    model = model.standing(stands)
+    model = model.standing(stands) if stands else model
     if rest is None:
         return model
     arms = {

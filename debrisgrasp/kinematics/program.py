@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -284,6 +286,12 @@ def _is_free(q: Any, lower: Any, upper: Any, pull: Any, out: Any) -> None:
 
 def _compiled(source: Sequence[str], names: dict[str, Any]) -> Callable[..., Any]:
     # The source consists of the operations above and of numbers, nothing from outside.
-    exec(compile("\n".join(source), "<program>", "exec"), names)
+    exec(_code("\n".join(source)), names)
     run: Callable[..., Any] = names["run"]
     return run
+
+
+@lru_cache(maxsize=64)
+def _code(source: str) -> CodeType:
+    """Compile a source; equal chains have equal ones."""
+    return compile(source, "<program>", "exec")

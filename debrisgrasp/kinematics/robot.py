@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf, isfinite, pi
 from numbers import Real
 from pathlib import Path
 
-from debrisgrasp._files import data_path, is_yaml, read_yaml
+from debrisgrasp._files import read_yaml
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, Solid
 
@@ -16,7 +17,7 @@ from .chain import KinematicChain
 from .frames import with_frames
 from .limits import LimitFamily, LimitSet
 from .packages import PACKAGE_SCHEME, package_file
-from .robot_file import ArmSpec, RobotFile
+from .robot_file import ArmSpec, RobotFile, robot_path
 from .solids import solids_of_shape
 from .urdf import UrdfTree
 
@@ -27,10 +28,6 @@ _ROUNDING = 1e-3
 
 _FASTEST = 50.0
 """Beyond it, speeds are in degrees or millimetres, or a number that says nothing."""
-_BESIDE_A_URDF = (
-    "A URDF needs a YAML file that names it, its base and its arms; copy that of a "
-    "shipped or an example robot, which tells of each field."
-)
 _DEGREES = "degrees, multiply by pi / 180"
 _STANDING = "as it stands"
 _UNNAMED = "A joint that isn't named stands at zero: name it, at a value within them."
@@ -69,7 +66,7 @@ class RobotModel:
         ConfigError
             If the file or its URDF is malformed; names the field and what it needs.
         """
-        path = _find(name_or_path)
+        path = robot_path(name_or_path)
         file = RobotFile.parse(read_yaml(path), path)
         is_packed = file.urdf.startswith(PACKAGE_SCHEME)
         urdf = package_file(file.urdf) if is_packed else path.parent / file.urdf
@@ -207,6 +204,18 @@ class RobotModel:
             Joints to hold still and their values, beside those that the robot's file
             leaves out of the arm's joints; for instance ``{"torso_joint": 0.0}``.
         """
+        if locked:
+            return self._chain(arm, locked)
+        if arm not in self._chains:
+            self._chains[arm] = self._chain(arm, {})
+        return self._chains[arm]
+
+    @cached_property
+    def _chains(self) -> dict[str, KinematicChain]:
+        """Those that were asked for: to write out their formulas takes a while."""
+        return {}
+
+    def _chain(self, arm: str, locked: Mapping[str, float]) -> KinematicChain:
         spec = self.arm(arm)
         on_the_way = {joint.name for joint in self.tree.joints_above(spec.tip)}
         held = {
@@ -215,7 +224,7 @@ class RobotModel:
             if name not in spec.joints and self.tree.joints[name].kind != "fixed"
         }
         chain = KinematicChain.from_tree(
-            self.tree, self.base, spec.tip, {**held, **(locked or {})}
+            self.tree, self.base, spec.tip, {**held, **locked}
         )
         others = {
             joint.name
@@ -349,21 +358,22 @@ class RobotModel:
             for solid in solids_of_shape(shape, link, self.tree.path.parent)
         ]
 
-    def fixed_solids(self) -> list[Solid]:
+    @cached_property
+    def fixed_solids(self) -> tuple[Solid, ...]:
         """Collision solids of the links that no joint moves, in the base frame."""
         joints_above = self.tree.joints_above
-        return [
+        return tuple(
             solid
             for link, solid in self.links_solids()
             if all(joint.kind == "fixed" for joint in joints_above(link))
-        ]
+        )
 
     def stands_at(self, place: tuple[float, float], height: float) -> bool:
         """Whether what no joint moves begins below a height over a place in base [m].
 
         What hangs higher, as the beam of a gantry, leaves room for what is put down.
         """
-        boxes = (solid.bounds for solid in self.fixed_solids())
+        boxes = (solid.bounds for solid in self.fixed_solids)
         return any(
             bool(((box.lower[:2] <= place) & (place <= box.upper[:2])).all())
             for box in boxes
@@ -386,18 +396,3 @@ class RobotModel:
                 mend="Name one under `camera:` in the robot's file.",
             )
         return self.link_pose(self.camera, moved)
-
-
-def _find(name_or_path: str | Path) -> Path:
-    path = Path(name_or_path)
-    if is_yaml(path):
-        return path
-    shipped = sorted(data_path("robots").glob("*.yaml"))
-    for candidate in shipped:
-        if candidate.stem == str(name_or_path):
-            return candidate
-    known = [*(p.stem for p in shipped), "the path of a .yaml file"]
-    is_urdf = path.suffix.lower() in (".urdf", ".xacro")
-    raise UnknownNameError(
-        "robot", str(name_or_path), known, mend=_BESIDE_A_URDF if is_urdf else ""
-    )

@@ -12,12 +12,18 @@ import numpy as np
 
 from debrisgrasp._arrays import require_metres
 from debrisgrasp._fields import is_number
+from debrisgrasp._files import data_path, is_yaml
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
 from .frames import FrameSpec
 
-__all__ = ["ArmSpec", "RobotFile"]
+__all__ = ["ArmSpec", "RobotFile", "robot_path"]
+
+_BESIDE_A_URDF = (
+    "A URDF needs a YAML file that names it, its base and its arms; copy that of a "
+    "shipped or an example robot, which tells of each field."
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -91,6 +97,28 @@ class RobotFile:
             arms={name: _arm(name, arms[name], path) for name in arms},
             ignored_collisions=reader.pairs("ignored_collisions"),
         )
+
+
+def robot_path(name_or_path: str | Path) -> Path:
+    """Find the file of a shipped robot by its name, or of any by its path.
+
+    Raises
+    ------
+    UnknownNameError
+        If no robot of that name is shipped.
+    """
+    path = Path(name_or_path)
+    if is_yaml(path):
+        return path
+    shipped = sorted(data_path("robots").glob("*.yaml"))
+    for candidate in shipped:
+        if candidate.stem == str(name_or_path):
+            return candidate
+    known = [*(p.stem for p in shipped), "the path of a .yaml file"]
+    is_urdf = path.suffix.lower() in (".urdf", ".xacro")
+    raise UnknownNameError(
+        "robot", str(name_or_path), known, mend=_BESIDE_A_URDF if is_urdf else ""
+    )
 
 
 def _frame(name: str, content: Any, path: Path) -> FrameSpec:

@@ -12,7 +12,6 @@ from debrisgrasp.executive.perceive import capture, segment
 from debrisgrasp.executive.reposition import repositioned
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.geometry import SE3
-from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.robot import fake_robot
 from debrisgrasp.worlds import World
 from tests.unit.executive.rigs import (
@@ -100,8 +99,8 @@ def test_the_room_ahead_begins_at_the_front_of_the_base(pipeline, monkeypatch, a
     n = len(context.cycle.seen.cloud.points)
     context.memory.fallen.append(np.tile([[0.95, 0.1, 0.2]], (n // 20, 1)))
     moved = SE3.from_parts(p=[ahead, 0.0, 0.0])
-    solids = [solid.moved(moved) for solid in context.model.fixed_solids()]
-    monkeypatch.setattr(RobotModel, "fixed_solids", lambda _: solids)
+    solids = [solid.moved(moved) for solid in context.model.fixed_solids]
+    monkeypatch.setitem(vars(context.model), "fixed_solids", solids)
     way = repositioned(context, [np.array([1.8, 0.0, 0.2])])
     assert way == pytest.approx(min(0.35, 0.95 - 0.43 - 0.08 - ahead), abs=0.01)
 
