@@ -64,7 +64,8 @@ class RunRecord:
     Raises
     ------
     ConfigError
-        If the outcome is no class, or a stage is none.
+        If the outcome is no class, a stage is none, or more objects were removed than
+        there were.
     """
 
     name: str
@@ -119,8 +120,17 @@ class RunRecord:
                 got=f"{self.failed_stage!r} with outcome {self.outcome!r}",
                 expected="none after a success, else one of " + ", ".join(STAGE_ORDER),
             )
-        for name in ("n_objects", "n_removed", "seconds"):
+        if unknown := [name for name in self.reached if name not in STAGE_ORDER]:
+            raise ConfigError(
+                f"reached of run {self.name}",
+                got=repr(unknown[0]),
+                expected="some of " + ", ".join(STAGE_ORDER),
+            )
+        for name in ("n_objects", "seconds"):
             require_range(f"{name} of run {self.name}", getattr(self, name), 0)
+        require_range(
+            f"n_removed of run {self.name}", self.n_removed, 0, self.n_objects
+        )
         for name, count in self.checks.items():
             if name not in CHECKS:
                 raise ConfigError(

@@ -32,6 +32,8 @@ def test_reading_gives_what_was_written(outcome, error):
         {"checks": {"lunch": 1}},
         {"checks": {"uncaught": "1"}},
         {"checks": {"uncaught": -1}},
+        {"reached": ("self_test", "lunch")},
+        {"n_removed": 2},
     ],
 )
 def test_a_record_that_contradicts_itself_is_refused(changes):
