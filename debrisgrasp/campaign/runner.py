@@ -167,11 +167,8 @@ class Campaign:
         """Read the records of earlier runs that fit their spec, by name."""
         found = {}
         for spec in self.specs:
-            try:
-                record = RunRecord.load(self._path(spec.name))
-            except ConfigError:
-                continue
-            if record.name == spec.name and record.spec == _as_read(spec.to_json()):
+            record = _loaded(self._path(spec.name))
+            if record is not None and record.spec == _as_read(spec.to_json()):
                 found[spec.name] = record
         return found
 
@@ -276,11 +273,11 @@ def load_records(folder: str | os.PathLike[str]) -> tuple[RunRecord, ...]:
     ConfigError
         If the folder holds no campaign.
     """
-    return tuple(record for _, record in _loaded(folder) if record is not None)
+    return tuple(record for _, record in _present(folder) if record is not None)
 
 
 def damaged_runs(folder: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Name the runs of a campaign's folder whose records can't be read.
+    """Name the runs of a campaign's folder whose records can't be read, or are others'.
 
     A campaign that goes on does them again.
 
@@ -289,10 +286,10 @@ def damaged_runs(folder: str | os.PathLike[str]) -> tuple[str, ...]:
     ConfigError
         If the folder holds no campaign.
     """
-    return tuple(name for name, record in _loaded(folder) if record is None)
+    return tuple(name for name, record in _present(folder) if record is None)
 
 
-def _loaded(
+def _present(
     folder: str | os.PathLike[str],
 ) -> Iterator[tuple[str, RunRecord | None]]:
     """Read the records of the present campaign; None: one that is not whole."""
@@ -302,10 +299,16 @@ def _loaded(
     names = set(header.get(RUNS, [path.stem for path in paths]))  # none in older ones
     for path in paths:
         if path.stem in names:
-            try:
-                yield path.stem, RunRecord.load(path)
-            except ConfigError:
-                yield path.stem, None
+            yield path.stem, _loaded(path)
+
+
+def _loaded(path: Path) -> RunRecord | None:
+    """Read a record; None of one that is not whole, or a copy of another run's."""
+    try:
+        record = RunRecord.load(path)
+    except ConfigError:
+        return None
+    return record if record.name == path.stem else None
 
 
 def guarded(

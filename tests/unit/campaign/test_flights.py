@@ -168,7 +168,8 @@ def test_the_fit_of_the_forecast_reads_folders_of_campaigns(tmp_path):
     head = {"schema": "debrisgrasp/campaign/1", "runs": ["000000", "000001"]}
     (tmp_path / "campaign.json").write_text(json.dumps(head))
     for name, flight in (("000000", flown), ("000001", NOTHING)):
-        (tmp_path / f"runs/{name}.json").write_text(run_of(flight).to_json())
+        record = replace(run_of(flight), name=name)
+        (tmp_path / f"runs/{name}.json").write_text(record.to_json())
     lines = tmp_path / "lines"
     lines.write_text(json.dumps(flown.as_dict()) + "\n")
     rows = success_fit.read([tmp_path, lines])

@@ -21,6 +21,7 @@ from debrisgrasp.campaign import (
     LocalWorkers,
     OwnWorkers,
     Progress,
+    damaged_runs,
     load_records,
 )
 from debrisgrasp.errors import ConfigError, InputError, OutputError
@@ -124,6 +125,15 @@ def test_records_of_a_longer_campaign_that_was_there_before_are_not_read(
     longer.run(THREADS)
     assert len(load_records(tmp_path)) == 5
     assert len(begun(marks)) == 5
+
+
+def test_a_copy_of_the_record_of_another_run_is_counted_as_damaged(tmp_path, marks):
+    campaign = Campaign(specs=told(3, marks), run_one=do, folder=tmp_path)
+    campaign.run(THREADS)
+    runs = tmp_path / "runs"
+    (runs / "002.json").write_bytes((runs / "000.json").read_bytes())
+    assert [record.name for record in load_records(tmp_path)] == ["000", "001"]
+    assert damaged_runs(tmp_path) == ("002",)
 
 
 def test_the_folder_of_an_older_version_is_read_whole(tmp_path, marks):
