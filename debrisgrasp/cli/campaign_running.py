@@ -55,6 +55,7 @@ from .campaign_text import (
     comparison_text,
     draw_tables,
     flights_text,
+    header_text,
     same_scenes_text,
     tables_text,
 )
@@ -103,10 +104,7 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
         _print_broken(records)
     paths = save_results(campaign.folder, records, tables, campaign.header)
     picture = campaign.folder / "campaign.png"
-    faults = arguments.faults or "no injected faults"
-    note = f"{len(records)} runs, tier {campaign.header['tier']}, {faults}, "
-    note += f"seed {arguments.seed}; bars: share, lines: 95 % Wilson intervals"
-    draw_tables(picture, "Campaign", note, tables)
+    draw_tables(picture, "Campaign", header_text(len(records), campaign.header), tables)
     if not arguments.json:
         print("\nwrote " + ", ".join(str(path) for path in (*paths, picture)))
     _draw_failures(campaign.folder, records)

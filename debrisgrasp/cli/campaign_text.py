@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
+from debrisgrasp._words import counted
 from debrisgrasp.campaign import (
     Comparison,
     FlightGroup,
@@ -22,11 +25,29 @@ __all__ = [
     "comparison_text",
     "draw_tables",
     "flights_text",
+    "header_text",
     "same_scenes_text",
     "tables_text",
 ]
 
 _MOST_NAMES = 20
+
+
+def header_text(n_runs: int, header: Mapping[str, Any]) -> str:
+    """Say in one line of what runs a campaign was."""
+    parts = [counted(n_runs, "run"), f"tier {header['tier']}"]
+    if header["world"] != "fake":
+        who = {"hand": "a flying hand", "arm": "both arms"}[header["level"]]
+        parts.append(f"in physics with {who}")
+    if header["site"]:
+        parts.append(f"site {Path(header['site']).name}")
+    faults = header["faults"]
+    parts.append(f"faults {Path(faults).name}" if faults else "no injected faults")
+    if not header["recovery"]:
+        parts.append("no recovery")
+    if header["max_removals"]:
+        parts.append(f"at most {header['max_removals']} removed")
+    return ", ".join((*parts, f"seed {header['seed']}"))
 
 
 def tables_text(tables: Tables) -> str:

@@ -70,6 +70,8 @@ def campaign_png(
     page = Page(_WIDTH, height)
     page.text(30, 20, shortened(title, 80), 20, weight="bold")
     page.text(30, 62, shortened(note, 160), 11.5, color=MUTED_INK)
+    legend = "bars: share, lines: 95 % Wilson intervals"
+    page.text(1410, 26, legend, 11.5, color=MUTED_INK, ha="right")
     tall = height - _HEAD - _FOOT
     left = _axes(page, Slot(190, _HEAD, 520, tall), "Outcomes")
     _pairs(left, of_all, of_grasps)

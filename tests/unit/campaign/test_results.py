@@ -18,6 +18,7 @@ from debrisgrasp.campaign import (
     save_results,
     tabulate,
 )
+from debrisgrasp.cli.campaign_text import header_text
 from debrisgrasp.errors import ConfigError
 
 from .records import campaign
@@ -98,3 +99,34 @@ def test_other_files_are_refused(tmp_path, content):
     path.write_text(content)
     with pytest.raises(ConfigError, match=r"results\.json"):
         load_results(path)
+
+
+HEADER = {
+    "world": "mujoco",
+    "level": "arm",
+    "tier": "pile",
+    "site": "/home/me/jaw_site.yaml",
+    "faults": None,
+    "recovery": False,
+    "max_removals": 2,
+    "seed": 7,
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {},
+            "1 run, tier pile, in physics with both arms, site jaw_site.yaml, "
+            "no injected faults, no recovery, at most 2 removed, seed 7",
+        ),
+        (
+            {"world": "fake", "site": None, "recovery": True, "max_removals": None}
+            | {"faults": "a/long/way/to/rates.yaml"},
+            "1 run, tier pile, faults rates.yaml, seed 7",
+        ),
+    ],
+)
+def test_the_picture_says_in_what_a_campaign_differs_from_others(changes, words):
+    assert header_text(1, HEADER | changes) == words
