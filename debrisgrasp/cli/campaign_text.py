@@ -201,7 +201,8 @@ def draw_tables(
     mended = []
     for name, value in tables.mended:
         share = float("nan") if value is None else float(value)
-        mended.append(Bar(name, share, share, share, f"{100 * share:.1f} %"))
+        words = "?" if value is None else f"{100 * share:.1f} %"
+        mended.append(Bar(name, share, share, share, words))
     campaign_png(
         path,
         title,

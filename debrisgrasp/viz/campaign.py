@@ -26,7 +26,7 @@ class Bar:
 
     name: str
     share: float
-    """In [0, 1]; NaN where nothing was counted."""
+    """In [0, 1]; NaN where nothing was counted: there is only the note."""
     low: float
     high: float
     note: str = ""
@@ -119,11 +119,11 @@ def _named(axes: Axes, bars: Sequence[Bar]) -> None:
 def _draw(
     axes: Axes, y: float, bar: Bar, height: float, color: tuple[float, float, float]
 ) -> None:
-    if np.isnan(bar.share):
-        return
-    axes.barh(y, bar.share, height, color=hex_color(color))
-    axes.plot([bar.low, bar.high], [y, y], color=hex_color(INK), linewidth=1.1)
-    right = max(bar.share, bar.high)
+    right = 0.0
+    if not np.isnan(bar.share):
+        axes.barh(y, bar.share, height, color=hex_color(color))
+        axes.plot([bar.low, bar.high], [y, y], color=hex_color(INK), linewidth=1.1)
+        right = max(bar.share, bar.high)
     is_outside = right < 0.8
     axes.text(
         right + 0.015 if is_outside else 0.015,

@@ -36,6 +36,16 @@ def test_longer_bars_are_drawn_longer(tmp_path):
     assert full - empty == pytest.approx(2 * (half - empty), rel=0.05)
 
 
+def test_what_was_not_counted_has_only_its_note(tmp_path):
+    noted, bare = (
+        drawn(tmp_path / "a.png", mended=[Bar("planning", nan, nan, nan, note)])
+        for note in ("?", "")
+    )
+    rows, columns = np.nonzero((noted != bare).any(axis=2))
+    assert 910 < columns.min() < columns.max() < 940
+    assert rows.max() - rows.min() < 20
+
+
 def test_equal_tables_give_equal_files(tmp_path):
     drawn(tmp_path / "a.png")
     drawn(tmp_path / "b.png")
