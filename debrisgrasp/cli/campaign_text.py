@@ -179,9 +179,9 @@ def same_scenes_text(same: SameScenes) -> str:
     """Which runs of the same scenes only one of two campaigns did."""
     gained, lost = (_named(names) for names in (same.gained, same.lost))
     return (
-        f"of {same.runs} runs of the same scenes {gained} in the new one alone and "
-        f"{lost} in the old one alone; luck alone is as unequal in {same.chance:.2g} "
-        "of all cases"
+        f"of {counted(same.runs, 'run')} of the same scenes {gained} in the new one "
+        f"alone and {lost} in the old one alone; luck alone is as unequal in "
+        f"{100 * same.chance:.3g} % of all cases"
     )
 
 

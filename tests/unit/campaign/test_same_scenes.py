@@ -49,6 +49,14 @@ def test_chance_is_that_of_the_sign_test(n_gained, n_lost, chance):
     assert same_scenes(old, new).chance == pytest.approx(chance)
 
 
+def test_chance_is_told_in_percent():
+    equal = same_scenes_text(same_scenes(runs("+"), runs("+")))
+    assert equal.startswith("of 1 run of the same scenes")
+    assert equal.endswith("in 100 % of all cases")
+    better = same_scenes_text(same_scenes(runs("-----"), runs("+++++")))
+    assert better.endswith("in 6.25 % of all cases")
+
+
 def test_long_lists_of_names_are_cut():
     told = same_scenes_text(same_scenes(runs("-" * 30), runs("+" * 30)))
     assert "30 succeed" in told
