@@ -226,12 +226,13 @@ class PlanView:
         self.details = gui.add_markdown("")
         self._all_hands = gui.add_checkbox("all hands", initial_value=False)
         self._all_hands.on_update(lambda _: self.select(self.selected))
-        for line in plan.advice:
-            gui.add_markdown(f"*{line.text}*")
+        if plan.advice:
+            lines = "\n".join(f"- {line.text}" for line in plan.advice)
+            gui.add_markdown(f"Of the poses ruled out:\n\n{lines}")
         for rank, grasp in enumerate(plan.grasps[:_LISTED], start=1):
             button = gui.add_button(
-                f"{rank}  Q {grasp.Q:.2f}  S {grasp.S:.2f}  C {grasp.C:.2f}  "
-                f"R {grasp.R:.0f}  {grasp.prototype}"
+                f"{rank}.  score {grasp.score:.2f}, {grasp.prototype}, "
+                f"{grasp.arm or grasp.gripper}"
             )
             button.on_click(lambda _, rank=rank: self.select(rank))
             hand = self.content.grippers.get(grasp.gripper)

@@ -59,7 +59,7 @@ def test_bad_input_is_told(words, said, capsys, tmp_path, monkeypatch):
 
 @pytest.fixture(scope="module")
 def result():
-    return debrisgrasp.plan(Capture.load(PILE), object_label=5)
+    return debrisgrasp.plan(Capture.load(PILE), object_label=5, advise=True)
 
 
 @pytest.fixture
@@ -74,8 +74,10 @@ def test_clicks_show_grasps_rejections_and_motion(opened, result):
     with debrisgrasp.viewer.show(result, motions=motions) as viewer, opened() as page:
         page.goto(viewer.url)
         page.get_by_text("Grasp 1:").first.wait_for()
-        page.get_by_role("button", name="2 Q").first.click()
+        page.get_by_text("Of the poses ruled out:").first.wait_for()
         grasp = result.plan.grasps[1]
+        # The list is in the order of the scores.
+        page.get_by_role("button", name=f"2. score {grasp.score:.2f}").first.click()
         page.get_by_text(f"Grasp 2: {grasp.prototype}").first.wait_for()
         page.get_by_text(f"{grasp.Q:.3f} = {grasp.S:.3f}").first.wait_for()
         page.get_by_role("tab", name="Ruled out").click()
