@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
+from debrisgrasp._arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    frozen,
+    require_metres,
+    require_range,
+)
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import Intrinsics
@@ -119,11 +126,13 @@ def find_marker(
     Raises
     ------
     ShapeError, InputError
-        If the images don't fit the camera, or the expected place is behind it.
+        If the images don't fit the camera, or the expected place is behind it or can
+        only be millimetres.
     """
     config = config or MarkerConfig()
     expected = frozen(expected_camera, "expected place", (3,))
-    if not np.isfinite(expected).all() or expected[2] <= 0.05:
+    require_metres("expected place of the marker", expected)
+    if expected[2] <= 0.05:
         raise InputError(
             "expected place of the marker",
             got=expected.tolist(),

@@ -147,5 +147,9 @@ def test_bad_input_is_refused():
         found_in(changed(view, off=view.off[:-1]))
     with pytest.raises(InputError, match="in front"):
         found_in(changed(view, expected=np.array([0.0, 0.0, -1.0])))
+    with pytest.raises(InputError, match="millimetres"):
+        found_in(changed(view, expected=1000.0 * view.expected))
+    with pytest.raises(InputError, match="expected place of the marker"):
+        found_in(changed(view, expected=np.array([0.0, np.nan, 1.0])))
     with pytest.raises(InputError, match="color"):
         MarkerConfig(color=(1.0, 1.0, 1.0))
