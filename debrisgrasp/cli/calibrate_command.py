@@ -269,10 +269,12 @@ def run_choose(arguments: argparse.Namespace) -> int:
         return 0
     print(plan_table(plan, rig.link if isinstance(rig, WristRig) else None))
     needed = plan.choice.needed(config.max_rms)
+    fewest = _fewest(rig, config) if stored is None else 1
     if needed is None:
         print(f"\nall of them leave more than {1e3 * config.max_rms:g} mm: choose more")
+    elif len(plan.postures) < fewest:
+        print(f"\nfewer than {fewest} different places are refused: choose more")
     else:
-        fewest = _fewest(rig, config) if stored is None else 1
         print(
             f"\nthe first {max(needed, fewest)} bring the error below "
             f"{1e3 * config.max_rms:g} mm; the more, the surer a wrong pick is found"

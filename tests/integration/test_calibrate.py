@@ -194,6 +194,8 @@ def test_postures_are_chosen_into_a_file_to_be_filled_in(run, tmp_path, refused)
     assert len(given.rows) == 6
     assert (given.robot, given.fiducial) == ("roman", LED)
     assert "no point for look_1" in refused("calibrate", path)
+    few = run("calibrate", "choose", "--fiducial", LED, "-n", 3)
+    assert "fewer than 5 different places are refused" in few.out
     assert "default" not in refused("calibrate", "choose")
 
 
