@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 
@@ -81,6 +82,12 @@ class PosturePlan:
         """Keep the first n postures."""
         choice = Choice(indices=self.choice.indices[:n], errors=self.choice.errors[:n])
         return replace(self, postures=self.postures[:n], choice=choice)
+
+    def renamed(self, taken: Collection[str]) -> PosturePlan:
+        """Give the postures names that no look has yet."""
+        free = (name for i in count(1) if (name := f"look_{i}") not in taken)
+        named = zip(self.postures, free, strict=False)
+        return replace(self, postures=tuple(replace(p, name=name) for p, name in named))
 
     def to_file(
         self, robot: str, fiducial: str | Sequence[float], sigma: float | None = None

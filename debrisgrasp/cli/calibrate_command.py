@@ -142,6 +142,7 @@ def run_solve(arguments: argparse.Namespace) -> int:
     plan = None
     if rig is not None and not result.decision.accepted:
         plan = _next_postures(rig, result, config, view_of(site))
+        plan = plan and plan.renamed(observations.names)
     content = calibration_to_dict(
         result,
         date=datetime.now(UTC),

@@ -70,7 +70,9 @@ def test_too_few_looks_are_refused_with_what_to_do(run, tmp_path):
     assert named.status == 1
     assert "REFUSED" in named.out
     assert "5 are needed" in named.out
-    assert "measure next" in named.out
+    _, _, proposed = named.out.partition("measure next")
+    assert "look_5" in proposed
+    assert not any(row["name"] in proposed for row in rows)
     unnamed = run("calibrate", path)
     assert unnamed.status == 1
     assert "measure next" not in unnamed.out
