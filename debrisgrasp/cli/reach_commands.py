@@ -94,7 +94,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _survey_rows(surveys: Sequence[ReachSurvey]) -> list[list[str]]:
     if len(surveys) == 2:
         surveys = [*surveys, surveys[0].joined(surveys[1])]
-    rows = [["arm", "approach", "places", "free", "directions", "within"]]
+    rows = [["arm", "approach", "places", "free", "directions", "within [m]"]]
     for survey in surveys:
         for k, approach in enumerate(survey.approaches):
             part = survey.part(k)

@@ -37,7 +37,7 @@ _ARM_COLORS = ((0.10, 0.38, 0.77), (0.80, 0.38, 0.06))
 _BOTH_COLOR = (0.05, 0.50, 0.34)
 _OUTSIDE = np.array([0.955, 0.96, 0.97])
 _REGION_COLOR = (0.72, 0.05, 0.25)
-_LONGEST_NAME = 10
+_LONGEST_NAME = 13
 _MOST_ROWS = 10
 _FAINT = 0.25
 """Least strength of a place that can be gripped at all."""
@@ -281,7 +281,7 @@ def _row(
 def _draw_table(axes: Axes, rows: Sequence[Sequence[str]]) -> None:
     axes.set_facecolor("white")
     # Words in the first columns are wider than the figures that follow.
-    starts = np.array([14, 98, 174, 224, 276, 352])[: len(rows[0])]
+    starts = np.array([10, 106, 178, 228, 278, 353])[: len(rows[0])]
     for line, row in enumerate(rows[:_MOST_ROWS]):
         cells = [short_name(row[0], _LONGEST_NAME), *row[1:]]
         for x, cell in zip(starts, cells, strict=True):

@@ -84,6 +84,17 @@ def test_the_name_of_an_arm_runs_into_nothing(
         assert square.get_window_extent().x1 < text.get_window_extent().x0
 
 
+def test_what_either_arm_can_do_is_named_whole(
+    picture: ReachPicture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [picture.rows[0], ["right or left", *picture.rows[1][1:]]]
+    pages: list[Page] = []
+    monkeypatch.setattr(Page, "write", lambda page, _: pages.append(page))
+    reach_png(tmp_path / "reach.png", replace(picture, rows=rows))
+    texts = [text for axes in pages[0].figure.axes for text in axes.texts]
+    assert any(text.get_text() == "right or left" for text in texts)
+
+
 def test_equal_pictures_give_equal_files(picture: ReachPicture, tmp_path: Path) -> None:
     for name in ("a", "b"):
         reach_png(tmp_path / f"{name}.png", picture)
