@@ -40,7 +40,7 @@ function fillPage() {
     row.addEventListener("click", () => choose(grasp.rank));
     row.addEventListener("keydown", (event) => { if (event.key === "Enter") choose(grasp.rank); });
   }
-  if (!data.grasps.length) find("table-box").hidden = true;
+  find("table-box").hidden = find("next").hidden = !data.grasps.length;
 
   const image = data.image;
   find("image").src = `data:image/jpeg;base64,${image.jpeg}`;

@@ -214,3 +214,28 @@ def test_long_names_and_many_labels_keep_to_a_small_screen(
         )
         assert view.evaluate(shown)[-1] == "hidden"
         assert view.evaluate(shown)[0] == ""
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="needs Chromium and playwright")
+def test_a_page_without_grasps_offers_no_next_one(
+    report: Report, empty_report: Report, tmp_path: Path
+) -> None:
+    with browser.opened() as view:
+        for some, is_offered in ((report, True), (empty_report, False)):
+            report_html(tmp_path / "a.html", some)
+            view.goto((tmp_path / "a.html").as_uri())
+            assert view.get_by_text("next grasp").is_visible() == is_offered
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="needs Chromium and playwright")
+def test_all_objects_in_the_order_are_printed(report: Report, tmp_path: Path) -> None:
+    report_html(tmp_path / "a.html", report)
+    with browser.opened() as view:
+        view.goto((tmp_path / "a.html").as_uri())
+        view.evaluate(
+            "find('order').append(...[...Array(60)].map(() =>"
+            " find('order').rows[0].cloneNode(true)))"
+        )
+        view.emulate_media(media="print")
+        box = "find('order-box').scrollHeight - find('order-box').clientHeight"
+        assert view.evaluate(box) <= 1
