@@ -59,7 +59,7 @@ def plan_table(plan: PosturePlan, link: str | None) -> str:
 
     With the link of the arm that carries the camera, if one does.
     """
-    header = ["posture", "x", "y", "z", "error after [mm]", "joints"]
+    header = ["posture", "x [m]", "y [m]", "z [m]", "error after [mm]", "joints"]
     rows = [
         [
             p.name,

@@ -229,7 +229,9 @@ def run_segment(arguments: argparse.Namespace) -> int:
             for s in segmentation.segments
         ]
         print(
-            columns(["object", "points", "x", "y", "z", "extents [cm]"], rows)
+            columns(
+                ["object", "points", "x [m]", "y [m]", "z [m]", "extents [cm]"], rows
+            )
             if rows
             else _NOTHING
         )

@@ -86,7 +86,7 @@ def _load_cells(load: LoadForecast | None) -> list[str]:
 
 def _grasp_table(plan: GraspPlan, limit: int) -> str:
     header = ["#", "score", "Q", "S", "C", "R", "arm", "prototype", "preshape"]
-    header += ["opening", "x", "y", "z", "lever", "margin"]
+    header += ["opening [m]", "x [m]", "y [m]", "z [m]", "lever [m]", "margin"]
     rows = [
         [
             str(rank),

@@ -226,7 +226,7 @@ def test_what_was_found_is_told_before_a_picture_that_cannot_be_written(
     monkeypatch.setattr(viz, "segmentation_png", full)
     ended = run("segment", pipe_file, "--out", labels, "--report", picture)
     assert ended.status == 2
-    assert "extents [cm]" in ended.out
+    assert "x [m]  y [m]  z [m]  extents [cm]" in ended.out
     assert labels.is_file()
     assert "Make room" in ended.err
 

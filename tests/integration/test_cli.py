@@ -82,6 +82,13 @@ def test_demo_prints_grasps_and_writes_three_files(run, tmp_path):
     assert (out / "report.html").read_text().startswith("<!DOCTYPE html>")
 
 
+def _heads(out: str) -> set[str]:
+    """Column heads of the tables in what was printed."""
+    lines = out.splitlines()
+    rules = (k for k, line in enumerate(lines) if line.startswith("-"))
+    return {head for k in rules for head in re.split(r"  +", lines[k - 1].strip())}
+
+
 def test_plan_prints_a_table_and_writes_a_plan_that_loads(plan, pipe_file, tmp_path):
     out = tmp_path / "grasps.json"
     ended = plan(pipe_file, "--out", out)
@@ -90,6 +97,7 @@ def test_plan_prints_a_table_and_writes_a_plan_that_loads(plan, pipe_file, tmp_p
     found = load_plan(out)
     assert f"{len(found.grasps)} grasps on object 1, best first" in ended.out
     assert "cylinder_060_tip" in ended.out
+    assert {"opening [m]", "x [m]", "lever [m]"} <= _heads(ended.out)
     assert f"wrote {out}" in ended.out
     assert found.robot == "none"
     assert all(g.arm is None and g.joints is None for g in found.grasps)
