@@ -227,6 +227,11 @@ def _compare(old: Path, new: Path, *, as_json: bool) -> int:
     runs = load_results(old), load_results(new)
     for words in _unlike((old, new), runs):
         print(f"note: {words}", file=sys.stderr)
+    for path, records in zip((old, new), runs, strict=True):
+        if not records:
+            raise ConfigError(
+                f"runs of {path}", got="none", expected="one or more finished runs"
+            )
     groups = compare_groups(load_flights(old), load_flights(new))
     rows = compare(*map(tabulate, runs))
     if groups:  # flights tell more of their ends than the classes of faults do

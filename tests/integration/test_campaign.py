@@ -135,6 +135,11 @@ def test_a_campaign_from_the_command_line(run, tmp_path):
     (out / "campaign.json").write_text(
         (out / "campaign.json").read_text().replace('"single"', '"few"')
     )
+    shutil.copytree(out, tmp_path / "begun")
+    for path in (tmp_path / "begun/runs").iterdir():
+        path.unlink()
+    none = run("campaign", "--compare", out, tmp_path / "begun")
+    assert f"runs of {tmp_path / 'begun'}: got none" in none.err
     first, second, _ = sorted((out / "runs").iterdir())
     first.unlink()
     whole = second.read_text()
