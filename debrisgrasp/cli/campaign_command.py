@@ -64,7 +64,7 @@ def add(subparsers: Subparsers) -> None:
         "--workers",
         type=count(0, 1024),
         default=0,
-        help="processes (default: 0, one for each core)",
+        help="processes, no more than runs (default: 0, one for each core)",
     )
     parser.add_argument(
         "--cluster", metavar="ADDRESS", help="Dask scheduler instead (extra 'cluster')"

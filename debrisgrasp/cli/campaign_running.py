@@ -13,6 +13,7 @@ from typing import Any
 import debrisgrasp
 from debrisgrasp._arrays import Rng
 from debrisgrasp._files import data_path
+from debrisgrasp._workers import cores
 from debrisgrasp.campaign import (
     FAKE_TIERS,
     UNCLASSIFIED,
@@ -77,7 +78,7 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
         return _compare(*arguments.compare, as_json=arguments.json)
     campaign = _campaign(arguments)
     workers = (
-        LocalWorkers(arguments.workers)
+        LocalWorkers(min(arguments.workers or cores(), arguments.n, 1024))
         if arguments.cluster is None
         else ClusterWorkers(arguments.cluster)
     )

@@ -297,6 +297,20 @@ def test_a_campaign_with_a_run_in_no_class_is_no_success(run, tmp_path, monkeypa
     assert "no such thing" in done.out
 
 
+def test_no_more_workers_are_started_than_there_are_runs(run, tmp_path, monkeypatch):
+    asked = []
+
+    def told(_, workers, **__):
+        asked.append(workers.count)
+        return (RunRecord.unclassified("000000", {}, "InputError: no such thing"),)
+
+    monkeypatch.setattr(Campaign, "run", told)
+    for workers in (1024, 1, 0):
+        run("campaign", "--n", 2, "--workers", workers, "--out", tmp_path)
+    assert asked[:2] == [2, 1]
+    assert 1 <= asked[2] <= 2
+
+
 def test_a_drop_off_out_of_reach_is_named_before_anything_runs(run, tmp_path):
     site = tmp_path / "site.yaml"
     site.write_text("schema: debrisgrasp/site/1\ndrop_off: {left: [3.5, 3.0]}\n")
