@@ -25,7 +25,7 @@ demo: $(VENV)/usable
 # One process for each core; a process that computes on several would slow the others.
 # Many tests start programs, which compile themselves anew where no bytecode is kept.
 test: $(VENV)/ready
-	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
+	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: $(VENV)/ready
 	$(BIN)/ruff format --check .

@@ -322,14 +322,24 @@ def _require_lift(reach: ArmReach, settings: TaskSettings) -> None:
     own = reach.chain.fk(reach.q_present).p[:2]
     places.sort(key=lambda place: float(np.linalg.norm(own - place)))
     tilts = (*_TILTS, np.pi / 2.0)
-    if any(_reaches(reach, (*place, settings.lift), tilts) for place in places):
+
+    def reaches(height: float) -> bool:
+        return any(_reaches(reach, (*place, height), tilts) for place in places)
+
+    if reaches(settings.lift):
         return
+    lower = settings.lift * np.array([0.75, 0.5, 0.25, 0.1])
+    low = next((height for height in lower.tolist() if reaches(height)), None)
+    hand = f"the hand of the {arm_called(reach.name)}"
     raise InputError(
         "TaskSettings.lift",
         got=f"{settings.lift:g} m",
-        expected=f"a height at which the hand of the {arm_called(reach.name)} still "
-        "reaches a place in the workspace",
-        mend="Lower it, or give the arm a workspace nearer to it.",
+        expected=f"a height at which {hand} still reaches a place in the workspace",
+        mend=f"It reaches one {low:.2g} m high: lower it, or give the arm a workspace "
+        "nearer to it."
+        if low
+        else f"At none below does {hand} face down or ahead there: give the arm a "
+        "workspace nearer to it.",
     )
 
 

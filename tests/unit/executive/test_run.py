@@ -151,7 +151,11 @@ def test_a_camera_that_can_not_be_there_is_refused(
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        (TaskSettings(lift=2.0), "TaskSettings.lift: got 2 m, .* right arm .*Lower it"),
+        (TaskSettings(lift=2.0), "TaskSettings.lift: got 2 m, .* right arm .*lower it"),
+        (
+            TaskSettings(workspace=((3.5, -0.6, -0.1), (4.0, 0.6, 1.3))),
+            "TaskSettings.lift: got 0.15 m, .* right arm .*At none below",
+        ),
         (TaskSettings(drop_height=1.0), "1.2 m above .* lower drop_height.* is 1 m"),
     ],
 )
