@@ -42,20 +42,24 @@ def hat(v: FloatArray) -> FloatArray:
     return out
 
 
-def _angle_coefficients(
-    angle: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """``sin t / t``, ``(1 - cos t) / t^2`` and ``(t - sin t) / t^3``, safe near 0."""
+def _angle_coefficients(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """``sin t / t`` and ``(1 - cos t) / t^2``, safe near 0."""
     is_small = angle < _SMALL_ANGLE
     t = np.where(is_small, 1.0, angle)
     t2 = angle * angle
     a = np.where(is_small, 1.0 - t2 / 6.0, np.sin(t) / t)
     half = np.sin(t / 2.0)
     b = np.where(is_small, 0.5 - t2 / 24.0, 2.0 * half * half / (t * t))
+    return a, b
+
+
+def _third_coefficient(angle: FloatArray) -> FloatArray:
+    """``(t - sin t) / t^3``, safe near 0."""
     # t - sin t cancels below about 0.01 rad; the series reaches 1e-16 up to there.
+    is_small, t2 = angle < 1e-2, angle * angle
+    t = np.where(is_small, 1.0, angle)
     series = 1.0 / 6.0 - t2 / 120.0 + t2 * t2 / 5040.0
-    c = np.where(angle < 1e-2, series, (t - np.sin(t)) / (t * t * t))
-    return a, b, c
+    return np.where(is_small, series, (t - np.sin(t)) / (t * t * t))
 
 
 def exp(rotvec: FloatArray) -> FloatArray:
@@ -77,7 +81,7 @@ def exp(rotvec: FloatArray) -> FloatArray:
         If the last axis is not of size 3.
     """
     rotvec = as_floats(rotvec, "rotation vector", (3,))
-    a, b, _ = _angle_coefficients(np.linalg.norm(rotvec, axis=-1))
+    a, b = _angle_coefficients(np.linalg.norm(rotvec, axis=-1))
     k = hat(rotvec)
     return np.eye(3) + a[..., None, None] * k + b[..., None, None] * (k @ k)
 
@@ -85,7 +89,8 @@ def exp(rotvec: FloatArray) -> FloatArray:
 def left_jacobian(rotvec: FloatArray) -> FloatArray:
     """Matrix ``V`` with ``exp6(v, w) = (exp(w), V(w) v)``, shape (..., 3, 3)."""
     rotvec = as_floats(rotvec, "rotation vector", (3,))
-    _, b, c = _angle_coefficients(np.linalg.norm(rotvec, axis=-1))
+    angle = np.linalg.norm(rotvec, axis=-1)
+    (_, b), c = _angle_coefficients(angle), _third_coefficient(angle)
     k = hat(rotvec)
     return np.eye(3) + b[..., None, None] * k + c[..., None, None] * (k @ k)
 
