@@ -185,8 +185,9 @@ class GripperModel:
 
     def pad_positions(self, preshape: str, opening: float) -> FloatArray:
         """Where the pads are [m], shape (fingers, 3), in the order of `fingers`."""
-        values = self._values(preshape, opening)
-        return np.stack([finger.pad_position(values) for finger in self.fingers])
+        poses = _link_poses(self, preshape, opening)
+        pads = zip(self.fingers, poses, strict=True)
+        return np.stack([links[-1].apply(finger.pad) for finger, links in pads])
 
     def fingertip_reach(self, preshape: str, opening: float) -> float:
         """How far the fingers stand out in front of the palm [m]."""
@@ -263,14 +264,24 @@ def _shipped(path: Path, _changed: object) -> GripperModel:
 
 
 @lru_cache(maxsize=256)
-def _placed(
+def _link_poses(
     gripper: GripperModel, preshape: str, opening: float
-) -> tuple[tuple[Solid, ...], ...]:
-    """Solids of each finger; the same few openings are asked for again and again."""
+) -> tuple[tuple[SE3, ...], ...]:
+    """Links of each finger; the same few openings are asked for again and again."""
     values = gripper.preshape(preshape).values(
         gripper.opening_to_command(preshape, opening)
     )
-    return tuple(finger.solids(values) for finger in gripper.fingers)
+    return tuple(finger.link_poses(values) for finger in gripper.fingers)
+
+
+@lru_cache(maxsize=256)
+def _placed(
+    gripper: GripperModel, preshape: str, opening: float
+) -> tuple[tuple[Solid, ...], ...]:
+    """Solids of each finger."""
+    poses = _link_poses(gripper, preshape, opening)
+    fingers = zip(gripper.fingers, poses, strict=True)
+    return tuple(finger.placed(links) for finger, links in fingers)
 
 
 FURTHER_HANDS = (

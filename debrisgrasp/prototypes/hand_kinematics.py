@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,11 +83,13 @@ class Finger:
 
     def solids(self, values: Mapping[str, float]) -> tuple[Solid, ...]:
         """Solids of all links in the hand frame."""
+        return self.placed(self.link_poses(values))
+
+    def placed(self, poses: Sequence[SE3]) -> tuple[Solid, ...]:
+        """Solids of all links where `link_poses` are these."""
         return tuple(
             solid.moved(T_hand_link)
-            for link, T_hand_link in zip(
-                self.links, self.link_poses(values), strict=True
-            )
+            for link, T_hand_link in zip(self.links, poses, strict=True)
             for solid in link.solids
         )
 
