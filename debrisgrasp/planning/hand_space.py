@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntFlag
 
 import numpy as np
@@ -68,18 +68,15 @@ class SpaceOfHand:
         gripper: GripperModel,
         preshape: str,
         opening: float,
-        width: float,
         *,
         approach: float,
         tolerance: float,
         spacing: float = 0.004,
     ) -> SpaceOfHand:
-        """Fill the grid from the hand's solids, exact at the centre of each cell.
+        """Fill the grid from the open hand's solids, exact at the centre of each cell.
 
         Parameters
         ----------
-        width
-            Opening at which the hand grips [m]; objects `GRIP_MARGIN` wider still do.
         approach
             Length of the straight approach along +z [m].
         tolerance
@@ -100,7 +97,6 @@ class SpaceOfHand:
             (gripper.palm, HandSpace.PALM),
             (fingers, HandSpace.FINGER),
             ((closing,), HandSpace.CLOSING),
-            (_sweep(gripper, preshape, opening, width), HandSpace.SWEPT),
         ):
             for solid in solids:
                 depth = 0.0 if flag is HandSpace.CLOSING else tolerance
@@ -115,6 +111,24 @@ class SpaceOfHand:
             swept = _greatest_ahead(is_solid.view(np.uint8), n_steps)[:, :, 1:]
             flags[:, :, :-1] |= swept * np.uint8(HandSpace.APPROACH)
         flags |= _greatest_ahead(near, n_steps + 1) << MARGIN_SHIFT
+        return hand
+
+    def closed(
+        self,
+        gripper: GripperModel,
+        preshape: str,
+        opening: float,
+        width: float,
+        *,
+        tolerance: float,
+    ) -> SpaceOfHand:
+        """Mark what the fingers sweep, too, until they grip at a width [m].
+
+        Objects `GRIP_MARGIN` wider than that are still gripped.
+        """
+        hand = replace(self, flags=self.flags.copy())
+        for solid in _sweep(gripper, preshape, opening, width):
+            hand._mark(solid, HandSpace.SWEPT, tolerance)
         return hand
 
     def _mark(self, solid: Solid, flag: HandSpace, depth: float) -> None:

@@ -52,33 +52,31 @@ class PackedHands:
         ConfigError
             If a prototype's shape lies inside its own open hand.
         """
-        keys = [(p.gripper, p.preshape, p.opening, p.width) for p in library]
-        unique = list(dict.fromkeys(keys))
+        hand_of = [
+            (library.grippers[p.gripper], p.preshape, p.opening) for p in library
+        ]
+        keys = list(zip(hand_of, (p.width for p in library), strict=True))
+        hands, unique = list(dict.fromkeys(hand_of)), list(dict.fromkeys(keys))
+        # Hands of one opening differ in what they sweep while they close.
+        opened = {
+            hand: SpaceOfHand.of(*hand, approach=approach, tolerance=tolerance)
+            for hand in hands
+        }
         spaces = PackedSpaces.pack(
-            SpaceOfHand.of(
-                library.grippers[name],
-                preshape,
-                opening,
-                width,
-                approach=approach,
-                tolerance=tolerance,
-            )
-            for name, preshape, opening, width in unique
+            opened[hand].closed(*hand, width, tolerance=tolerance)
+            for hand, width in unique
         )
-        covers = [
-            _cover(library.grippers[name], preshape, opening)
-            for name, preshape, opening, _ in unique
-        ]
-        ends = [_ends(library.grippers[name], pre, w) for name, pre, w, _ in unique]
+        covers = [_cover(*hand) for hand in hands]
+        ends = [_ends(*hand) for hand in hands]
         grips = [
-            library.grippers[n].closing_region(pre, w).T_frame_solid.p
-            for n, pre, w, _ in unique
+            gripper.closing_region(preshape, opening).T_frame_solid.p
+            for gripper, preshape, opening in hands
         ]
-        index = np.array([unique.index(key) for key in keys])
+        index = np.array([hands.index(hand) for hand in hand_of])
         most = max(len(part) for _, _, part in covers)
-        centers = np.zeros((len(unique), 3, most), np.float32)
-        radii = np.full((len(unique), most), -np.inf, np.float32)
-        parts = np.full((len(unique), most), -1, np.int8)
+        centers = np.zeros((len(hands), 3, most), np.float32)
+        radii = np.full((len(hands), most), -np.inf, np.float32)
+        parts = np.full((len(hands), most), -1, np.int8)
         for i, (center, radius, part) in enumerate(covers):
             n = len(part)
             centers[i, :, :n], radii[i, :n], parts[i, :n] = center.T, radius, part
@@ -87,7 +85,7 @@ class PackedHands:
             radii=radii[index],
             parts=parts[index],
             ends=_padded(ends)[index],
-            space_index=index,
+            space_index=np.array([unique.index(key) for key in keys]),
             spaces=spaces,
             grip_points=np.array(grips)[index],
             slack=np.array([_slack(p, library.grippers[p.gripper]) for p in library]),
