@@ -127,8 +127,14 @@ class SpaceOfHand:
         Objects `GRIP_MARGIN` wider than that are still gripped.
         """
         hand = replace(self, flags=self.flags.copy())
-        for solid in _sweep(gripper, preshape, opening, width):
-            hand._mark(solid, HandSpace.SWEPT, tolerance)
+        last = min(width + GRIP_MARGIN, opening)
+        n_steps = math.ceil((opening - last) / _SWEEP_STEP)
+        steps = np.linspace(opening, last, n_steps + 1)[1:]
+        poses = gripper.link_poses(preshape, steps)
+        for finger, links in zip(gripper.fingers, poses, strict=True):
+            for step in range(n_steps):
+                for solid in finger.placed([Ts[step] for Ts in links]):
+                    hand._mark(solid, HandSpace.SWEPT, tolerance)
         return hand
 
     def _mark(self, solid: Solid, flag: HandSpace, depth: float) -> None:
@@ -141,7 +147,8 @@ class SpaceOfHand:
         points = np.empty((*map(len, axes), 3))
         for axis, cells in enumerate(np.ix_(*axes)):
             points[..., axis] = self.origin[axis] + cells * self.spacing
-        inside = solid.signed_distance(points) < -depth
+        distance = solid.signed_distance(points.reshape(-1, 3))
+        inside = distance.reshape(points.shape[:-1]) < -depth
         box = tuple(
             slice(int(a), int(a) + len(n)) for a, n in zip(low, axes, strict=True)
         )
@@ -356,18 +363,6 @@ def _filled(flags: np.ndarray) -> IntArray:
         cells = np.flatnonzero(is_solid.any(axis=others))
         ranges.append((cells[0], cells[-1] + 1) if len(cells) else (0, 0))
     return np.array(ranges).T
-
-
-def _sweep(
-    gripper: GripperModel, preshape: str, opening: float, width: float
-) -> tuple[Solid, ...]:
-    """Fingers at openings from the first move to shortly before the grip."""
-    last = min(width + GRIP_MARGIN, opening)
-    n_steps = math.ceil((opening - last) / _SWEEP_STEP)
-    steps = np.linspace(opening, last, n_steps + 1)[1:]
-    return tuple(
-        solid for step in steps for solid in gripper.finger_solids(preshape, step)
-    )
 
 
 def _union(boxes: Iterable[Bounds]) -> Bounds:

@@ -189,6 +189,20 @@ class GripperModel:
         pads = zip(self.fingers, poses, strict=True)
         return np.stack([links[-1].apply(finger.pad) for finger, links in pads])
 
+    def link_poses(
+        self, preshape: str, openings: FloatArray
+    ) -> tuple[tuple[SE3, ...], ...]:
+        """Poses (k,) of the links of each finger at openings (k,) [m]."""
+        commands = [self.opening_to_command(preshape, opening) for opening in openings]
+        values = self.preshape(preshape).values(np.array(commands))
+        shape = (len(openings), 4, 4)  # a link that does not move has but one
+        return tuple(
+            tuple(
+                SE3(np.broadcast_to(T.matrix, shape)) for T in finger.link_poses(values)
+            )
+            for finger in self.fingers
+        )
+
     def fingertip_reach(self, preshape: str, opening: float) -> float:
         """How far the fingers stand out in front of the palm [m]."""
         solids = self.finger_solids(preshape, opening)
@@ -268,9 +282,7 @@ def _link_poses(
     gripper: GripperModel, preshape: str, opening: float
 ) -> tuple[tuple[SE3, ...], ...]:
     """Links of each finger; the same few openings are asked for again and again."""
-    values = gripper.preshape(preshape).values(
-        gripper.opening_to_command(preshape, opening)
-    )
+    values = gripper._values(preshape, opening)
     return tuple(finger.link_poses(values) for finger in gripper.fingers)
 
 

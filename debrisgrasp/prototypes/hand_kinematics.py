@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -132,9 +133,9 @@ class Preshape:
         """Opening where the fingers close as far as they go [m], 0 if they overlap."""
         return max(float(self.openings[-1]), 0.0)
 
-    def values(self, command: float) -> dict[str, float]:
-        """Value of every joint variable at one command."""
+    def values(self, command: float | FloatArray) -> dict[str, Any]:
+        """Value of every joint variable at commands (...)."""
         return {
-            name: float(np.interp(command, self.commands, table))
+            name: np.interp(command, self.commands, table)
             for name, table in self.joints.items()
         }

@@ -279,14 +279,9 @@ class HandShape:
                 low, high, max(int(np.ceil((high - low) / _GRID)), 1) + 1
             )
             spacing = float(grid[1] - grid[0])
-            commands = np.interp(-grid, -shape.openings, shape.commands)
-            values = {
-                joint: np.interp(commands, shape.commands, table)
-                for joint, table in shape.joints.items()
-            }
+            fingers = self.model.link_poses(preshape, grid)
             tables = []
-            for finger, links in zip(self.model.fingers, self._links, strict=True):
-                poses = finger.link_poses(values)
+            for poses, links in zip(fingers, self._links, strict=True):
                 moved = [
                     np.broadcast_to(
                         pose.matrix[..., None, :3, 3]
