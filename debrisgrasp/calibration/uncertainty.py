@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3, Bounds, lattice
 
 from .head import Head
 
@@ -57,9 +57,7 @@ class WorkspaceError:
 
 def grid(bounds: Bounds, steps: int = _STEPS) -> FloatArray:
     """Points spread evenly over a box, borders included, shape (steps^3, 3)."""
-    shares = np.stack(
-        np.meshgrid(*[np.linspace(0.0, 1.0, steps)] * 3, indexing="ij"), axis=-1
-    )
+    shares = lattice(*[np.linspace(0.0, 1.0, steps)] * 3)
     return bounds.lower + shares.reshape(-1, 3) * bounds.size
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3, Bounds, lattice
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import (
     APPROACHES,
@@ -208,9 +208,9 @@ def _write_reports(
         for k in (0, 1)
     )
     z = np.arange(around.lower[2], around.upper[2] + _MAP_STEP / 2, _MAP_STEP)
-    level = np.stack(np.meshgrid(x, y, heights, indexing="ij"), -1).reshape(-1, 3)
+    level = lattice(x, y, heights).reshape(-1, 3)
     middle = 0.5 * (asked.lower + asked.upper)[1]
-    upright = np.stack(np.meshgrid(x, [middle], z, indexing="ij"), -1).reshape(-1, 3)
+    upright = lattice(x, [middle], z).reshape(-1, 3)
     picture = viz.ReachPicture(
         title=f"Reach of {arms[0].robot.name}",
         summary="share of approach directions that a palm can take, robot at rest, "

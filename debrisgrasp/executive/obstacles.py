@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray, FloatArray
-from debrisgrasp.geometry import SE3, PointCloud
+from debrisgrasp.geometry import SE3, PointCloud, lattice
 from debrisgrasp.kinematics.urdf import UrdfShape
 from debrisgrasp.motion import MotionPlanner, MotionSpace, UnknownSpace
 from debrisgrasp.pipeline.self_filter import are_near
@@ -113,7 +113,7 @@ def lying(T_base_hand: SE3, points_hand: FloatArray) -> FloatArray:
     box = box_around(points_hand)
     half = 0.5 * np.array(box.size) + _UNSURE
     sides = [np.linspace(-h, h, int(np.ceil(2.0 * h / _GRAIN)) + 1) for h in half]
-    grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
+    grid = lattice(*sides).reshape(-1, 3)
     surface = grid[(np.abs(grid) > half - 1e-6).any(axis=1)]
     return (T_base_hand @ box.T_link_shape).apply(surface)
 

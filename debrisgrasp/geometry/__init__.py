@@ -6,6 +6,7 @@ from .cloud_normals import neighborhood_normals
 from .content import SolidContent
 from .field import MAX_CELLS, MAX_REACH, DistanceField, Space
 from .image_normals import depth_normals
+from .lattice import lattice
 from .neighbors import by_place, voxel_cells, voxel_count, voxel_downsample
 from .sampling import fibonacci_sphere, perturbed, random_rotations
 from .se3 import SE3
@@ -33,6 +34,7 @@ __all__ = [
     "by_place",
     "depth_normals",
     "fibonacci_sphere",
+    "lattice",
     "neighborhood_normals",
     "perturbed",
     "random_rotations",

@@ -9,6 +9,8 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray, IntArray
 from debrisgrasp.errors import InputError
 
+from .lattice import lattice
+
 __all__ = [
     "SphereSet",
     "TriangleMesh",
@@ -118,7 +120,7 @@ def cover_box(half_extents: FloatArray, max_radius: float) -> SphereSet:
         (2 * np.arange(count) + 1 - count) * half
         for count, half in zip(counts, cell, strict=True)
     ]
-    centers = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    centers = lattice(*lines).reshape(-1, 3)
     return centers, np.full(len(centers), np.linalg.norm(cell))
 
 

@@ -19,7 +19,7 @@ from debrisgrasp._arrays import (
 )
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError, ShapeError
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, lattice
 
 from .ik import solve
 from .reach import ArmReach
@@ -277,8 +277,7 @@ def _grid(reach: float, step: float, turn: float) -> FloatArray:
     n = int(reach / step + 1e-9)
     line = step * np.arange(-n, n + 1)
     yaw = turn * np.arange(round(2.0 * np.pi / turn))
-    grid = np.meshgrid(line, line, yaw, indexing="ij")
-    return np.stack(grid, axis=-1).reshape(-1, 3)
+    return lattice(line, line, yaw).reshape(-1, 3)
 
 
 def _around(places: FloatArray, config: PlacementConfig) -> FloatArray:

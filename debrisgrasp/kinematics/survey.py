@@ -18,7 +18,7 @@ from debrisgrasp._arrays import (
     require_range,
 )
 from debrisgrasp.errors import InputError
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3, Bounds, lattice
 
 from .chain import KinematicChain
 from .ik import solve, solve_distinct
@@ -255,4 +255,4 @@ def grid_places(bounds: Bounds, step: float) -> FloatArray:
         np.linspace(low, high, n) if n > 1 else np.array([0.5 * (low + high)])
         for low, high, n in zip(bounds.lower, bounds.upper, counts, strict=True)
     ]
-    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    return lattice(*lines).reshape(-1, 3)

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from debrisgrasp._arrays import Float32Array, FloatArray
-from debrisgrasp.geometry import Solid, SolidContent
+from debrisgrasp.geometry import Solid, SolidContent, lattice
 
 __all__ = ["GRID_SPACING", "SolidField"]
 
@@ -76,8 +76,7 @@ def _filled(content: SolidContent, spacing: float, reach: float) -> SolidField:
             o + spacing * np.arange(part.start, part.stop)
             for o, part in zip(origin, block, strict=True)
         )
-        centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-        found = solid.signed_distance(centers).astype(np.float32)
+        found = solid.signed_distance(lattice(*axes)).astype(np.float32)
         np.minimum(gap[block], found, out=gap[block])
     origin.flags.writeable = gap.flags.writeable = False
     return SolidField(origin, spacing, (nx, ny, nz), gap.ravel())

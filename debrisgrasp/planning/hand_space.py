@@ -10,7 +10,7 @@ from enum import IntFlag
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, Float32Array, FloatArray, IntArray
-from debrisgrasp.geometry import Bounds, Solid
+from debrisgrasp.geometry import Bounds, Solid, lattice
 from debrisgrasp.prototypes import GripperModel
 
 __all__ = [
@@ -139,20 +139,22 @@ class SpaceOfHand:
 
     def _mark(self, solid: Solid, flag: HandSpace, depth: float) -> None:
         """Set a flag where a solid is deeper than ``depth`` [m]."""
-        bounds, last = solid.bounds, np.array(self.flags.shape) - 2
+        bounds = solid.bounds
+        low = np.floor((bounds.lower + depth - self.origin) / self.spacing)
+        high = np.ceil((bounds.upper - depth - self.origin) / self.spacing)
         # The outermost layer stays empty.
-        low = np.floor((bounds.lower - self.origin) / self.spacing).clip(1)
-        high = np.ceil((bounds.upper - self.origin) / self.spacing).clip(None, last)
-        axes = [np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
-        points = np.empty((*map(len, axes), 3))
-        for axis, cells in enumerate(np.ix_(*axes)):
-            points[..., axis] = self.origin[axis] + cells * self.spacing
+        low = np.maximum(low, 1.0).astype(int)
+        end = np.minimum(high + 1.0, np.array(self.flags.shape) - 1)
+        end = np.maximum(end.astype(int), low)
+        axes = (
+            first + np.arange(a, b) * self.spacing
+            for first, a, b in zip(self.origin, low, end, strict=True)
+        )
+        points = lattice(*axes)
+        # In one row: that of a grid would be turned line by line.
         distance = solid.signed_distance(points.reshape(-1, 3))
         inside = distance.reshape(points.shape[:-1]) < -depth
-        box = tuple(
-            slice(int(a), int(a) + len(n)) for a, n in zip(low, axes, strict=True)
-        )
-        self.flags[box] |= inside * np.uint8(flag)
+        self.flags[tuple(map(slice, low, end))] |= inside * np.uint8(flag)
 
 
 def _nearness(is_solid: BoolArray) -> np.ndarray:

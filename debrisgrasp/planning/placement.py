@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3, Bounds, lattice
 
 from .reach import Distance
 
@@ -50,8 +50,7 @@ def is_blocked(footprint: Bounds, distance: Distance, T_base_placed: SE3) -> boo
     axes = [
         np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, step, strict=True)
     ]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    gap = distance(T_base_placed.apply(grid))
+    gap = distance(T_base_placed.apply(lattice(*axes).reshape(-1, 3)))
     return bool((gap < 0.05).any())
 
 

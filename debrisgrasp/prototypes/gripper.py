@@ -13,7 +13,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import data_path, is_yaml, last_changed, yaml_files
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
-from debrisgrasp.geometry import SE3
+from debrisgrasp.geometry import SE3, lattice
 from debrisgrasp.geometry.solids import Box, Solid, SphereSet
 
 from .hand_file import read_hand
@@ -236,8 +236,9 @@ class GripperModel:
                 is_level = (heights > low[2] - _STEP) & (heights < high[2] + _STEP)
                 x = np.arange(low[0], high[0] + _STEP, _STEP)
                 y = low[1] + (high - low)[1] * _ACROSS
-                grid = np.meshgrid(x, y, heights[is_level], indexing="ij")
-                depth = solid.signed_distance(np.stack(grid, axis=-1))
+                points = lattice(x, y, heights[is_level])
+                depth = solid.signed_distance(points.reshape(-1, 3))
+                depth = depth.reshape(points.shape[:-1])
                 is_in = depth.min(axis=1) < 0.5 * _STEP
                 ends = np.where(is_in, side * x[:, None], np.inf).min(axis=0)
                 faces[is_level] = np.minimum(faces[is_level], ends)
