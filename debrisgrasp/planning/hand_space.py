@@ -163,17 +163,14 @@ def _nearness(is_solid: BoolArray) -> np.ndarray:
     A separable distance transform that looks no farther than matters.
     """
     squared = np.where(is_solid, np.uint8(0), np.uint8(_BEYOND))
-    for axis in range(3):
-        line = np.moveaxis(squared, axis, 0)
-        least = line.copy()
+    for _ in range(3):
+        least = squared.copy()
         for step in range(1, MARGIN_STEPS):
-            for to, by in (
-                (slice(step, None), slice(None, -step)),
-                (slice(None, -step), slice(step, None)),
-            ):
-                farther = line[by] + np.uint8(step * step)
-                np.minimum(least[to], farther, out=least[to])
-        squared = np.moveaxis(least, 0, axis)
+            farther = squared + np.uint8(step * step)
+            np.minimum(least[step:], farther[:-step], out=least[step:])
+            np.minimum(least[:-step], farther[step:], out=least[:-step])
+        # Each axis has its turn to be the first: whole layers are compared.
+        squared = np.ascontiguousarray(np.moveaxis(least, 0, -1))
     steps = np.rint(np.sqrt(np.arange(256))).clip(None, MARGIN_STEPS)
     return (MARGIN_STEPS - steps).astype(np.uint8)[squared]
 
