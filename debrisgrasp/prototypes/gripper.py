@@ -195,13 +195,7 @@ class GripperModel:
         """Poses (k,) of the links of each finger at openings (k,) [m]."""
         commands = [self.opening_to_command(preshape, opening) for opening in openings]
         values = self.preshape(preshape).values(np.array(commands))
-        shape = (len(openings), 4, 4)  # a link that does not move has but one
-        return tuple(
-            tuple(
-                SE3(np.broadcast_to(T.matrix, shape)) for T in finger.link_poses(values)
-            )
-            for finger in self.fingers
-        )
+        return tuple(finger.link_poses(values) for finger in self.fingers)
 
     def fingertip_reach(self, preshape: str, opening: float) -> float:
         """How far the fingers stand out in front of the palm [m]."""

@@ -30,12 +30,20 @@ class HandJoint:
     """-1 where a finger mirrors the value."""
     is_prismatic: bool = False
 
+    def shift_and_turn(self, value: float | FloatArray) -> FloatArray:
+        """Return translation [m], rotation vector [rad] at values (...), (..., 6)."""
+        along = np.asarray(value)[..., None] * self.sign * self.axis
+        still = np.zeros_like(along)
+        parts = (along, still) if self.is_prismatic else (still, along)
+        return np.concatenate(parts, axis=-1)
+
     def motion(self, value: float | FloatArray) -> SE3:
         """Displacement at a value (...) of the variable."""
-        along = np.asarray(value)[..., None] * self.sign * self.axis
-        if self.is_prismatic:
-            return SE3.from_parts(None, along)
-        return SE3.from_parts(so3.exp(along))
+        return _motion(self.shift_and_turn(value))
+
+
+def _motion(shift_and_turn: FloatArray) -> SE3:
+    return SE3.from_parts(so3.exp(shift_and_turn[..., 3:]), shift_and_turn[..., :3])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,13 +71,17 @@ class Finger:
 
     def link_poses(self, values: JointValues) -> tuple[SE3, ...]:
         """Poses of the links in the hand frame, each of the values' batch shape."""
+        still = np.zeros((*np.broadcast_shapes(*map(np.shape, values.values())), 6))
+        moves = [
+            still
+            if link.joint is None
+            else link.joint.shift_and_turn(values[link.joint.variable])
+            for link in self.links
+        ]
+        motions = _motion(np.stack(moves))
         poses, T_hand_link = [], SE3.identity()
-        for link in self.links:
-            T_hand_link = T_hand_link @ link.T_parent_link
-            if link.joint is not None:
-                T_hand_link = T_hand_link @ link.joint.motion(
-                    values[link.joint.variable]
-                )
+        for i, link in enumerate(self.links):
+            T_hand_link = T_hand_link @ link.T_parent_link @ motions[i]
             poses.append(T_hand_link)
         return tuple(poses)
 

@@ -283,11 +283,7 @@ class HandShape:
             tables = []
             for poses, links in zip(fingers, self._links, strict=True):
                 moved = [
-                    np.broadcast_to(
-                        pose.matrix[..., None, :3, 3]
-                        + points @ np.swapaxes(pose.R, -1, -2),
-                        (len(grid), len(points), 3),
-                    )
+                    pose.matrix[:, None, :3, 3] + points @ np.swapaxes(pose.R, -1, -2)
                     for pose, points in zip(poses, links, strict=True)
                 ]
                 tables.append(np.concatenate(moved, axis=1))

@@ -150,7 +150,10 @@ def test_a_finger_without_joint_takes_its_solids_from_anywhere(tmp_path: Path) -
         load_text(tmp_path, jaw)
     solid = "solids: [{type: sphere, radius: 0.01, position: [0.01, 0, 0.07]}]}"
     fixed = jaw.replace("position: [0.0, 0, 0]}", solid)
-    assert len(load_text(tmp_path, fixed).finger_solids("parallel", 0.03, 1)) == 1
+    hand = load_text(tmp_path, fixed)
+    assert len(hand.finger_solids("parallel", 0.03, 1)) == 1
+    poses = hand.link_poses("parallel", np.array([0.01, 0.02, 0.03]))
+    assert {link.batch for finger in poses for link in finger} == {(3,)}
 
 
 @pytest.mark.parametrize(
