@@ -137,6 +137,5 @@ def _is_seen(points: FloatArray, normals: FloatArray) -> BoolArray:
     seen = np.zeros(len(points), dtype=bool)
     for direction in fibonacci_sphere(_N_VIEWS):
         left = np.flatnonzero(~seen & (normals @ direction > _AHEAD))
-        towards = np.broadcast_to(direction, (len(left), 3))
-        seen[left] = ~thinned.body.blocks(points[left], towards)
+        seen[left] = ~thinned.body.blocks(points[left], direction[None])[0]
     return seen

@@ -26,7 +26,10 @@ class Body(Protocol):
         ...
 
     def blocks(self, origins: FloatArray, directions: FloatArray) -> BoolArray:
-        """Which rays (q, 3) pass through the body ahead of their origins."""
+        """Where rays of each direction (d, 3) from each origin (m, 3) meet the body.
+
+        Only what is ahead of the origins counts; shape (d, m).
+        """
         ...
 
 
@@ -50,12 +53,15 @@ class Tube:
     def interval(
         self, origins: FloatArray, directions: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Lengths at which rays enter and leave; entry > exit where they miss."""
-        u = directions - (directions @ self.axis)[..., None] * self.axis
+        """Lengths (d, m) at which rays enter and leave; entry > exit where they miss.
+
+        They have each of the directions (d, 3) and each of the origins (m, 3).
+        """
+        u = directions - (directions @ self.axis)[:, None] * self.axis
         w = origins - self.point
-        w = w - (w @ self.axis)[..., None] * self.axis
-        a = (u * u).sum(-1)
-        b = (u * w).sum(-1)
+        w = w - (w @ self.axis)[:, None] * self.axis
+        a = (u * u).sum(-1)[:, None]
+        b = u @ w.T
         c = (w * w).sum(-1) - self.radius**2
         is_along = a < 1e-12
         root = b * b - a * c
@@ -94,17 +100,16 @@ class Part:
         return distance
 
     def blocks(self, origins: FloatArray, directions: FloatArray) -> BoolArray:
-        """Which rays (..., 3) pass through the body ahead of their origins."""
-        shape = np.broadcast_shapes(origins.shape, directions.shape)[:-1]
+        """Where rays (d, m) pass through the body ahead of their origins."""
+        shape = (len(directions), len(origins))
         enter, leave = np.zeros(shape), np.full(shape, np.inf)
         for plane in self.planes:
             speed = directions @ plane[:3]
             gap = plane[3] - origins @ plane[:3]
-            is_parallel = np.abs(speed) < 1e-12
-            at = gap / np.where(is_parallel, 1.0, speed)
-            enter = np.where(~is_parallel & (speed < 0), np.maximum(enter, at), enter)
-            leave = np.where(~is_parallel & (speed > 0), np.minimum(leave, at), leave)
-            leave = np.where(is_parallel & (gap < 0), -np.inf, leave)
+            is_in, is_out = speed < -1e-12, speed > 1e-12
+            enter[is_in] = np.maximum(enter[is_in], gap / speed[is_in, None])
+            leave[is_out] = np.minimum(leave[is_out], gap / speed[is_out, None])
+            leave[np.ix_(~is_in & ~is_out, gap < 0)] = -np.inf
         for tube in self.tubes:
             tube_enter, tube_leave = tube.interval(origins, directions)
             enter = np.maximum(enter, tube_enter)

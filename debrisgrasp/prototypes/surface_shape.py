@@ -204,23 +204,20 @@ class SurfaceBody:
         return signed
 
     def blocks(self, origins: FloatArray, directions: FloatArray) -> BoolArray:
-        """Which rays (q, 3) from points of the surface meet other parts of it.
+        """Where rays (d, m) from points of the surface meet other parts of it.
 
         The surface is drawn into a grid square to each direction, which keeps the point
         farthest ahead in each cell. It hides what it stands ahead of, unless it only
         lies farther up the same slope.
         """
-        if not len(origins):
-            return np.zeros(0, dtype=bool)
-        views, row = np.unique(directions, axis=0, return_inverse=True)
-        row = row.ravel()
-        u, v = _square_to(views)
+        view = np.arange(len(directions))[:, None]
+        u, v = _square_to(directions)
         cell = _CELL * self.spacing
         offset = self.points - self.points.mean(axis=0)
         reach = float(np.linalg.norm(offset, axis=1).max()) + 2 * cell
         n = int(np.ceil(2 * reach / cell)) + 1
 
-        def cells(points: FloatArray, view: IntArray) -> IntArray:
+        def cells(points: FloatArray) -> IntArray:
             own = points - self.points.mean(axis=0)
             i = np.floor((own * u[view]).sum(-1) / cell + n / 2)
             j = np.floor((own * v[view]).sum(-1) / cell + n / 2)
@@ -228,16 +225,16 @@ class SurfaceBody:
             found: IntArray = flat.astype(np.int64) + n * n * view
             return found
 
-        index = cells(self.points, np.arange(len(views))[:, None])
-        height = views @ self.points.T
+        index = cells(self.points)
+        height = directions @ self.points.T
         # Written from the lowest to the highest, so that the highest stays.
         order = np.argsort(height, axis=1)
-        top = np.full(len(views) * n * n, -1)
+        top = np.full(len(directions) * n * n, -1)
         top[np.take_along_axis(index, order, axis=1).ravel()] = order.ravel()
-        ahead = top[cells(origins, row)]
+        ahead = top[cells(origins)]
         _, nearest = self._tree.query(origins)
         rise = (self.points[ahead] - origins) * self.normals[nearest]
-        blocked: BoolArray = (ahead >= 0) & (rise.sum(axis=1) > self.spacing)
+        blocked: BoolArray = (ahead >= 0) & (rise.sum(axis=-1) > self.spacing)
         return blocked
 
 

@@ -70,10 +70,6 @@ def visible_points(
     # A convex body hides nothing that faces the camera.
     if len(parts) == 1 and parts[0].is_convex:
         return seen
-    view, point = np.nonzero(seen)
-    origins = points[point] + _LIFT * normals[point]
-    is_hidden = np.zeros(len(view), dtype=bool)
     for part in parts:
-        is_hidden |= part.blocks(origins, directions[view])
-    seen[view, point] = ~is_hidden
+        seen &= ~part.blocks(points + _LIFT * normals, directions)
     return seen

@@ -69,7 +69,7 @@ def test_the_front_hides_the_back():
     back = np.column_stack([plate, np.zeros(len(plate))])
     up = np.tile([0.0, 0.0, 1.0], (len(plate), 1))
     body = SurfaceShape(np.vstack([front, back]), np.vstack([up, up])).body
-    ray = np.broadcast_to([0.0, 0.0, 1.0], back.shape)
+    ray = np.array([[0.0, 0.0, 1.0]])
     assert body.blocks(back, ray).all()
     assert not body.blocks(front, ray).any()
     assert not body.blocks(back, -ray).any()
