@@ -226,7 +226,8 @@ class GripperModel:
         inner = np.full((2, len(heights)), np.inf)
         for faces, side in zip(inner, (-1, 1), strict=True):
             for solid in self.finger_solids(preshape, opening, side):
-                low, high = solid.bounds.lower, solid.bounds.upper
+                bounds = solid.bounds
+                low, high = bounds.lower, bounds.upper
                 is_level = (heights > low[2] - _STEP) & (heights < high[2] + _STEP)
                 x = np.arange(low[0], high[0] + _STEP, _STEP)
                 y = low[1] + (high - low)[1] * _ACROSS
