@@ -12,7 +12,6 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
 from debrisgrasp.errors import InputError
@@ -265,6 +264,8 @@ class LegPlanner:
 
     def _timed(self, q: FloatArray, length: float, angle: float) -> Trajectory:
         """Ramp up, go at a steady pace, ramp down, within all limits."""
+        from scipy.interpolate import CubicSpline  # slow to load
+
         if len(q) == 1:
             return _slowed(np.zeros(1), q, np.zeros_like(q), self.limits)
         s = np.linspace(0.0, 1.0, len(q))

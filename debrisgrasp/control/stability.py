@@ -10,13 +10,13 @@ its lag is what keeps the loop slow.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from debrisgrasp._arrays import (
     FloatArray,
@@ -107,7 +107,7 @@ class StabilityBound:
             value = complex(self._loop(np.array([x]), lag)[0])
             return float(np.angle(value * np.exp(-1j * phase)))
 
-        return float(brentq(gap, w[i - 1], w[i], xtol=1e-10))
+        return _root(gap, w[i - 1], w[i], 1e-10)
 
     @cached_property
     def crossover(self) -> float:
@@ -132,7 +132,7 @@ class StabilityBound:
         def excess(gain: float) -> float:
             return float(1.0 / np.abs(1.0 + gain * loop).min()) - _MAX_SENSITIVITY
 
-        return float(brentq(excess, 1e-9, 0.999 * self.gain_max, xtol=1e-9))
+        return _root(excess, 1e-9, 0.999 * self.gain_max, 1e-9)
 
     @cached_property
     def mass_gain_max(self) -> float:
@@ -259,3 +259,12 @@ def contact_gain(tensor: ArrayLike, lever: ArrayLike = (0.0, 0.0, 0.0)) -> float
     require_finite(r, "lever of a contact [m]")
     J = np.concatenate([np.broadcast_to(np.eye(3), (*r.shape, 3)), -so3.hat(r)], -1)
     return float(np.linalg.eigvalsh(J @ C @ np.swapaxes(J, -1, -2)).max())
+
+
+def _root(
+    function: Callable[[float], float], low: float, high: float, tolerance: float
+) -> float:
+    """Find where a function changes its sign."""
+    from scipy.optimize import brentq  # slow to load
+
+    return float(brentq(function, low, high, xtol=tolerance))
