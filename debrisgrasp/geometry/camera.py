@@ -34,9 +34,12 @@ class Intrinsics:
             raise CaptureError(
                 "focal lengths", got=(self.fx, self.fy), expected="pixels above 0"
             )
-        if min(self.width, self.height) < 1:
+        if min(self.height, self.width) < 2:
             raise CaptureError(
-                "image", got=f"{self.width} x {self.height}", expected="1 x 1 or more"
+                "image",
+                got=f"{self.width} x {self.height} pixels",
+                expected="at least 2 x 2",
+                mend="Is the file empty, or has it been cropped away?",
             )
 
     @classmethod
@@ -48,14 +51,6 @@ class Intrinsics:
         CaptureError
             If K is no pinhole matrix, or belongs to an image of another size.
         """
-        height, width = shape
-        if min(height, width) < 2:
-            raise CaptureError(
-                "depth image",
-                got=f"{width} x {height} pixels",
-                expected="at least 2 x 2",
-                mend="Is the file empty, or has it been cropped away?",
-            )
         K = as_floats(K, "K", (3, 3))
         require_finite(K, "K")
         fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
@@ -71,24 +66,8 @@ class Intrinsics:
                 if has_skew
                 else "Give it row by row, in pixels of this image.",
             )
-        # Fields of view beyond these bounds belong to no depth camera; they are what
-        # a K of another resolution, or in millimetres, looks like.
-        fits = (
-            0 <= cx <= width - 1
-            and 0 <= cy <= height - 1
-            and 0.2 <= fx / width <= 10
-            and 0.2 <= fy / height <= 10
-            and abs(cx / (width - 1) - 0.5) < 0.25
-            and abs(cy / (height - 1) - 0.5) < 0.25
-        )
-        if not fits:
-            raise CaptureError(
-                "K",
-                got=f"fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g}",
-                expected=f"intrinsics of an image of {width} x {height} pixels",
-                mend="Scale K together with the image, or give the K of this stream.",
-            )
-        return cls(
+        height, width = shape
+        camera = cls(
             fx=float(fx),
             fy=float(fy),
             cx=float(cx),
@@ -96,6 +75,31 @@ class Intrinsics:
             width=width,
             height=height,
         )
+        camera.require_plausible()
+        return camera
+
+    def require_plausible(self) -> None:
+        """Raise `CaptureError` if no depth camera gives such images.
+
+        Fields of view beyond these bounds are what a K of another resolution, or in
+        millimetres, looks like.
+        """
+        width, height = self.width, self.height
+        fits = (
+            0 <= self.cx <= width - 1
+            and 0 <= self.cy <= height - 1
+            and 0.2 <= self.fx / width <= 10
+            and 0.2 <= self.fy / height <= 10
+            and abs(self.cx / (width - 1) - 0.5) < 0.25
+            and abs(self.cy / (height - 1) - 0.5) < 0.25
+        )
+        if not fits:
+            raise CaptureError(
+                "K",
+                got=f"fx {self.fx:g}, fy {self.fy:g}, cx {self.cx:g}, cy {self.cy:g}",
+                expected=f"intrinsics of an image of {width} x {height} pixels",
+                mend="Scale K together with the image, or give the K of this stream.",
+            )
 
     @property
     def matrix(self) -> FloatArray:

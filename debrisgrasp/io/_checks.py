@@ -46,6 +46,7 @@ def checked_depth(depth: object, intrinsics: Intrinsics | None) -> FloatArray:
             got=f"shape {array.shape}",
             expected=f"that of its K, ({intrinsics.height}, {intrinsics.width})",
         )
+    intrinsics.require_plausible()
     cleaned = np.array(array, dtype=np.float64)
     if (cleaned < 0).any():
         raise CaptureError(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -91,6 +93,12 @@ def test_bad_depth_is_refused(depth, camera):
             Capture(depth=bad, intrinsics=camera)
     with pytest.raises(CaptureError, match="K"):
         Capture(depth=depth)
+
+
+@pytest.mark.parametrize("wrong", [{"cx": 1600.0}, {"fx": 1.0}, {"fy": 6e4}])
+def test_intrinsics_that_a_file_may_not_have_make_no_capture(depth, camera, wrong):
+    with pytest.raises(CaptureError, match=r"K: got fx .* Scale K together"):
+        Capture(depth=depth, intrinsics=replace(camera, **wrong))
 
 
 def test_a_capture_shows_itself_in_a_line(depth, camera, points, T_base_camera):
