@@ -20,6 +20,7 @@ from debrisgrasp._arrays import (
     frozen,
     require_finite,
 )
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, ShapeError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
@@ -72,6 +73,10 @@ class KinematicChain:
                 require_finite(array, f"{name} of a chain")
             object.__setattr__(self, name, array)
         require_ranges(self.joint_names, self.is_revolute, self.lower, self.upper)
+
+    def __repr__(self) -> str:
+        joints = counted(self.n_joints, "joint")
+        return f"<KinematicChain of {joints} from {self.base} to {self.tip}>"
 
     @classmethod
     def from_urdf(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, frozen, require_range
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError
 
 from .chain import KinematicChain
@@ -91,6 +92,12 @@ class LimitSet:
             for name in ("velocity", "acceleration"):
                 value = float(getattr(self, name)[i])
                 require_range(f"{name} limit of joint {joint!r}", value, 1e-9, 1e9)
+
+    def __repr__(self) -> str:
+        joints = counted(len(self.joint_names), "joint")
+        return (
+            f"<LimitSet {self.hash} of {joints}: {self.force:g} N, {self.torque:g} N m>"
+        )
 
     @classmethod
     def of_chain(

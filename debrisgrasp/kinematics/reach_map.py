@@ -32,7 +32,6 @@ from .serial import Lanes
 
 __all__ = ["ReachMap", "ReachMapConfig"]
 
-
 _SEED = 4_198_273_651
 """An unusual number: poses drawn elsewhere from a usual seed must not coincide with the
 map's own samples, which would flatter every measurement."""
@@ -98,6 +97,9 @@ class ReachMap:
     """Azimuth of the point reached while the first joint stands at zero, the joints
     between first and last, and the last frame's turn while the last joint stands at
     zero [rad or m]; shape (cells, n_seeds, d). Cells with fewer seeds repeat them."""
+
+    def __repr__(self) -> str:
+        return f"<ReachMap of chain {self.chain_hash}: {len(self.azimuths)} cells>"
 
     @staticmethod
     def suits(chain: KinematicChain) -> bool:

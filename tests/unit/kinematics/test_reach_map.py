@@ -119,3 +119,12 @@ def test_a_chain_of_one_joint_has_no_map(tmp_path: Path) -> None:
 def test_sizes_below_one_are_refused() -> None:
     with pytest.raises(ConfigError, match="n_seeds"):
         ReachMapConfig(n_seeds=0)
+
+
+def test_a_chain_its_limits_and_its_map_show_themselves_in_a_line(
+    roman: RobotModel, arm: KinematicChain, arm_map: ReachMap
+) -> None:
+    limits = roman.limits("right").hardware
+    assert repr(arm) == "<KinematicChain of 8 joints from base_link to right_hand>"
+    assert repr(limits) == f"<LimitSet {limits.hash} of 8 joints: 150 N, 40 N m>"
+    assert repr(arm_map) == f"<ReachMap of chain {arm.hash}: 35840 cells>"
