@@ -63,7 +63,8 @@ def yaml_files(folder: PathLike, what: str) -> list[Path]:
     Raises
     ------
     ConfigError
-        If this is no folder, or one that can't be looked into.
+        If this is no folder, or one that can't be looked into, or if what is called so
+        is no file.
     """
     try:
         found = sorted(Path(folder).iterdir())
@@ -73,7 +74,17 @@ def yaml_files(folder: PathLike, what: str) -> list[Path]:
             got=why_nothing_there(folder) or error.strerror,
             expected=f"a folder of files of {what}",
         ) from error
-    return [file for file in found if is_yaml(file) and not file.name.startswith(".")]
+    named = [file for file in found if is_yaml(file) and not file.name.startswith(".")]
+    for file in named:
+        # To read a pipe is to wait for whoever writes into it.
+        if file.exists() and not file.is_file():
+            raise ConfigError(
+                str(file),
+                got="a folder" if file.is_dir() else "a pipe or a device",
+                expected=f"a file of {what}",
+                mend="Move it elsewhere, or name it otherwise.",
+            )
+    return named
 
 
 def data_path(*parts: str) -> Path:
@@ -283,6 +294,9 @@ def read_text(path: PathLike) -> str:
         # Some have no end; a pipe has one, as what a shell gives for `<(...)`.
         is_device = path.is_char_device() or path.is_block_device()
         text = "" if is_device else path.read_text(encoding="utf-8-sig")
+    except IsADirectoryError as error:
+        got, expected = "a folder", "a readable file"
+        raise ConfigError(str(path), got=got, expected=expected) from error
     except OSError as error:
         reason = error.strerror or str(error)
         raise ConfigError(str(path), got=reason, expected="a readable file") from error

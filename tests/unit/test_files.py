@@ -49,6 +49,15 @@ def test_yaml_files_of_a_folder_are_those_that_a_person_sees(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("make", "kind"), [(os.mkdir, "a folder"), (os.mkfifo, "a pipe or a device")]
+)
+def test_what_only_has_the_name_of_a_file_is_not_waited_for(tmp_path, make, kind):
+    make(tmp_path / "x.yaml")
+    with pytest.raises(ConfigError, match=f"x.yaml: got {kind}, .* a file of hands"):
+        yaml_files(tmp_path, "hands")
+
+
+@pytest.mark.parametrize(
     ("name", "text", "message"),
     [
         ("a.yaml", "a: 1\nb: [1, 2\nc: 3\n", r"a.yaml, line \d"),
@@ -145,7 +154,7 @@ def test_a_name_with_a_zero_byte_is_no_file():
 @pytest.mark.parametrize("read", [read_yaml, read_json])
 def test_missing_files_folders_and_binary_files_are_refused(tmp_path, read):
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x81")
-    odd = {"none": "No such file", "": "folder|directory", 300 * "x": "too long"}
+    odd = {"none": "No such file", "": "got a folder", 300 * "x": "too long"}
     for name, message in odd.items():
         with pytest.raises(ConfigError, match=message):
             read(tmp_path / name)
