@@ -129,7 +129,7 @@ def capture_of(
         )
     return Capture(
         depth=depth,
-        intrinsics=Intrinsics.from_matrix(K.reshape(3, 3), size),
+        intrinsics=Intrinsics.from_matrix(K, size),
         T_base_camera=T_base_camera,
         name="ros",
     )

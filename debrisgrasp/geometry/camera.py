@@ -13,6 +13,8 @@ from debrisgrasp.errors import CaptureError
 
 __all__ = ["Intrinsics"]
 
+_PINHOLE = "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+
 
 @checked_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,14 +46,28 @@ class Intrinsics:
 
     @classmethod
     def from_matrix(cls, K: ArrayLike, shape: tuple[int, int]) -> Intrinsics:
-        """Take a 3x3 matrix for an image of ``shape`` (rows, columns).
+        """Take a 3x3 matrix, or its 9 numbers row by row, for an image of ``shape``.
+
+        Parameters
+        ----------
+        K
+            [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels.
+        shape
+            Rows and columns of the image.
 
         Raises
         ------
         CaptureError
             If K is no pinhole matrix, or belongs to an image of another size.
         """
-        K = as_floats(K, "K", (3, 3))
+        K = as_floats(K, "K", ())
+        if K.shape not in ((3, 3), (9,)):
+            raise CaptureError(
+                "K",
+                got=f"numbers of shape {K.shape}",
+                expected=f"{_PINHOLE}, or its 9 numbers row by row",
+            )
+        K = K.reshape(3, 3)
         require_finite(K, "K")
         fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
         is_pinhole = fx > 0 and fy > 0 and np.allclose(K[2], (0, 0, 1))
@@ -61,7 +77,7 @@ class Intrinsics:
             raise CaptureError(
                 "K",
                 got=K.tolist(),
-                expected="[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0",
+                expected=f"{_PINHOLE} with fx, fy > 0",
                 mend="Rectify images of a camera with skew first."
                 if has_skew
                 else "Give it row by row, in pixels of this image.",

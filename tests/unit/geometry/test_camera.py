@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp.errors import CaptureError, InputError, ShapeError
 from debrisgrasp.geometry import Intrinsics
 
 K = np.array([[610.0, 0.0, 322.5], [0.0, 605.0, 238.0], [0.0, 0.0, 1.0]])
@@ -52,6 +52,14 @@ def test_pixels_without_depth_have_no_point():
 def test_a_depth_image_of_another_size_is_refused():
     with pytest.raises(ShapeError, match="depth"):
         CAMERA.deproject(np.ones((240, 320)))
+
+
+def test_nine_numbers_row_by_row_are_a_matrix():
+    flat = Intrinsics.from_matrix(K.ravel().tolist(), (480, 640))
+    assert flat == Intrinsics.from_matrix(K, (480, 640))
+    for odd in ([600.0, 600.0, 319.5, 239.5], [K, K], K[:2]):
+        with pytest.raises(CaptureError, match=r"shape .*expected \[\[fx.* 9 numbers"):
+            Intrinsics.from_matrix(odd, (480, 640))
 
 
 @pytest.mark.parametrize(
