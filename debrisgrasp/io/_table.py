@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ __all__ = ["binary_table", "positions", "text_table"]
 
 
 def text_table(body: bytes, layout: np.dtype[Any], n_rows: int) -> NDArray[Any]:
-    """Parse the first rows of white-space separated numbers.
+    """Parse the first rows of white-space separated numbers, but for comments (#).
 
     Parameters
     ----------
@@ -36,10 +37,10 @@ def text_table(body: bytes, layout: np.dtype[Any], n_rows: int) -> NDArray[Any]:
             expected=f"{n_rows} rows, as the header says",
             mend="The file is cut short, or its header is wrong.",
         )
+    rows = (line.partition(b"#")[0].strip() for line in BytesIO(body))
+    first = islice(filter(None, rows), n_rows)
     try:
-        numbers = np.loadtxt(
-            BytesIO(body), max_rows=n_rows, ndmin=2, comments=None, encoding="latin-1"
-        )
+        numbers = np.loadtxt(first, ndmin=2, comments=None, encoding="latin-1")
     except ValueError as error:
         raise CaptureError(
             "rows of numbers", got=why_unreadable(error), expected="numbers only"

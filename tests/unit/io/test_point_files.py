@@ -145,6 +145,18 @@ def test_faces_after_the_vertices_are_ignored(tmp_path, points):
 
 
 @pytest.mark.parametrize("suffix", ["ply", "pcd"])
+def test_comments_and_blank_lines_among_the_rows_are_no_points(
+    tmp_path, points, suffix, recwarn
+):
+    content = {"ply": ply, "pcd": pcd}[suffix](points, "ascii")
+    *head, last = content.rstrip().split(b"\n")
+    odd = b"\n".join([*head, b"", b"# the last one:", last + b" # there", b"x"])
+    path = written(tmp_path, suffix, odd)
+    assert_array_equal(Capture.load(path).points, points)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("suffix", ["ply", "pcd"])
 def test_a_viewpoint_is_needed_and_may_be_given(tmp_path, points, suffix):
     write = {"ply": ply, "pcd": pcd}[suffix]
     path = written(tmp_path, suffix, write(points, "ascii", view=None))
