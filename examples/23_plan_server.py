@@ -9,6 +9,7 @@ Ask:  curl --data-binary @my_capture.npz http://127.0.0.1:8080/
 import json
 import sys
 import tempfile
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
@@ -16,12 +17,15 @@ from debrisgrasp import Capture, DebrisGraspError, Pipeline
 from debrisgrasp.io.plan_json import plan_to_json
 
 LARGEST = 100_000_000  # bytes
+PATIENCE = 10.0  # seconds that a client may send nothing, while the others wait
 
 
 def serve(pipeline: Pipeline, port: int) -> HTTPServer:
     """Return a server that plans on what is sent to it."""
 
     class Handler(BaseHTTPRequestHandler):
+        timeout = PATIENCE
+
         def do_POST(self) -> None:
             length = int(self.headers.get("Content-Length", 0))
             if not 0 < length <= LARGEST:
@@ -41,8 +45,9 @@ def serve(pipeline: Pipeline, port: int) -> HTTPServer:
         def _reply(self, status: int, text: str) -> None:
             self.send_response(status)
             self.send_header("Content-Type", "application/json")
-            self.end_headers()
-            self.wfile.write(text.encode())
+            with suppress(ConnectionError):  # whoever asked may be gone
+                self.end_headers()
+                self.wfile.write(text.encode())
 
         def log_message(self, *_arguments: object) -> None:
             """Say nothing."""

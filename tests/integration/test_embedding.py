@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import socket
 import sys
 import threading
 import urllib.error
 import urllib.request
+from contextlib import contextmanager
 from importlib import util
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -118,23 +120,52 @@ def software_frame(rs: Any, depth: np.ndarray) -> Any:
     return queue.wait_for_frame().as_depth_frame()
 
 
-def test_the_server_plans_on_what_it_is_sent(pipe_file, dictionary):
-    pipeline = Pipeline(robot="none", gripper="robotiq_3f", prototypes=dictionary)
-    server = example("23_plan_server").serve(pipeline, 0)
+@contextmanager
+def served(server):
+    """Address of a server that answers in a thread of its own."""
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
     try:
-        url = f"http://127.0.0.1:{server.server_port}/"
-        with urllib.request.urlopen(url, pipe_file.read_bytes()) as reply:
-            plan = json.load(reply)
-        assert plan["schema"] == "debrisgrasp/grasps/1"
-        assert plan["grasps"]
-        with pytest.raises(urllib.error.HTTPError) as refused:
-            urllib.request.urlopen(url, b"no capture")
-        assert refused.value.code == 422
-        assert "capture" in json.load(refused.value)["error"]
-        refused.value.close()
+        yield server.server_address
     finally:
         server.shutdown()
         thread.join()
         server.server_close()
+
+
+def asked(address, content):
+    """Status and fields of the answer of a server."""
+    try:
+        url = "http://{}:{}/".format(*address)
+        with urllib.request.urlopen(url, content, timeout=60.0) as reply:
+            return reply.status, json.load(reply)
+    except urllib.error.HTTPError as refused:
+        with refused:
+            return refused.code, json.load(refused)
+
+
+def test_the_server_plans_on_what_it_is_sent(pipe_file, dictionary):
+    pipeline = Pipeline(robot="none", gripper="robotiq_3f", prototypes=dictionary)
+    with served(example("23_plan_server").serve(pipeline, 0)) as address:
+        status, plan = asked(address, pipe_file.read_bytes())
+        assert (status, plan["schema"]) == (200, "debrisgrasp/grasps/1")
+        assert plan["grasps"]
+        status, answer = asked(address, b"no capture")
+        assert status == 422
+        assert "capture" in answer["error"]
+
+
+def test_a_client_that_stalls_or_leaves_does_not_keep_others_waiting(
+    monkeypatch, capfd
+):
+    module = example("23_plan_server")
+    monkeypatch.setattr(module, "PATIENCE", 0.2)
+    half = b"POST / HTTP/1.1\r\nContent-Length: 1000\r\n\r\nhalf of it"
+    with served(module.serve(SimpleNamespace(plan=None), 0)) as address:
+        with socket.create_connection(address) as stalling:
+            stalling.sendall(half)
+            assert asked(address, b"no capture")[0] == 422
+        with socket.create_connection(address) as leaving:
+            leaving.sendall(half)
+        assert asked(address, b"no capture")[0] == 422
+    assert "Traceback" not in capfd.readouterr().err
