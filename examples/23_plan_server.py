@@ -27,7 +27,10 @@ def serve(pipeline: Pipeline, port: int) -> HTTPServer:
         timeout = PATIENCE
 
         def do_POST(self) -> None:
-            length = int(self.headers.get("Content-Length", 0))
+            try:
+                length = int(self.headers.get("Content-Length", 0))
+            except ValueError:
+                length = 0
             if not 0 < length <= LARGEST:
                 self._reply(413, json.dumps({"error": f"1 to {LARGEST} bytes"}))
                 return

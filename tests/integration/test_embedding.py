@@ -169,3 +169,11 @@ def test_a_client_that_stalls_or_leaves_does_not_keep_others_waiting(
             leaving.sendall(half)
         assert asked(address, b"no capture")[0] == 422
     assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("told", ["", "many", "-1", "0", "9" * 20, "9" * 5000])
+def test_a_request_of_no_length_that_can_be_is_refused(told):
+    server = example("23_plan_server").serve(SimpleNamespace(plan=None), 0)
+    with served(server) as address, socket.create_connection(address) as client:
+        client.sendall(f"POST / HTTP/1.1\r\nContent-Length: {told}\r\n\r\n".encode())
+        assert client.makefile("rb").readline().split()[1] == b"413"
