@@ -10,8 +10,9 @@ import numpy as np
 from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.control.loads import MOST_NOISE
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, Intrinsics
+from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.worlds import RestConfig, StereoNoise
 
 __all__ = ["FakeConfig"]
@@ -118,6 +119,25 @@ class FakeConfig:
             for value in values:
                 least = -1e4 if name == "bias" else 0.0
                 require_range(f"FakeConfig.{name}", value, least, 1e4)
+
+    def start_of(self, model: RobotModel, arm: str) -> Mapping[str, float]:
+        """Return where joints of an arm begin [rad or m]; the others are at zero.
+
+        Raises
+        ------
+        UnknownNameError
+            If an arm, a posture or a joint in `start` is not the robot's.
+        """
+        for name in self.start:
+            model.arm(name)
+        start = self.start.get(arm, model.arm(arm).idle)
+        if isinstance(start, str):
+            return model.posture(arm, start)
+        joints = model.chain(arm).joint_names
+        for name in start:
+            if name not in joints:
+                raise UnknownNameError(f"joint of arm {arm} to start at", name, joints)
+        return start
 
     @property
     def stated_noise(self) -> tuple[float, float]:

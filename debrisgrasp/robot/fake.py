@@ -242,13 +242,11 @@ class FakeRobot:
         spec, chain = model.arm(name), model.chain(name)
         if spec.gripper not in grippers:
             raise UnknownNameError(f"gripper of arm {name}", spec.gripper, grippers)
-        start = config.start.get(name, spec.idle)
-        values = model.posture(name, start) if isinstance(start, str) else start
         arm = self._arm_type(
             name,
             chain,
             model.limits(name, chain).hardware,
-            chain.vector(values).tolist(),
+            chain.vector(config.start_of(model, name)).tolist(),
             self._drives,
             timeline,
             config,
@@ -373,7 +371,8 @@ def fake_robot(
     Raises
     ------
     UnknownNameError
-        If an arm carries a hand that is not among them.
+        If an arm carries a hand that is not among them, or is to begin where no joint
+        or posture of it is.
 
     Examples
     --------

@@ -181,6 +181,10 @@ def test_arms_start_where_they_are_told():
 def test_an_unknown_posture_or_hand_is_refused():
     with pytest.raises(UnknownNameError, match="reday"):
         made(start={"right": "reday"})
+    with pytest.raises(UnknownNameError, match=r"right_arm_joint2.*right, left"):
+        made(start={"right_arm_joint2": 0.3})
+    with pytest.raises(UnknownNameError, match=r"arm left.*right_arm_joint2"):
+        made(start={"left": {"right_arm_joint2": 0.3}})
     with pytest.raises(UnknownNameError, match="robotiq_3f"):
         fake_robot(ROMAN, World((FAR,)), rng=np.random.default_rng(0), grippers={})
 
