@@ -192,7 +192,7 @@ class GripperModel:
     def link_poses(
         self, preshape: str, openings: FloatArray
     ) -> tuple[tuple[SE3, ...], ...]:
-        """Poses (k,) of the links of each finger at openings (k,) [m]."""
+        """Poses (k,) of the links of each finger, in hand, at openings (k,) [m]."""
         commands = [self.opening_to_command(preshape, opening) for opening in openings]
         values = self.preshape(preshape).values(np.array(commands))
         return tuple(finger.link_poses(values) for finger in self.fingers)
