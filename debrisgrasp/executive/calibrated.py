@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import arm_called
 from debrisgrasp.calibration import DriftMonitor, DriftReport, Head, Observations
 from debrisgrasp.errors import CaptureError, InputError
@@ -28,6 +28,7 @@ from .moves import planned, reversed_motion
 from .obstacles import BARE
 from .perceive import sight_of
 from .result import Done, FaultFound, StepResult
+from .seen_hand import LEAST, NEARER, REACH, end_of_arm, links_of_end, seen_shift
 
 __all__ = ["calib_check", "is_held_where_it_rests"]
 
@@ -37,15 +38,8 @@ _ASIDE = 0.12
 """How far the head turns between the two looks [rad]."""
 _TURNED = 0.03
 """A head that is farther than this from where it was sent does not turn [rad]."""
-_NEARER = 0.05
-"""A pixel that shows something so much nearer than before shows the arm [m]."""
 _ALONE = 2
 """Pixels that show about the same side by side: no more are flying ones."""
-_REACH = 0.12
-"""Points of the arm lie within this of where it must be [m]."""
-_LEAST = 60
-"""Pixels on the arm, at least."""
-_MOST = 500
 _LEAST_SHARE = 0.25
 """Of the corners of what is compared that lie in the picture. Of less, mostly fingers
 are seen, which look like a hand that is elsewhere."""
@@ -162,7 +156,7 @@ def _looked(context: Context) -> list[_Look] | FaultFound:
         if fault is not None:
             return fault
         frame, values = context.frame(), context.joint_values()
-        T, body = context.model.T_base_camera(values), _body(context, values, _REACH)
+        T, body = context.model.T_base_camera(values), _body(context, values, REACH)
         depth = np.nan_to_num(frame.depth)
         is_own = own_pixels(depth, frame.intrinsics, T, body)
         looks.append(_Look(frame, np.where(is_own, np.inf, depth)))
@@ -202,7 +196,7 @@ def _compared(
             return fault
         if not _is_in_picture(context, limb, before.taken):
             continue
-        found = _seen_shift(context, limb, before.depth)
+        found = seen_shift(context, limb, before.depth)
         is_lost = found is None  # as captures are taken, if it can be seen then
         if found is not None:
             T_base_camera = context.model.T_base_camera(context.joint_values())
@@ -252,10 +246,10 @@ def _way_into_view(
     except (CaptureError, InputError) as error:  # the next capture tells
         return FaultFound("plan_collision", f"nothing was seen: {error}", limb.name)
     fault = FaultFound("plan_collision", "nothing was seen around it", limb.name)
-    for beside in (0.0, _REACH):
+    for beside in (0.0, REACH):
         around = _without(taken, _body(context, values, beside))
         cloud = around.cloud()
-        if len(cloud) < _LEAST:
+        if len(cloud) < LEAST:
             break
         for unknown in (UnknownSpace.HIDDEN, UnknownSpace.IGNORED):
             space = MotionSpace.build(cloud, sight_of(around), BARE, unknown=unknown)
@@ -269,7 +263,7 @@ def _way_into_view(
 
 def is_held_where_it_rests(T_base_shown: SE3, T_base_resting: SE3) -> bool:
     """Whether a hand is too near to where it rests to be told from it in a picture."""
-    return bool(np.linalg.norm(T_base_shown.p - T_base_resting.p) < _REACH)
+    return bool(np.linalg.norm(T_base_shown.p - T_base_resting.p) < REACH)
 
 
 def _without(taken: Capture, body: Sequence[tuple[Solid, float]]) -> Capture:
@@ -283,7 +277,7 @@ def _without(taken: Capture, body: Sequence[tuple[Solid, float]]) -> Capture:
     is_own = own_pixels(depth, taken.intrinsics, taken.T_base_camera, body)
     depth = np.where(is_own, np.nan, depth)
     around = sliding_window_view(np.pad(depth, 1, constant_values=np.nan), (3, 3))
-    is_like = np.abs(around - depth[..., None, None]) < _NEARER  # itself, too
+    is_like = np.abs(around - depth[..., None, None]) < NEARER  # itself, too
     is_flying = np.count_nonzero(is_like, axis=(-2, -1)) <= _ALONE
     return replace(taken, depth=np.where(is_flying, np.nan, depth))
 
@@ -292,99 +286,15 @@ def _is_in_picture(context: Context, limb: LimbState, frame: DepthFrame) -> bool
     """Tell whether enough of the hand is what the camera sees, if it is all right."""
     values = context.joint_values()
     corners = np.concatenate(
-        [solid.mesh()[0] for solid in _end_of_arm(context, limb, values)]
+        [solid.mesh()[0] for solid in end_of_arm(context, limb, values)]
     )
     camera, T_base_camera = frame.intrinsics, context.model.T_base_camera(values)
     uv, _ = camera.project(T_base_camera.inverse().apply(corners))
     # Behind the camera they are NaN, which is in no picture.
     is_in = ((uv >= 0.0) & (uv <= (camera.width - 1, camera.height - 1))).all(axis=1)
     rays = sight_points(T_base_camera.p, corners[is_in])
-    is_hidden, end = np.zeros(len(rays), dtype=bool), _links_of_end(context, limb)
+    is_hidden, end = np.zeros(len(rays), dtype=bool), links_of_end(context, limb)
     for link, solid in context.model.links_solids(values):
         if link not in end:
             is_hidden |= solid.contains(rays).any(axis=1)
     return bool(np.count_nonzero(~is_hidden) >= _LEAST_SHARE * len(corners))
-
-
-def _seen_shift(
-    context: Context, limb: LimbState, was: FloatArray
-) -> FloatArray | None:
-    """How far the arm is seen from where it is, base frame (3,); None: not seen.
-
-    Parameters
-    ----------
-    was
-        Depth of the `_Look` before.
-    """
-    frame = context.frame()
-    values = context.joint_values()
-    T_base_camera = context.model.T_base_camera(values)
-    depth = np.nan_to_num(frame.depth)
-    if depth.shape != was.shape:
-        return None
-    is_arm: BoolArray = (depth > 0.0) & (was > 0.0) & (depth < was - _NEARER)
-    seen = frame.intrinsics.deproject(depth)[is_arm]
-    points = T_base_camera.apply(seen)
-    points = points[_distance(points, _end_of_arm(context, limb, values)) < _REACH]
-    if len(points) < _LEAST:
-        return None
-    # Near the end of an arm is more of it, as the forearm.
-    solids = [solid for _, solid in _rigid(context, limb, values)]
-    return _fitted_shift(points[:: max(1, len(points) // _MOST)], solids)
-
-
-def _end_of_arm(
-    context: Context, limb: LimbState, values: Mapping[str, float]
-) -> list[Solid]:
-    """Solids beyond the third-last joint, fingers left out, base frame."""
-    end = _links_of_end(context, limb)
-    return [s for link, s in _rigid(context, limb, values) if link in end]
-
-
-def _links_of_end(context: Context, limb: LimbState) -> frozenset[str]:
-    """Links beyond the third-last joint, fingers too."""
-    tree, names = context.model.tree, limb.reach.chain.joint_names
-    return tree.links_below(tree.joints[names[-3]].child)
-
-
-def _rigid(
-    context: Context, limb: LimbState, values: Mapping[str, float]
-) -> list[tuple[str, Solid]]:
-    """Links of an arm and of what carries it, fingers left out: solids, base frame."""
-    tree, names = context.model.tree, limb.reach.chain.joint_names
-    return [
-        (link, solid)
-        for link, solid in context.model.links_solids(values)
-        if all(
-            joint.kind == "fixed" or joint.name in names
-            for joint in tree.joints_above(link)
-        )
-    ]
-
-
-def _distance(points: FloatArray, solids: Sequence[Solid]) -> FloatArray:
-    """Of points (n, 3) from the nearest solid [m], shape (n,)."""
-    found: FloatArray = np.min([s.signed_distance(points) for s in solids], axis=0)
-    return found
-
-
-def _fitted_shift(points: FloatArray, solids: Sequence[Solid]) -> FloatArray:
-    """Shift after which points (n, 3) lie on the solids, robustly, shape (3,)."""
-    shift, step = np.zeros(3), 1e-3
-    for _ in range(12):
-        moved = points - shift
-        gap = _distance(moved, solids)
-        slope = np.column_stack(
-            [
-                (_distance(moved + e, solids) - _distance(moved - e, solids)) / 2e-3
-                for e in step * np.eye(3)
-            ]
-        )
-        # Fingers and edges are not where the solids are: their say is limited.
-        weight = np.sqrt(np.minimum(1.0, 0.008 / np.maximum(np.abs(gap), 1e-9)))
-        A, b = weight[:, None] * slope, weight * gap
-        change = np.linalg.lstsq(A, b, rcond=0.02)[0]
-        shift = shift + change
-        if np.linalg.norm(change) < 2e-4:
-            break
-    return np.asarray(shift)

@@ -7,12 +7,13 @@ import re
 import numpy as np
 import pytest
 
-from debrisgrasp.executive import calibrated
+from debrisgrasp.executive import TaskSettings
 from debrisgrasp.executive.calibrated import calib_check
 from debrisgrasp.executive.result import Done, FaultFound
+from debrisgrasp.executive.seen_hand import rigid_links
 from debrisgrasp.geometry import SE3, Box, Intrinsics
 from debrisgrasp.kinematics import RobotModel
-from tests.unit.executive.rigs import before_a_brick
+from tests.unit.executive.rigs import PERIOD, before_a_brick
 
 BESIDE = 0.5
 """Turn of the first joint that brings a hand from before the camera to beside that."""
@@ -40,6 +41,17 @@ def test_a_camera_that_is_off_by_five_centimetres_is_found_out(pipeline):
     assert 0.04 < found.values["shift"] < 0.06
     assert "the mount of the camera" in found.message
     assert len(task.context.camera_watch.looks) == 2
+
+
+def test_another_arm_beside_the_hand_is_not_taken_for_it(pipeline):
+    q = (-0.92, 1.56, 0.98, 0.16, -1.96, -2.08, -1.23)
+    stands = {f"left_arm_joint{i}": value for i, value in enumerate(q, 1)}
+    settings = TaskSettings(period=PERIOD, arms=("right",))
+    _, task = before_a_brick(pipeline, settings=settings, start={"left": stands})
+    found = calib_check(task.context)
+    assert isinstance(found, Done), found.message
+    assert found.facts["hand_seen"]
+    assert np.linalg.norm(found.facts["shift_mm"]) < 10.0
 
 
 @pytest.mark.parametrize("focal", [200.0, 260.0, 300.0])
@@ -103,10 +115,11 @@ def test_what_can_not_be_compared_is_left_out_with_a_note(pipeline, turn, why, c
 
 def test_a_forearm_near_the_hand_is_no_hand_elsewhere(pipeline, monkeypatch):
     def end(context, limb, values):
-        rigid = calibrated._rigid(context, limb, values)
+        rigid = rigid_links(context, limb, values)
         return [solid for link, solid in rigid if link == "right_arm_link7"]
 
-    monkeypatch.setattr(calibrated, "_end_of_arm", end)
+    for module in ("calibrated", "seen_hand"):
+        monkeypatch.setattr(f"debrisgrasp.executive.{module}.end_of_arm", end)
     _, task = before_a_brick(pipeline)
     found = calib_check(task.context)
     assert isinstance(found, Done), found.message
