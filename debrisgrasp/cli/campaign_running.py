@@ -7,6 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
         return _compare(*arguments.compare, as_json=arguments.json)
     campaign = _campaign(arguments)
     workers = (
-        LocalWorkers(min(arguments.workers or cores(), arguments.n, 1024))
+        _local(arguments.workers, arguments.n)
         if arguments.cluster is None
         else ClusterWorkers(arguments.cluster)
     )
@@ -111,6 +112,12 @@ def run_campaigns(arguments: argparse.Namespace) -> int:
     _draw_failures(campaign.folder, records)
     is_broken = any(count for _, count in tables.checks)
     return int(is_broken or any(record.outcome == UNCLASSIFIED for record in records))
+
+
+def _local(count: int, n_runs: int) -> LocalWorkers:
+    """Workers on this machine, no more of them than runs."""
+    asked = LocalWorkers(count)
+    return replace(asked, count=min(count or cores(), n_runs))
 
 
 def _campaign(arguments: argparse.Namespace) -> Campaign:
