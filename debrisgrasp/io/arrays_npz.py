@@ -28,6 +28,9 @@ _KNOWN = (
     "labels",
 )
 
+_MOST_BYTES = 2_000_000_000
+"""More than any camera or scanner gives at once: forty million points of doubles."""
+
 
 def read_npz(path: Path) -> CaptureFields:
     """Read the known arrays of an archive; others are ignored."""
@@ -76,7 +79,9 @@ def _load_known(path: Path) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise ValueError("a single array")
             present = tuple(archive.files)
-            return {name: archive[name] for name in _KNOWN if name in present}, present
+            known = [name for name in _KNOWN if name in present]
+            _require_room(archive, known)
+            return {name: archive[name] for name in known}, present
     except UNREADABLE_ARRAY as error:
         raise CaptureError(
             "archive",
@@ -85,6 +90,20 @@ def _load_known(path: Path) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:
             mend="Copy it again from where it is whole, or write it again with "
             "Capture.save or numpy.savez_compressed.",
         ) from error
+
+
+def _require_room(archive: np.lib.npyio.NpzFile, known: list[str]) -> None:
+    """Refuse what is small on disk alone before it is unpacked."""
+    wanted = {f"{name}.npy" for name in known}
+    infos = archive.zip.infolist() if archive.zip is not None else []
+    size = sum(info.file_size for info in infos if info.filename in wanted)
+    if size > _MOST_BYTES:
+        raise CaptureError(
+            "archive",
+            got=f"{size / 1e9:.1f} GB of {_listed(tuple(known))} once unpacked",
+            expected=f"at most {_MOST_BYTES / 1e9:g} GB",
+            mend="Crop the capture, or take every second pixel or point.",
+        )
 
 
 def _listed(names: tuple[str, ...]) -> str:

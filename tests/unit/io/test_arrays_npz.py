@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from debrisgrasp.errors import CaptureError
 from debrisgrasp.geometry import SE3
-from debrisgrasp.io import Capture
+from debrisgrasp.io import Capture, arrays_npz
 
 
 @pytest.fixture
@@ -140,6 +140,16 @@ def test_pickles_and_other_files_are_refused(tmp_path, arrays):
         path.write_bytes(content)
         with pytest.raises(CaptureError, match="archive"):
             Capture.load(path)
+
+
+def test_an_archive_that_is_small_on_disk_alone_is_refused(saved, arrays, monkeypatch):
+    path = saved(**arrays)
+    size = sum(np.asarray(array).nbytes for array in arrays.values())
+    monkeypatch.setattr(arrays_npz, "_MOST_BYTES", size)
+    with pytest.raises(CaptureError, match=r"once unpacked.*every second pixel"):
+        Capture.load(path)
+    monkeypatch.setattr(arrays_npz, "_MOST_BYTES", 2 * size)
+    assert Capture.load(path).depth.shape == (48, 64)
 
 
 def test_a_single_array_under_the_name_of_an_archive_is_refused(tmp_path, depth):
