@@ -5,7 +5,7 @@ from .cloud import Bounds, PointCloud
 from .cloud_normals import neighborhood_normals
 from .content import SolidContent
 from .field import MAX_CELLS, MAX_REACH, DistanceField, Space
-from .image_normals import depth_normals
+from .image_normals import depth_facets, depth_normals
 from .lattice import lattice
 from .neighbors import by_place, voxel_cells, voxel_count, voxel_downsample
 from .sampling import fibonacci_sphere, perturbed, random_rotations
@@ -32,6 +32,7 @@ __all__ = [
     "Space",
     "Sphere",
     "by_place",
+    "depth_facets",
     "depth_normals",
     "fibonacci_sphere",
     "lattice",

@@ -10,6 +10,7 @@ face, and stops at depth jumps and at creases.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from debrisgrasp._arrays import Float32Array, FloatArray, IntArray, as_floats, b
 
 from .camera import Intrinsics
 
-__all__ = ["depth_normals"]
+__all__ = ["Facets", "depth_facets", "depth_normals"]
 
 _CELLS_ACROSS = 320
 """Pixels are averaged into cells so that about this many span the image: noise of a
@@ -40,6 +41,16 @@ _MIN_SUPPORT = 5
 _MIN_SPREAD = 0.05
 """Determinant of the covariance of the agreeing cells' coordinates [cells^4] below
 which they lie on one line and leave the plane free to turn about it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facets:
+    """Normals of a depth image, each once for all the pixels that share it."""
+
+    normals: FloatArray
+    """Unit normals in the camera frame, the last one NaN, shape (m, 3)."""
+    of_pixels: IntArray
+    """Which of them each pixel has, shape (height, width)."""
 
 
 def depth_normals(
@@ -71,6 +82,20 @@ def depth_normals(
         Normals in the camera frame, shape (height, width, 3); NaN where nothing was
         measured and where too few neighbours share a surface.
     """
+    facets = depth_facets(
+        depth, intrinsics, max_incidence=max_incidence, noise_multiple=noise_multiple
+    )
+    return facets.normals.take(facets.of_pixels, axis=0)
+
+
+def depth_facets(
+    depth: FloatArray,
+    intrinsics: Intrinsics,
+    *,
+    max_incidence: float = math.radians(84.0),
+    noise_multiple: float = 3.0,
+) -> Facets:
+    """Estimate normals as `depth_normals` does, to be turned before they are spread."""
     depth = as_floats(depth, "depth", (intrinsics.height, intrinsics.width))
     cell = max(1, round(intrinsics.width / _CELLS_ACROSS))
     pixels = _padded_inverse(depth, cell)
@@ -86,9 +111,12 @@ def depth_normals(
         larger = _refitted(grid, planes, agree, radius)
         planes = np.where(np.isfinite(larger[0]), larger, planes)
 
-    cell_normals = _plane_normals(planes, cell, intrinsics)
-    normals = _spread_to_pixels(pixels, planes, cell_normals, cell, jump)
-    return normals[: intrinsics.height, : intrinsics.width]
+    normals = _plane_normals(planes, cell, intrinsics).reshape(-1, 3)
+    of_pixels = _best_fits(pixels, planes, cell, jump)
+    return Facets(
+        np.concatenate([normals, np.full((1, 3), np.nan)]),
+        of_pixels[: intrinsics.height, : intrinsics.width],
+    )
 
 
 def _padded_inverse(depth: FloatArray, cell: int) -> Float32Array:
@@ -286,29 +314,26 @@ def _plane_normals(
     return normals
 
 
-def _spread_to_pixels(
-    pixels: Float32Array,
-    planes: Float32Array,
-    cell_normals: FloatArray,
-    cell: int,
-    tolerance: Float32Array,
-) -> FloatArray:
-    """Give each pixel the normal of its cell, or of a neighbour that fits it better.
+def _best_fits(
+    pixels: Float32Array, planes: Float32Array, cell: int, tolerance: Float32Array
+) -> IntArray:
+    """Give each pixel its cell, or a neighbour of it that fits better, (rows, columns).
 
     A pixel that no plane near it explains (the far side of a jump, or a stray pixel
-    between two surfaces) gets NaN.
+    between two surfaces) gets the number of cells.
     """
     fits = np.empty(pixels.shape, dtype=np.bool_)
     for i in range(cell):
         for j in range(cell):
             miss = np.abs(pixels[i::cell, j::cell] - planes[0])
             np.less_equal(miss, tolerance, out=fits[i::cell, j::cell])
-    normals: FloatArray = np.repeat(np.repeat(cell_normals, cell, 0), cell, 1)
-    normals[~fits] = np.nan
+    height, width = planes.shape[1:]
+    own = np.arange(height * width, dtype=np.int32).reshape(height, width)
+    best_fit = np.repeat(np.repeat(own, cell, 0), cell, 1)
+    best_fit[~fits] = own.size
     v, u = np.nonzero(~fits & np.isfinite(pixels))
     measured = pixels[v, u]
-    best, chosen = tolerance[v // cell, u // cell], np.full(len(v), -1)
-    height, width = planes.shape[1:]
+    least, chosen = tolerance[v // cell, u // cell], np.full(len(v), own.size)
     flat_planes = planes.reshape(3, -1)
     for down in (-1, 0, 1):
         row = bounded(v // cell + down, 0, height - 1)
@@ -320,9 +345,8 @@ def _spread_to_pixels(
             value, rise_right, rise_down = flat_planes.take(around, axis=1)
             expected = value + rise_right * step_right + rise_down * step_down
             miss = np.abs(measured - expected)
-            is_better = miss <= best
-            best = np.where(is_better, miss, best)
+            is_better = miss <= least
+            least = np.where(is_better, miss, least)
             chosen = np.where(is_better, around, chosen)
-    found = np.flatnonzero(chosen >= 0)
-    normals[v[found], u[found]] = cell_normals.reshape(-1, 3)[chosen[found]]
-    return normals
+    best_fit[v, u] = chosen
+    return best_fit
