@@ -134,12 +134,6 @@ class HandClearance:
         clearance[alive] = np.where(is_lost, 0.0, clear)
         return np.flatnonzero(~is_lost)
 
-    def exposure(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
-        """C of poses known to be clear: the cost of unseen space alone, (k,)."""
-        cost = self._config.unknown_cost
-        found: FloatArray = 1.0 - cost * self.unseen(Ts_base_hand, prototype)
-        return found
-
     def unseen(self, Ts_base_hand: FloatArray, prototype: IntArray) -> FloatArray:
         """Share of palm or fingers of a side in space that was never seen, (k,).
 

@@ -79,7 +79,7 @@ def test_scores_of_any_pose_lie_between_zero_and_one(terms, T, seed):
     prototype = rng.integers(len(NAMES), size=len(Ts))
     S, coverage = similarity(Ts, prototype)
     C = clearance(Ts, prototype, np.zeros(len(Ts)))
-    for score in (S, coverage, C, clearance.exposure(Ts, prototype)):
+    for score in (S, coverage, C, clearance.unseen(Ts, prototype)):
         assert score.shape == (len(Ts),)
         assert ((score >= 0) & (score <= 1)).all()
     needed = rng.random(len(Ts))
