@@ -83,11 +83,6 @@ class PlanView:
             self.details.content = _figures(grasp, rank)
             self.selected = rank
 
-    def select_rejected(self, reason: str, number: int) -> None:
-        """Show the pose ``number`` (from 0) of those that a reason ruled out."""
-        if self.rejected is not None:
-            self.rejected.select(reason, number)
-
     def show_motion(self, seconds: float) -> None:
         """Put the robot where it is after some seconds of its motions."""
         content = self.content

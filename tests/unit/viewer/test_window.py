@@ -96,13 +96,13 @@ def test_each_ruled_out_pose_tells_what_it_would_hit(window, result):
     hits = {"the palm would hit something": "palm at the grasp"}
     hits["an open finger would hit something"] = "side at the grasp"
     for reason, n in ruled_out.counts().items():
-        window.view.select_rejected(reason, n - 1)
+        window.view.rejected.select(reason, n - 1)
         text = window.view.rejected.why.content
         assert text.startswith(f"**{reason}**, pose {n} of {n}")
         if reason in hits:  # what it hits was measured, or may hide behind what was
             said = []
             for number in range(n):
-                window.view.select_rejected(reason, number)
+                window.view.rejected.select(reason, number)
                 said.append(window.view.rejected.why.content)
                 has_hits = drawn(window, "/rejected/points") is not None
                 assert has_hits == ("In its way" in said[-1])
