@@ -75,8 +75,6 @@ class PosturePlan:
 
     postures: tuple[Posture, ...]
     choice: Choice
-    n_candidates: int
-    """How many postures there were to choose from."""
 
     def shortened(self, n: int) -> PosturePlan:
         """Keep the first n postures."""
@@ -191,7 +189,7 @@ def choose_postures(
         )
         for rank, i in enumerate(choice.indices, start=1)
     )
-    return PosturePlan(postures=postures, choice=choice, n_candidates=len(q))
+    return PosturePlan(postures=postures, choice=choice)
 
 
 def information_of(found: Calibration) -> FloatArray:

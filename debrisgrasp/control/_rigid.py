@@ -26,7 +26,6 @@ __all__ = [
     "exp3",
     "floats_of",
     "left_jacobian_times",
-    "log3",
     "norm",
     "parts",
     "pose",
@@ -89,7 +88,10 @@ def times(A: Rotation, B: Rotation) -> Rotation:
 
 
 def rotation_error(R: Rotation, R_goal: Rotation) -> Vector:
-    """``log3(R_goal @ R.T)``: the turn that is left, in the axes of base."""
+    """Rotation vector of ``R_goal @ R.T``: the turn that is left, in the axes of base.
+
+    By pi its axis is found up to the sign.
+    """
     a, b, c, d, e, f, g, h, i = R_goal
     p, q, r, s, t, u, v, w, x = R
     return _log(
@@ -138,12 +140,6 @@ def exp3(w: Vector) -> Rotation:
         b * y * z + a * x,
         1.0 - b * (x * x + y * y),
     )
-
-
-def log3(R: Rotation) -> Vector:
-    """Rotation vector of a rotation; by pi its axis is found up to the sign."""
-    a, b, c, d, e, f, g, h, i = R
-    return _log(h - f, c - g, d - b, a + e + i) or _log_near_pi(R)
 
 
 def _log(x: float, y: float, z: float, trace: float) -> Vector:

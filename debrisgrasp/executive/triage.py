@@ -61,11 +61,6 @@ class Triage:
     forecast: float = 0.0
     """Mass by its size, an upper bound for hollow things [kg]."""
 
-    @property
-    def is_taken(self) -> bool:
-        """Whether an arm is to take it."""
-        return self.way in (Way.PINCH, Way.CLAW)
-
 
 def judge(
     segment: Segment,

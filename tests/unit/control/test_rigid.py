@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from debrisgrasp.control._rigid import exp3, log3, rotation_error, times
+from debrisgrasp.control._rigid import exp3, rotation_error, times
 from debrisgrasp.geometry import so3
 from tests.strategies import unit_vectors
 
@@ -38,7 +38,6 @@ def test_the_turn_that_is_left_is_scipys(axis, angle):
     rotvec = angle * np.array(axis, dtype=float) / np.linalg.norm(axis)
     turn = Rotation.from_rotvec(rotvec)
     expected, R = turn.as_rotvec(), rpy(0.3, -1.0, 2.0)
-    require_same_turn(np.array(log3(plain(turn.as_matrix()))), expected)
     left = rotation_error(plain(R), plain(turn.as_matrix() @ R))
     require_same_turn(np.array(left), expected)
 
@@ -46,7 +45,7 @@ def test_the_turn_that_is_left_is_scipys(axis, angle):
 @given(axis=unit_vectors, gap=st.floats(0.0, 1e-3))
 def test_a_turn_by_nearly_pi_is_undone_by_its_own_vector(axis, gap):
     R = so3.exp((np.pi - gap) * axis)
-    found = log3(plain(R))
+    found = rotation_error(plain(np.eye(3)), plain(R))
     assert np.linalg.norm(found) == pytest.approx(np.pi - gap, abs=1e-11)
     np.testing.assert_allclose(np.reshape(exp3(found), (3, 3)), R, atol=1e-10)
     half = exp3(tuple(0.5 * x for x in found))
