@@ -25,7 +25,7 @@ from .flights import (
     grouped,
 )
 from .in_the_way import Account, account
-from .intervals import Interval, jeffreys, newcombe, wilson
+from .intervals import Interval, newcombe, wilson
 from .physics_run import run_physics
 from .rates import FaultRates, Rate, random_faults
 from .record import (
@@ -97,7 +97,6 @@ __all__ = [
     "flight_of",
     "flights_to_json",
     "grouped",
-    "jeffreys",
     "load_flights",
     "load_header",
     "load_records",

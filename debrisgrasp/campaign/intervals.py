@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from scipy.special import betaincinv, ndtri
+from scipy.special import ndtri
 
 from debrisgrasp._arrays import require_range
 from debrisgrasp.errors import InputError
 
-__all__ = ["Interval", "jeffreys", "newcombe", "wilson"]
+__all__ = ["Interval", "newcombe", "wilson"]
 
 
 class Interval(NamedTuple):
@@ -35,18 +35,6 @@ def wilson(count: int, total: int, *, confidence: float = 0.95) -> Interval:
     half = math.sqrt(share * (1 - share) * weight + weight * weight / 4) / (1 + weight)
     return Interval(
         0.0 if count == 0 else middle - half, 1.0 if count == total else middle + half
-    )
-
-
-def jeffreys(count: int, total: int, *, confidence: float = 0.95) -> Interval:
-    """Interval of a share from its posterior under Jeffreys' prior."""
-    _require_counts(count, total)
-    _z(confidence)
-    tail = (1 - confidence) / 2
-    a, b = count + 0.5, total - count + 0.5
-    return Interval(
-        0.0 if count == 0 else float(betaincinv(a, b, tail)),
-        1.0 if count == total else float(betaincinv(a, b, 1 - tail)),
     )
 
 

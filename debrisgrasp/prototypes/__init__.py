@@ -21,7 +21,7 @@ from .prototype import GraspPrototype, PackedPrototypes, PrototypeDefinition
 from .prototype_file import definition_from, require_name, write_new_prototype
 from .surface_shape import SurfaceShape
 from .symmetry import SpinAxis, Symmetry
-from .visibility import VisibilityTable, nearest_view
+from .visibility import VisibilityTable
 
 __all__ = [
     "FURTHER_HANDS",
@@ -49,7 +49,6 @@ __all__ = [
     "half_turns",
     "known_grippers",
     "load_grippers",
-    "nearest_view",
     "propose_hand_poses",
     "prototype_of_shape",
     "require_hands",

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray
 
 from .parts import Body
 
-__all__ = ["GRAZING_ANGLE", "VisibilityTable", "nearest_view", "visible_points"]
+__all__ = ["GRAZING_ANGLE", "VisibilityTable", "visible_points"]
 
 GRAZING_ANGLE = np.deg2rad(80.0)
 """Surface seen at a larger angle from its normal counts as hidden: depth cameras
@@ -31,14 +30,6 @@ class VisibilityTable:
     shape (d, 3)."""
     is_visible: BoolArray
     """Shape (d, m)."""
-
-
-def nearest_view(directions: FloatArray, query: ArrayLike) -> IntArray:
-    """Index of the direction (d, 3) with the smallest angle to each query (..., 3)."""
-    index: IntArray = np.argmax(
-        np.asarray(query, dtype=np.float64) @ directions.T, axis=-1
-    )
-    return index
 
 
 def visible_points(

@@ -19,7 +19,7 @@ from debrisgrasp.prototypes.shapes import (
     Shape,
 )
 from debrisgrasp.prototypes.surfaces import sample
-from debrisgrasp.prototypes.visibility import nearest_view, visible_points
+from debrisgrasp.prototypes.visibility import visible_points
 
 SHAPES = {
     "cylinder": CylinderShape(diameter=0.05, length=0.14),
@@ -142,15 +142,3 @@ def test_the_handle_hides_part_of_its_plate() -> None:
     below_bar = (np.abs(points[:, 0]) < 0.012) & (np.abs(points[:, 1]) < 0.08)
     assert not seen[on_plate & below_bar].any()
     assert seen[on_plate & (np.abs(points[:, 0]) > 0.014)].all()
-
-
-def test_nearest_view_is_the_one_with_the_smallest_angle(
-    rng: np.random.Generator,
-) -> None:
-    directions = fibonacci_sphere(400)
-    query = rng.normal(size=(500, 3))
-    query /= np.linalg.norm(query, axis=1, keepdims=True)
-    angle = np.arccos(np.clip(query @ directions.T, -1, 1))
-    found = angle[np.arange(500), nearest_view(directions, query)]
-    assert np.allclose(found, angle.min(axis=1))
-    assert np.rad2deg(found).mean() < 4.5
