@@ -5,6 +5,7 @@ from .cloud import Bounds, PointCloud
 from .cloud_normals import neighborhood_normals
 from .content import SolidContent
 from .field import MAX_CELLS, MAX_REACH, DistanceField, Space
+from .hulls import hull_of, hull_volume
 from .image_normals import depth_facets, depth_normals
 from .lattice import lattice
 from .neighbors import by_place, voxel_cells, voxel_count, voxel_downsample
@@ -35,6 +36,8 @@ __all__ = [
     "depth_facets",
     "depth_normals",
     "fibonacci_sphere",
+    "hull_of",
+    "hull_volume",
     "lattice",
     "neighborhood_normals",
     "perturbed",

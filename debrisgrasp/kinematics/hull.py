@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull, QhullError
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
-from debrisgrasp.errors import InputError
-from debrisgrasp.geometry import SE3, Bounds
+from debrisgrasp.geometry import SE3, Bounds, hull_of
 
 from .spheres import covering_spheres
 
@@ -44,22 +42,8 @@ class Hull:
 
     def __post_init__(self) -> None:
         points = frozen(self.points, "points of a hull", (None, 3))
-        try:
-            hull = ConvexHull(points)
-        except (QhullError, ValueError) as error:
-            raise InputError(
-                "points of a hull",
-                got=f"{len(points)} that span no volume",
-                expected="at least four that do not lie in one plane",
-            ) from error
-        number = np.full(len(points), -1)
-        number[hull.vertices] = np.arange(len(hull.vertices))
-        corners = points[hull.vertices]
-        faces = number[hull.simplices]
-        a, b, c = (corners[faces[:, k]] for k in range(3))
-        outwards = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1)
-        faces[outwards < 0] = faces[outwards < 0][:, ::-1]
-        planes = hull.equations * np.array([1.0, 1.0, 1.0, -1.0])
+        corners, faces, planes = hull_of(points)
+        planes = planes * np.array([1.0, 1.0, 1.0, -1.0])
         rounded = np.round(planes / _SAME_PLANE)
         planes = planes[np.unique(rounded, axis=0, return_index=True)[1]]
         is_exact = len(planes) <= _MOST_PLANES

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from debrisgrasp._arrays import BoolArray, FloatArray, require_finite, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.geometry import hull_volume
 
 __all__ = ["Build", "LoadConfig", "ObjectMass", "SeenSurface", "likely_objects"]
 
@@ -326,7 +326,7 @@ def _mass_bounds(
         low, high = config.sheet[0] * area, config.sheet[1] * area
     else:
         # What comes out flat, as in coarse steps of depth, is a cell thick.
-        hull = _hull_volume(points) or area * spacing
+        hull = hull_volume(points) or area * spacing
         low = min(config.shell * area, config.density[0] * hull)
         # Of a convex body of which two sides are seen, the hull holds at least half.
         high = config.density[1] * max(2.0 * hull, 0.5 * float(size.prod()))
@@ -344,10 +344,3 @@ def _expected(bounds: Interval, typical: Interval) -> float:
     middle, spread = log.mean(axis=1), np.maximum(np.ptp(log, axis=1), _FLOOR)
     weight = (spread * [_SEEN_IN_PART, 1.0]) ** -2.0
     return float(np.exp((weight * middle).sum() / weight.sum()))
-
-
-def _hull_volume(points: FloatArray) -> float:
-    try:
-        return float(ConvexHull(points).volume)
-    except (QhullError, ValueError):
-        return 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from debrisgrasp._arrays import FloatArray, IntArray
-from debrisgrasp.geometry import PointCloud
+from debrisgrasp.geometry import PointCloud, hull_volume
 
 from .ground import spread_sample
 
@@ -261,7 +261,7 @@ class Shapes:
             low_down[label] = (height < _LOW).mean()
             extents[label] = high - low
             inside = ((along >= low) & (along <= high)).all(axis=1)
-            hull[label] = _hull_volume(points[inside])
+            hull[label] = hull_volume(points[inside])
             lowest[label], highest[label] = quantiles(height, _RANGE)
             foot[label] = points[height <= lowest[label] + surface.size].mean(axis=0)
             outlines[label] = _outline(points)
@@ -298,11 +298,3 @@ def _outline(points: FloatArray) -> FloatArray | None:
         return np.asarray(ConvexHull(points[:, :2]).equations)
     except (QhullError, ValueError):
         return None
-
-
-def _hull_volume(points: FloatArray) -> float:
-    """Volume of the convex hull of points (n, 3) [m^3]; 0 if they are flat."""
-    try:
-        return float(ConvexHull(points).volume)
-    except (QhullError, ValueError):
-        return 0.0

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull, QhullError
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_finite
 from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
-from debrisgrasp.geometry import SE3, Bounds, Box
+from debrisgrasp.geometry import SE3, Bounds, Box, hull_of
 
 __all__ = ["Hull", "frustum", "prism", "staves"]
 
@@ -54,26 +53,10 @@ class Hull:
         """
         points = frozen(points, "points of a hull", (None, 3))
         require_finite(points, "points of a hull")
-        try:
-            hull = ConvexHull(points)
-        except (QhullError, ValueError) as error:
-            raise InputError(
-                "points of a hull",
-                got=f"{len(points)} points that span no volume",
-                expected="four or more that don't lie in one plane",
-            ) from error
-        number = np.full(len(points), -1)
-        number[hull.vertices] = np.arange(len(hull.vertices))
-        corners = points[hull.simplices]
-        edges = corners[:, 1:] - corners[:, :1]
-        turn = np.cross(edges[:, 0], edges[:, 1])
-        is_inward = (turn * hull.equations[:, :3]).sum(axis=1) < 0.0
-        faces = number[hull.simplices]
-        faces[is_inward] = faces[is_inward][:, ::-1]
+        corners, faces, planes = hull_of(points)
         # Triangles of one flat side share its plane up to rounding.
-        _, first = np.unique(hull.equations.round(7), axis=0, return_index=True)
-        planes = hull.equations[first]
-        return cls(points[hull.vertices], faces, planes[:, :3], -planes[:, 3])
+        _, first = np.unique(planes.round(7), axis=0, return_index=True)
+        return cls(corners, faces, planes[first, :3], -planes[first, 3])
 
     def __repr__(self) -> str:
         """Size and place: all of it would fill a screen."""

@@ -292,7 +292,7 @@ def test_the_hull_of_a_moved_mesh_is_not_sought_again(tmp_path, monkeypatch):
     def sought(*_):
         raise AssertionError("a hull was sought again")
 
-    monkeypatch.setattr("debrisgrasp.kinematics.hull.ConvexHull", sought)
+    monkeypatch.setattr("debrisgrasp.kinematics.hull.hull_of", sought)
     away = SE3.from_parts(p=[1.0, 2.0, 3.0])
     for (_, solid), (_, again) in zip(before, robot.links_solids(), strict=True):
         np.testing.assert_allclose(again.mesh()[0], solid.mesh()[0])
