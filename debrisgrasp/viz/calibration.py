@@ -22,6 +22,7 @@ from .colors import (
     INK,
     MUTED_INK,
     hex_color,
+    rgb_color,
 )
 from .page import Page, Slot, plain, short_name, shortened, wrapped
 
@@ -340,7 +341,7 @@ def _table(page: Page, picture: CalibrationPicture, slot: Slot) -> None:
             f"{1e3 * np.linalg.norm(c.gaps[i]):.1f}",
             f"{1e3 * c.held_out[i]:.1f}",
         ]
-        color = _rgb(_BAD) if c.is_outlier[i] else INK
+        color = rgb_color(_BAD) if c.is_outlier[i] else INK
         for x, cell in zip(columns, cells, strict=True):
             side = "left" if not x else "right"
             page.text(slot.x + x, slot.y + 21 * row, cell, 10, color=color, ha=side)
@@ -383,8 +384,3 @@ def _legend(page: Page, picture: CalibrationPicture, slot: Slot) -> None:
             face = "none" if mark == "D" else color
             axes.plot(15, height, mark, color=color, mfc=face, ms=7)
         page.text(slot.x + 38, y + 26 * row + 5, words, 10, color=MUTED_INK)
-
-
-def _rgb(text: str) -> tuple[float, float, float]:
-    r, g, b = (int(text[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return r, g, b

@@ -21,10 +21,11 @@ __all__ = [
     "hex_color",
     "label_colors",
     "mixed",
+    "rgb_color",
 ]
 
 
-def _rgb(text: str) -> tuple[float, float, float]:
+def rgb_color(text: str) -> tuple[float, float, float]:
     """Red, green and blue in [0, 1] of ``"#rrggbb"``."""
     r, g, b = (int(text[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
     return r, g, b
@@ -34,7 +35,7 @@ def _rgb(text: str) -> tuple[float, float, float]:
 # lightness as well as in hue. Orange is left out: it is kept for the chosen object.
 _LABELS = np.array(
     [
-        _rgb(text)
+        rgb_color(text)
         for text in (
             *("#44aa99", "#aa4499", "#88ccee", "#117733", "#ddcc77", "#4f46a8"),
             *("#cc6677", "#99ddaa", "#882255", "#77aadd", "#999933", "#ffaabb"),
@@ -43,23 +44,23 @@ _LABELS = np.array(
     ]
 )
 
-CHOSEN_COLOR = _rgb("#ff7a00")
-GROUND_COLOR = _rgb("#b9bdc4")
-ROBOT_COLOR = _rgb("#8d96a3")
-BACKGROUND_COLOR = _rgb("#f4f6f9")
-INK = _rgb("#1c2330")
-MUTED_INK = _rgb("#5d6675")
-WARNING_COLOR = _rgb("#b34700")
+CHOSEN_COLOR = rgb_color("#ff7a00")
+GROUND_COLOR = rgb_color("#b9bdc4")
+ROBOT_COLOR = rgb_color("#8d96a3")
+BACKGROUND_COLOR = rgb_color("#f4f6f9")
+INK = rgb_color("#1c2330")
+MUTED_INK = rgb_color("#5d6675")
+WARNING_COLOR = rgb_color("#b34700")
 KIND_COLORS = {
-    PointKind.GROUND: _rgb("#9fb4c9"),
-    PointKind.BELOW: _rgb("#5b6b7d"),
-    PointKind.WALL: _rgb("#d05c8a"),
-    PointKind.CONTAINER: _rgb("#3d7dca"),
-    PointKind.OUTSIDE: _rgb("#6d6d6d"),
-    PointKind.PIT: _rgb("#7a5230"),
+    PointKind.GROUND: rgb_color("#9fb4c9"),
+    PointKind.BELOW: rgb_color("#5b6b7d"),
+    PointKind.WALL: rgb_color("#d05c8a"),
+    PointKind.CONTAINER: rgb_color("#3d7dca"),
+    PointKind.OUTSIDE: rgb_color("#6d6d6d"),
+    PointKind.PIT: rgb_color("#7a5230"),
 }
 """Colours of what was taken away before objects were sought."""
-HAND_COLORS = tuple(_rgb(text) for text in ("#1a62c6", "#008f6b", "#8b3fb0"))
+HAND_COLORS = tuple(rgb_color(text) for text in ("#1a62c6", "#008f6b", "#8b3fb0"))
 """Colours of the hands by rank; ranks beyond the last share its colour."""
 
 
