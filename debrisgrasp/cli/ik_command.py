@@ -28,7 +28,7 @@ from debrisgrasp.kinematics import (
 )
 
 from .arm_arguments import add_arm, chosen_arms
-from .tables import columns
+from .tables import columns, is_number
 
 __all__ = ["add"]
 
@@ -164,9 +164,9 @@ def _table(answers: Sequence[dict[str, Any]]) -> str:
 
 def _poses(words: Sequence[str]) -> tuple[FloatArray, list[str | None]]:
     """Poses (n, 4, 4) from the command line, and the gripper each is for."""
-    if len(words) == 1 and not _is_number(words[0]):
+    if len(words) == 1 and not is_number(words[0]):
         return _poses_of_file(Path(words[0]))
-    if len(words) % 6 or not all(map(_is_number, words)):
+    if len(words) % 6 or not all(map(is_number, words)):
         raise InputError(
             "poses",
             got=f"{len(words)} words: {' '.join(words)}",
@@ -225,11 +225,3 @@ def _require_some(T: FloatArray, path: Path) -> FloatArray:
 def _checked(T: FloatArray) -> FloatArray:
     require_metres("pose", T[:, :3, 3])
     return T
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

@@ -7,21 +7,21 @@ from collections.abc import Sequence
 from debrisgrasp._words import counted
 from debrisgrasp.planning import GraspPlan, LoadForecast
 
-__all__ = ["columns", "plan_summary"]
+__all__ = ["columns", "is_number", "plan_summary"]
 
 
 def columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Align cells in columns; numbers to the right, words to the left."""
     table = [list(header), *(list(row) for row in rows)]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
-    is_number = [
-        bool(rows) and all(_is_number(row[i]) for row in rows)
+    is_right = [
+        bool(rows) and all(is_number(row[i]) for row in rows)
         for i in range(len(header))
     ]
     lines = [
         "  ".join(
             cell.rjust(width) if right else cell.ljust(width)
-            for cell, width, right in zip(row, widths, is_number, strict=True)
+            for cell, width, right in zip(row, widths, is_right, strict=True)
         ).rstrip()
         for row in table
     ]
@@ -29,7 +29,8 @@ def columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a word is a number."""
     try:
         float(text)
     except ValueError:
