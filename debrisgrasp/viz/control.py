@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import Preview, Rehearsal
@@ -21,7 +20,6 @@ from .page import Page, Slot, plain, wrapped
 __all__ = ["LegTrace", "Outline", "leg_png", "preview_png"]
 
 _COLORS = (CHOSEN_COLOR, *HAND_COLORS)
-_GRID = "#dfe3e9"
 _LIMIT = "#c0392b"
 
 
@@ -79,7 +77,8 @@ def leg_png(
         y += 24
     top = y + 46
     side = Slot(80, top, 620, 900 - top - 60)
-    _draw_side(_scaled(page, side, "From the side", "x [m]"), traces, nominal, outlines)
+    axes = page.scaled_panel(side, "From the side", "x [m]")
+    _draw_side(axes, traces, nominal, outlines)
     height = (900 - top - 60 - 2 * 54) / 3
     gives_way = any(trace.run.deflection.any() for trace in traces)
     last = ("Given way [mm]", _given_way) if gives_way else ("Speed [mm/s]", _speed)
@@ -90,7 +89,7 @@ def leg_png(
     ]
     for i, (name, size_of, limit) in enumerate(rows):
         slot = Slot(800, top + i * (height + 54), 625, height)
-        axes = _scaled(page, slot, name, "time [s]" if i == 2 else "")
+        axes = page.scaled_panel(slot, name, "time [s]" if i == 2 else "")
         largest = 0.0
         for trace, color in zip(traces, _COLORS, strict=False):
             size = size_of(trace.run)
@@ -135,21 +134,6 @@ def _draw_limit(axes: Axes, limit: float, largest: float) -> None:
         va="bottom",
     )
     axes.set_ylim(0, max(1.22 * limit, 1.05 * largest))
-
-
-def _scaled(page: Page, slot: Slot, title: str, x_label: str) -> Axes:
-    """Panel with scales, a grid and a heading."""
-    axes = page.titled_panel(slot, title)
-    axes.xaxis.set_major_locator(MaxNLocator(6))
-    axes.yaxis.set_major_locator(MaxNLocator(6))
-    axes.set_xlim(auto=True)
-    axes.set_ylim(auto=True)
-    axes.invert_yaxis()
-    axes.tick_params(labelsize=9.5, colors=hex_color(MUTED_INK), length=3)
-    axes.grid(color=_GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.set_xlabel(x_label, fontsize=10, color=hex_color(MUTED_INK))
-    return axes
 
 
 def _draw_side(

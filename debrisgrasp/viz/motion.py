@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
 from debrisgrasp._arrays import BoolArray, FloatArray
 from debrisgrasp.geometry import SE3, PointCloud, voxel_downsample
@@ -122,7 +121,7 @@ def motion_png(
         track = shown[i]
         kind = "speed" if is_pair or i else "posture"
         heading = f"{'Speed' if kind == 'speed' else 'Posture'} of the joints"
-        axes = _scaled(page, slot, heading)
+        axes = page.scaled_panel(slot, heading, "seconds", (8, 5))
         _draw_joints(axes, track, robot, of_speed=kind == "speed")
     page.write(path)
 
@@ -202,20 +201,6 @@ def _dots_of(lines: FloatArray) -> Splats:
     points = points.reshape(-1, 3)
     colors = np.full(points.shape, (0.80, 0.82, 0.85))
     return Splats(points, colors, np.full(len(points), 0.006))
-
-
-def _scaled(page: Page, slot: Slot, title: str) -> Axes:
-    axes = page.titled_panel(slot, title)
-    axes.xaxis.set_major_locator(MaxNLocator(8))
-    axes.yaxis.set_major_locator(MaxNLocator(5))
-    axes.set_xlim(auto=True)
-    axes.set_ylim(auto=True)
-    axes.invert_yaxis()
-    axes.tick_params(labelsize=9.5, colors=hex_color(MUTED_INK), length=3)
-    axes.grid(color="#e4e7ec", linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.set_xlabel("seconds", fontsize=10, color=hex_color(MUTED_INK))
-    return axes
 
 
 def _draw_joints(

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import require_picture, write_atomic
@@ -112,6 +113,22 @@ class Page:
         right = slot.x + slot.width
         self.text(right, slot.y - 23, note, 10, color=MUTED_INK, ha="right")
         return self.panel(slot)
+
+    def scaled_panel(
+        self, slot: Slot, title: str, x_label: str, steps: tuple[int, int] = (6, 6)
+    ) -> Axes:
+        """Panel with a heading, a grid, and scales of at most so many steps."""
+        axes = self.titled_panel(slot, title)
+        for axis, most in zip((axes.xaxis, axes.yaxis), steps, strict=True):
+            axis.set_major_locator(MaxNLocator(most))
+        axes.set_xlim(auto=True)
+        axes.set_ylim(auto=True)
+        axes.invert_yaxis()
+        axes.tick_params(labelsize=9.5, colors=hex_color(MUTED_INK), length=3)
+        axes.grid(color="#dfe3e9", linewidth=0.8)
+        axes.set_axisbelow(True)
+        axes.set_xlabel(x_label, fontsize=10, color=hex_color(MUTED_INK))
+        return axes
 
     def panel(self, slot: Slot) -> Axes:
         """Axes without marks, one unit per pixel, y downwards."""
