@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from typing import Any
@@ -14,7 +15,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, UnknownNameError
 
-__all__ = ["MAX_LENGTH", "Fields", "is_number"]
+__all__ = ["MAX_LENGTH", "Fields", "is_number", "require_distinct"]
 
 MAX_LENGTH = 1.0
 """Longest length in a file of hands and prototypes [m]; above it, it is millimetres."""
@@ -31,6 +32,13 @@ _COMMA = "Decimals come after a point: 0.5, not 0,5."
 _WITH_UNIT = re.compile(r"[-+]?\d*[.,]?\d+ ?(mm|cm|dm|m|in|inch|deg|rad|°|kg|g|N)")
 _MISSPELT = 0.75
 """Names as alike as this are one misspelt; rail_length and rail_height are less so."""
+
+
+def require_distinct(what: str, names: Iterable[str]) -> None:
+    """Raise `ConfigError` if one of the names that ``what`` tells of comes again."""
+    for name, n in Counter(names).items():
+        if n > 1:
+            raise ConfigError(what, got=f"{name!r} {n} times", expected="each once")
 
 
 class Fields:

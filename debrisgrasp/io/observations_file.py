@@ -12,6 +12,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from debrisgrasp._fields import require_distinct
 from debrisgrasp._files import (
     read_json,
     read_text,
@@ -283,14 +284,7 @@ def _named_apart(
             expected="at least 3 to calibrate, better 8; 1 to watch for drift",
             mend="`debrisgrasp calibrate choose --out FILE` names places to measure.",
         )
-    names = [row.name for row in rows]
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigError(
-                f"names of observations in {path}",
-                got=f"{name!r} {names.count(name)} times",
-                expected="each once",
-            )
+    require_distinct(f"names of observations in {path}", [row.name for row in rows])
     return tuple(rows)
 
 

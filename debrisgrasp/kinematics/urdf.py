@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_metres
+from debrisgrasp._fields import require_distinct
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
@@ -139,8 +140,8 @@ class UrdfTree:
             for link in root.findall("link")
         ]
         joints = [_joint(element, path) for element in root.findall("joint")]
-        _require_distinct("link", [name for name, _ in links], path)
-        _require_distinct("joint", [joint.name for joint in joints], path)
+        require_distinct(f"names of links in {path}", [name for name, _ in links])
+        require_distinct(f"names of joints in {path}", [j.name for j in joints])
         tree = cls(
             name=root.get("name", path.stem),
             path=path,
@@ -237,16 +238,6 @@ class UrdfTree:
                 poses[joint.child] = poses[link] @ step
                 waiting.append(joint.child)
         return poses
-
-
-def _require_distinct(kind: str, names: list[str], path: Path) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigError(
-                f"{kind}s of {path}",
-                got=f"{names.count(name)} called {name!r}",
-                expected="names that are given once",
-            )
 
 
 def _is_xacro(element: ElementTree.Element) -> bool:

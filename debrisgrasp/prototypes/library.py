@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from debrisgrasp._arrays import require_range
+from debrisgrasp._fields import require_distinct
 from debrisgrasp._files import data_path, last_changed, yaml_files
 from debrisgrasp._words import counted
 from debrisgrasp.errors import ChoiceError, ConfigError, OutputError, UnknownNameError
@@ -46,13 +45,7 @@ class PrototypeLibrary:
     """The hands that they are for, and perhaps more."""
 
     def __post_init__(self) -> None:
-        name, n = max(Counter(self.names).items(), key=itemgetter(1), default=("", 0))
-        if n > 1:
-            raise ConfigError(
-                "names of prototypes",
-                got=f"{name!r} {n} times",
-                expected="another name for each",
-            )
+        require_distinct("names of prototypes", self.names)
 
     @classmethod
     def load(

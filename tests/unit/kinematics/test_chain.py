@@ -232,13 +232,13 @@ def test_missing_meshes_do_not_matter(tmp_path: Path) -> None:
         ("<robot name='r'><link name='a'>", "well-formed XML"),
         ("<sdf/>", "<robot>"),
         ("<robot><link name='a'/><link name='b'/></robot>", "one tree"),
-        ("<robot><link name='a'/><link name='a'/></robot>", "links of .*2 called 'a'"),
+        ("<robot><link name='a'/><link name='a'/></robot>", "links in .*'a' 2 times"),
         (
             "<robot><link name='a'/><link name='b'/><link name='c'/>"
             "<joint name='j' type='fixed'><parent link='a'/><child link='b'/></joint>"
             "<joint name='j' type='fixed'><parent link='a'/><child link='c'/></joint>"
             "</robot>",
-            "joints of .*2 called 'j'",
+            "joints in .*'j' 2 times",
         ),
         (
             "<robot><link name='a'/><joint name='j' type='fixed'>"

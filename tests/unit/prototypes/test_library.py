@@ -289,7 +289,7 @@ def test_prototypes_of_one_name_are_refused_from_python_too(library):
     with pytest.raises(ConfigError, match=f"'{first.name}' 2 times"):
         PrototypeLibrary((first, second, first), library.grippers)
     definitions = [first.definition, first.definition]
-    with pytest.raises(ConfigError, match="another name for each"):
+    with pytest.raises(ConfigError, match="each once"):
         PrototypeLibrary.build(definitions, library.grippers)
     assert len(library.select(names=[first.name, first.name])) == 1
 
