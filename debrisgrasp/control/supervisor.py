@@ -177,7 +177,7 @@ class Supervisor:
             Whether the arm was commanded to move.
         """
         if state.stop is not None:
-            return state, self._verdict(state, is_fresh=False, may_advance=False)
+            return state, self._stale(state, may_advance=False)
         now, gap = self._advanced(state, reading.time)
         if gap > self.config.stop_after + _CLOCK:
             words = f"{1000 * gap:.0f} ms without a tick"
@@ -248,7 +248,7 @@ class Supervisor:
             words += f"{1000 * self.config.stop_after:g} (SafetyConfig.stop_after)"
             return self._stopped(state, Fault.WRENCH_LOST, words, now)
         may_advance = age <= self.config.hold_after + _CLOCK
-        return state, self._verdict(state, is_fresh=False, may_advance=may_advance)
+        return state, self._stale(state, may_advance=may_advance)
 
     def _with_wrench(
         self,
@@ -369,13 +369,12 @@ class Supervisor:
     ) -> tuple[SafetyState, Verdict]:
         stop = Stop(fault, f"{fault.value}: {words}", now)
         state = state._replace(time=now, stop=stop)
-        return state, self._verdict(state, is_fresh=False, may_advance=False)
+        return state, self._stale(state, may_advance=False)
 
-    def _verdict(
-        self, state: SafetyState, *, is_fresh: bool, may_advance: bool
-    ) -> Verdict:
+    def _stale(self, state: SafetyState, *, may_advance: bool) -> Verdict:
+        """Judge by what was known before."""
         measured = self._kinematics.pose(state.q)
-        return Verdict(state.load, is_fresh, may_advance, measured)
+        return Verdict(state.load, False, may_advance, measured)  # noqa: FBT003
 
 
 def _median(a: Wrench, b: Wrench, c: Wrench) -> Wrench:

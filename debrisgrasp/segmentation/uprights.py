@@ -23,6 +23,7 @@ _CELL = 0.05
 """Edge of the cells in which the face of a plane is drawn [m]."""
 _MIN_POINTS = 20
 """Fewer points don't make a face."""
+_MOST_PLANES = 12
 _MAX_BINS = 1e6
 """Beyond so many bins a scene is too wide to look for walls."""
 
@@ -88,7 +89,6 @@ def upright_planes(
     *,
     max_lean: float,
     min_area: float,
-    max_planes: int = 12,
 ) -> tuple[UprightPlane, ...]:
     """Find connected upright faces, those with most points first.
 
@@ -108,8 +108,8 @@ def upright_planes(
         is_upright = np.abs(normals[:, 2]) < np.sin(max_lean)
     free = np.flatnonzero(is_upright)
     found: list[UprightPlane] = []
-    for _ in range(2 * max_planes):
-        if len(free) < _MIN_POINTS or len(found) == max_planes:
+    for _ in range(2 * _MOST_PLANES):
+        if len(free) < _MIN_POINTS or len(found) == _MOST_PLANES:
             break
         seed = _fullest_bin(points[free], normals[free])
         if seed is None or np.count_nonzero(seed) < _MIN_POINTS:

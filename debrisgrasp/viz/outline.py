@@ -13,6 +13,8 @@ __all__ = ["reach_outline", "sampled_reach"]
 
 _N_SAMPLES = 80_000
 
+_HALF_THICKNESS = 0.08
+"""Positions this far above and below a height count as at it [m]."""
 _CELL = 0.04
 """Grid of the outline [m]: finer would show the sampling, not the arm."""
 
@@ -28,9 +30,7 @@ def sampled_reach(robot: RobotModel, arm: str) -> FloatArray:
     return chain.fk(q).p
 
 
-def reach_outline(
-    reach: FloatArray, height: float, *, half_thickness: float = 0.08
-) -> list[FloatArray]:
+def reach_outline(reach: FloatArray, height: float) -> list[FloatArray]:
     """Draw closed lines around the reachable positions near one height.
 
     Parameters
@@ -39,15 +39,13 @@ def reach_outline(
         Positions that the hand can take [m], shape (k, 3), base frame.
     height
         Height z [m] of the cut.
-    half_thickness
-        Positions this far [m] above and below it count.
 
     Returns
     -------
     list of FloatArray
         Lines of shape (j, 3) in the plane of the cut; none if nothing is reached there.
     """
-    layer = reach[np.abs(reach[:, 2] - height) <= half_thickness][:, :2]
+    layer = reach[np.abs(reach[:, 2] - height) <= _HALF_THICKNESS][:, :2]
     if len(layer) < 20:
         return []
     low = layer.min(axis=0) - 4 * _CELL

@@ -49,6 +49,8 @@ _BRIDGE = 3
 """Pixels without measurement that a border may span on either side."""
 _DASH = 9
 """Length of a dash of a doubtful border [pixels]."""
+_SMALLEST = 60
+"""Pixels of an object below which it gets no label."""
 _RENDERED_SIZE = (960, 720)
 _RENDERED_POINTS = 250_000
 
@@ -235,24 +237,17 @@ def _doubtful_borders(image: LabelImage, edges: SegmentEdges) -> BoolArray:
     return dash
 
 
-def label_anchors(
-    labels: IntArray, *, smallest: int = 60
-) -> dict[int, tuple[float, float]]:
+def label_anchors(labels: IntArray) -> dict[int, tuple[float, float]]:
     """Where to write the label of each object: pixel (u, v) farthest from its border.
 
-    Parameters
-    ----------
-    labels
-        Label image, shape (H, W).
-    smallest
-        Objects of fewer pixels get no anchor: their labels would hide them.
+    In the label image (H, W); small ones get none, for it would hide them.
     """
     anchors = {}
     for label, box in enumerate(ndimage.find_objects(labels.astype(np.int32)), start=1):
         if box is None:
             continue
         mask = labels[box] == label
-        if np.count_nonzero(mask) < smallest:
+        if np.count_nonzero(mask) < _SMALLEST:
             continue
         depth = ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
         row, column = np.unravel_index(np.argmax(depth), mask.shape)

@@ -90,9 +90,9 @@ def robot_mesh(robot: RobotModel, grasp: Grasp | None) -> Mesh:
     return merged(solids, ROBOT_COLOR)
 
 
-def approach_arrow(grasp: Grasp, color: Color, radius: float = 0.006) -> Mesh:
+def approach_arrow(grasp: Grasp, color: Color) -> Mesh:
     """Arrow [m] along the straight path of the palm to its place."""
-    return arrow(grasp.T_base_pregrasp.p, grasp.T_base_hand.p, color, radius)
+    return arrow(grasp.T_base_pregrasp.p, grasp.T_base_hand.p, color, 0.006)
 
 
 def arrow(start: FloatArray, end: FloatArray, color: Color, radius: float) -> Mesh:

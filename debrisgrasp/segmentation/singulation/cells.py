@@ -16,6 +16,8 @@ from .camera import InverseDepthImage
 
 __all__ = ["CellImage", "cell_image", "noise_of"]
 
+_ROUGHNESS = 4e-4
+"""Noise that even smooth surfaces have [1/m]: about 1 mm at 1.5 m."""
 _CELLS_ACROSS = 320
 """Pixels are averaged two by two until no more than about so many span the image."""
 
@@ -135,15 +137,15 @@ def _largest(images: list[Float32Array]) -> Float32Array:
     )
 
 
-def noise_of(values: Float32Array, apart: int, floor: float = 4e-4) -> float:
+def noise_of(values: Float32Array, apart: int) -> float:
     """Estimate the standard deviation of 1/z over smooth places [1/m].
 
     From second differences over ``apart`` cells along rows and along columns, since
     noise of close ones is correlated; some cameras make stripes, so that the larger of
-    both counts. The floor, about 1 mm at 1.5 m, stands for the roughness of surfaces.
+    both counts. It is never less than the roughness of surfaces.
     """
     every = max(1, apart // 2)
-    largest = floor
+    largest = _ROUGHNESS
     for image in (values[::every], values.T[::every]):
         left, middle = image[:, : -2 * apart], image[:, apart:-apart]
         right = image[:, 2 * apart :]
