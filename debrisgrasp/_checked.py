@@ -6,6 +6,7 @@ import inspect
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, wraps
 from numbers import Integral, Real
@@ -93,9 +94,10 @@ def _guarded(function: Callable[P, T], kind: type[InputError]) -> Callable[P, T]
 
     @wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
-        try:
+        given = None
+        with suppress(TypeError):
             given = signature.bind(*args, **kwargs)
-        except TypeError:
+        if given is None:
             return function(*args, **kwargs)  # which says what is missing
         kinds = _kinds(function)
         for name, value in given.arguments.items():

@@ -115,8 +115,9 @@ def test_anything_else_is_named(given, words):
 
 
 def test_a_missing_argument_is_left_to_python():
-    with pytest.raises(TypeError, match="count"):
+    with pytest.raises(TypeError, match="count") as refused:
         serve()
+    assert refused.value.__context__ is None
 
 
 def test_fields_of_a_record_are_checked():
