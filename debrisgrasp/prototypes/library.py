@@ -147,6 +147,9 @@ class PrototypeLibrary:
     def __len__(self) -> int:
         return len(self.prototypes)
 
+    def __contains__(self, item: object) -> bool:
+        return item in self.names or item in self.prototypes
+
     def __getitem__(self, name: str) -> GraspPrototype:
         for prototype in self.prototypes:
             if prototype.name == name:
@@ -162,10 +165,10 @@ class PrototypeLibrary:
         self,
         *,
         gripper: str | None = None,
-        names: Iterable[str] | None = None,
+        names: str | Iterable[str] | None = None,
         kind: str | None = None,
     ) -> PrototypeLibrary:
-        """Keep the prototypes of a hand, of some names, or of a kind.
+        """Keep the prototypes of a hand, of one name or some, or of a kind.
 
         Raises
         ------
@@ -180,6 +183,7 @@ class PrototypeLibrary:
             raise UnknownNameError("kind of prototype", kind, KINDS)
         chosen = self.prototypes
         if names is not None:
+            names = (names,) if isinstance(names, str) else names
             chosen = tuple(self[name] for name in dict.fromkeys(names))
         kept = tuple(
             prototype

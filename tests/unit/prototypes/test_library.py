@@ -246,6 +246,18 @@ def test_an_empty_choice_cannot_be_packed(library: PrototypeLibrary) -> None:
         nothing.packed()
 
 
+def test_a_library_has_its_prototypes_and_their_names(
+    library: PrototypeLibrary,
+) -> None:
+    assert "handle_025" in library
+    assert library["handle_025"] in library
+    assert "handle_026" not in library
+
+
+def test_one_name_may_be_chosen_without_a_list(library: PrototypeLibrary) -> None:
+    assert library.select(names="handle_025").names == ("handle_025",)
+
+
 def test_unknown_names_list_the_known_ones(library: PrototypeLibrary) -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'bar_4x4'"):
         library["bar_4x5"]
