@@ -45,6 +45,9 @@ class RobotBody:
     always_touching: tuple[tuple[str, str], ...] = ()
     """Links that overlap in every posture, and are not tested for that reason."""
 
+    def __repr__(self) -> str:
+        return f"<RobotBody of {len(self.parts)} parts on {self.chain!r}>"
+
     @classmethod
     def fit(
         cls,

@@ -10,6 +10,7 @@ import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_range
 from debrisgrasp._checked import checked_fields
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError
 
 __all__ = ["Freedom", "IkConfig", "IkResult", "IkStatus"]
@@ -136,6 +137,11 @@ class IkResult:
     """Distance left to the pose [m], shape (...)."""
     rotation_error: FloatArray
     """Angle left to the pose [rad], shape (...); without turns that are free."""
+
+    def __repr__(self) -> str:
+        counts = np.bincount(self.status.ravel(), minlength=len(IkStatus))
+        told = ", ".join(f"{n} {IkStatus(i).name}" for i, n in enumerate(counts) if n)
+        return f"<IkResult of {counted(self.status.size, 'pose')}: {told or 'none'}>"
 
     @property
     def is_solved(self) -> BoolArray:

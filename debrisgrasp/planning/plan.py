@@ -154,4 +154,5 @@ class GraspPlan:
         if not self.grasps:
             return f"<GraspPlan without a grasp: {self.why_empty}>"
         n, best = len(self.grasps), self.grasps[0]
-        return f"<GraspPlan of {n} on object {self.object_label}, first {best!r}>"
+        where = f"on object {self.object_label}" if self.object_label else "in a region"
+        return f"<GraspPlan of {n} {where}, first {best!r}>"

@@ -135,6 +135,10 @@ class Preshape:
     openings: FloatArray
     """Distance between opposing pads at each command [m], shape (c,), falling."""
 
+    def __repr__(self) -> str:
+        low, high = self.widths
+        return f"<Preshape {self.name} for objects of {low:g} to {high:g} m>"
+
     @property
     def widest(self) -> float:
         """Opening of the hand before it closes [m], somewhat more than `widths`."""

@@ -55,6 +55,9 @@ class SurfaceShape:
     """``all`` if the surface goes all round the piece, ``seen`` if it is what one
     camera saw of it."""
 
+    def __repr__(self) -> str:
+        return f"<SurfaceShape of {len(self.points)} points, sides {self.sides}>"
+
     def __post_init__(self) -> None:
         for name in ("points", "normals"):
             object.__setattr__(self, name, frozen(getattr(self, name), name, (3,)))

@@ -239,7 +239,7 @@ def _near_ground(
     local -= surface.take(cell)
     own_limit = limit.take(cell)
     is_ground = local > np.minimum(-DEEP, -2.0 * limit).take(cell)
-    n_inliers = np.count_nonzero(np.abs(local) < own_limit)
+    n_inliers = int(np.count_nonzero(np.abs(local) < own_limit))
     low = np.flatnonzero(np.abs(local) < _LOW)
     shape = ground.raster_shape
     cell_low = cell.take(low)

@@ -100,6 +100,9 @@ class GroundReport:
             n_removed=0,
         )
 
+    def __repr__(self) -> str:
+        return f"<GroundReport {self.status}: {self.reason}>"
+
     @property
     def counts(self) -> dict[str, int]:
         """Points that were taken away, by kind; kinds without any are left out."""
@@ -130,6 +133,12 @@ class Segment:
     """How sure it is that this is one object, in [0, 1]: the score of the weakest join
     of notable parts; 1 if there was nothing to join."""
 
+    def __repr__(self) -> str:
+        size = " x ".join(f"{100 * extent:.0f}" for extent in self.extents)
+        x, y, z = self.centroid.tolist()
+        middle = f"middle at ({x:.2f}, {y:.2f}, {z:.2f})"
+        return f"<Segment {self.label}: {self.n_points} points, {size} cm, {middle}>"
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SegmentEdges:
@@ -147,6 +156,10 @@ class SegmentEdges:
     score: FloatArray
     """How near the two were to being joined, in [0, 1], shape (e,). By singulation, the
     probability that they are one object; by LCCP, the convex share of the contact."""
+
+    def __repr__(self) -> str:
+        pairs = ", ".join(f"{a}-{b}" for a, b in self.labels.tolist())
+        return f"<SegmentEdges between {pairs or 'none'}>"
 
     def __len__(self) -> int:
         return len(self.labels)

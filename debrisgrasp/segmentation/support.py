@@ -15,6 +15,7 @@ from scipy.special import expit
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp._physics import GRAVITY
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import PointCloud
 
@@ -116,6 +117,11 @@ class SupportGraph:
     extents: FloatArray
     """Lengths of each object along its principal axes without outliers, longest first
     [m], shape (s, 3)."""
+
+    def __repr__(self) -> str:
+        order = ", ".join(map(str, self.removal_order.tolist()))
+        objects = counted(len(self.hidden), "object")
+        return f"<SupportGraph of {objects}, to remove in the order {order or 'none'}>"
 
     def resting_on(self, label: int) -> tuple[IntArray, FloatArray]:
         """Labels (m,) of what bears on an object, how likely (m,), likeliest first."""

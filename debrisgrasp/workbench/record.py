@@ -51,6 +51,11 @@ class Recording:
     findings: tuple[str, ...] = ()
     """What `check` says against the prototype."""
 
+    def __repr__(self) -> str:
+        made, fits = self.definition, "; ".join(self.findings) or "fits"
+        hand = f"{made.gripper}, preshape {made.preshape}"
+        return f"<Recording {made.name} for {hand}: {self.n_points} points, {fits}>"
+
 
 def record(
     capture: Capture,

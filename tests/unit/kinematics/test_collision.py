@@ -68,6 +68,13 @@ def test_a_margin_only_adds_contacts(
     assert near.sum() > hits.sum()
 
 
+def test_the_body_shows_itself_in_a_line(collision: ArmCollision) -> None:
+    body = collision.body
+    told = f"<RobotBody of {len(body.parts)} parts on {body.chain!r}>"
+    assert repr(body) == told
+    assert told in repr(collision)
+
+
 def test_contacts_name_the_links(collision: ArmCollision) -> None:
     # Turned back at the shoulder, the arm runs through the deck.
     q = collision.body.chain.vector({"right_arm_joint2": 3.1})

@@ -41,6 +41,17 @@ def test_every_reachable_pose_is_solved(
     assert found.rotation_error[found.is_solved].max() <= 1e-3
 
 
+def test_a_result_tells_what_became_of_its_poses(
+    arm: KinematicChain, rng: np.random.Generator
+) -> None:
+    far = SE3.from_parts(p=[0.0, 0.0, 9.0])
+    T = SE3(np.stack([far.matrix, *arm.fk(arm.sampled(2, rng=rng)).matrix]))
+    told = "<IkResult of 3 poses: 2 SOLVED, 1 UNREACHABLE>"
+    assert repr(solve(arm, T, rng=rng)) == told
+    assert repr(solve(arm, far, rng=rng)) == "<IkResult of 1 pose: 1 UNREACHABLE>"
+    assert repr(solve(arm, T[:0], rng=rng)) == "<IkResult of 0 poses: none>"
+
+
 @pytest.mark.parametrize("n_joints", [5, 6])
 def test_chains_of_five_and_six_joints_are_solved(
     tmp_path: Path, rng: np.random.Generator, n_joints: int

@@ -84,6 +84,11 @@ def test_solids_coincide_with_the_robot_description(
         )
 
 
+def test_a_preshape_shows_itself_in_a_line(robotiq: GripperModel) -> None:
+    told = "<Preshape basic for objects of 0.02 to 0.15 m>"
+    assert repr(robotiq.preshapes["basic"]) == told
+
+
 def test_robotiq_openings_agree_with_the_published_table(robotiq: GripperModel) -> None:
     for command, opening in ((0, 0.155), (40, 0.106), (80, 0.044), (110, 0.0)):
         found = robotiq.command_to_opening("basic", command)

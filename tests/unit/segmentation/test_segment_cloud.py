@@ -57,6 +57,19 @@ def test_patches_nest_in_segments_and_spare_the_ground(config):
     assert (result.labels[result.patches == 0] == 0).all()
 
 
+def test_parts_of_a_result_show_themselves_in_a_line():
+    result = segment_cloud(scene_cloud(TWO_BOXES))
+    ground, edges, segment = result.ground, result.edges, result.segments[0]
+    assert repr(ground) == f"<GroundReport removed: {ground.reason}>"
+    assert type(ground.inlier_share) is float
+    assert repr(edges) == "<SegmentEdges between none>"
+    touching = replace(edges, labels=np.array([[1, 2], [1, 3]]))
+    assert repr(touching) == "<SegmentEdges between 1-2, 1-3>"
+    size = " x ".join(f"{100 * extent:.0f}" for extent in segment.extents)
+    told = f"<Segment 1: {segment.n_points} points, {size} cm, middle at ("
+    assert repr(segment).startswith(told)
+
+
 def test_arrays_of_a_result_are_read_only():
     result = segment_cloud(scene_cloud(TWO_BOXES))
     with pytest.raises(ValueError, match="read-only"):

@@ -215,8 +215,11 @@ def test_no_objects_and_one_object():
     cloud = cloud_of(plate((0.5, 1.0), (-0.2, 0.2), z=0.0), np.array([0.0, 0, 1]))
     graph = support_graph(labelled(cloud, np.zeros(len(cloud), int)), cloud)
     assert len(graph.relations) == len(graph.contacts) == len(graph.load) == 0
+    assert repr(graph) == "<SupportGraph of 0 objects, to remove in the order none>"
     segmentation, cloud = scene(BLOCK_ON_BLOCK[:1])
-    assert support_graph(segmentation, cloud).relations.tolist() == [[1, GROUND]]
+    graph = support_graph(segmentation, cloud)
+    assert graph.relations.tolist() == [[1, GROUND]]
+    assert repr(graph) == "<SupportGraph of 1 object, to remove in the order 1>"
 
 
 def test_a_cloud_without_image_is_judged_too():

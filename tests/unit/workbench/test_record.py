@@ -42,6 +42,14 @@ def test_an_object_becomes_a_sound_prototype(recorded, pile):
         assert np.linalg.norm(cloud - point, axis=1).min() < 1e-6
 
 
+def test_a_recording_shows_itself_in_a_line(recorded):
+    n = recorded.n_points
+    told = f"<Recording part for robotiq_3f, preshape basic: {n} points, fits>"
+    assert repr(recorded) == told
+    shape = recorded.definition.shape
+    assert repr(shape) == f"<SurfaceShape of {len(shape.points)} points, sides seen>"
+
+
 def test_a_taught_pose_is_kept(recorded, pile):
     again = record(
         pile,
