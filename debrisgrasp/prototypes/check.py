@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp.geometry import SE3, Bounds
 from debrisgrasp.geometry.solids import Solid
 
@@ -56,6 +57,7 @@ class Finding:
         return self.problem
 
 
+@checked
 def check(
     prototype: GraspPrototype,
     gripper: GripperModel,

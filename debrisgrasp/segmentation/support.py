@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
@@ -137,6 +137,7 @@ class SupportGraph:
         return self.relations[index, 1 - own], self.confidence[index]
 
 
+@checked
 def support_graph(
     segmentation: Segmentation, cloud: PointCloud, config: SupportConfig | None = None
 ) -> SupportGraph:

@@ -9,6 +9,7 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
+from debrisgrasp._checked import checked
 from debrisgrasp._files import require_suffix, write_atomic
 
 from .payload import payload
@@ -17,6 +18,7 @@ from .report import Report
 __all__ = ["filled_page", "report_html", "with_head", "write_page"]
 
 
+@checked
 def report_html(path: str | os.PathLike[str], report: Report) -> None:
     """Write the report as an interactive page that opens without a network.
 

@@ -7,6 +7,8 @@ import os
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
+from debrisgrasp._checked import checked
+
 from .colors import (
     CHOSEN_COLOR,
     HAND_COLORS,
@@ -67,6 +69,7 @@ _MOST_ROWS = 10
 _ROW_HEIGHT = 23
 
 
+@checked
 def report_png(path: str | os.PathLike[str], report: Report) -> None:
     """Write the report as a PNG of 1800 x 1200 pixels.
 

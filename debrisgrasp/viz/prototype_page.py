@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import GraspPrototype, GripperModel, half_turns
@@ -24,6 +25,7 @@ _T_VIEW_HAND = SE3.from_parts(np.diag([1.0, -1.0, -1.0]))
 """The palm looks down, as on the sheet of pictures."""
 
 
+@checked
 def prototypes_html(
     path: str | os.PathLike[str],
     prototypes: Iterable[GraspPrototype],

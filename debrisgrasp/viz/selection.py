@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrowPatch
 from matplotlib.patheffects import Stroke, withStroke
 
+from debrisgrasp._checked import checked
+
 from .colors import (
     CHOSEN_COLOR,
     INK,
@@ -38,6 +40,7 @@ _MOST_DISCS = 15
 """Of more objects, only the first in the order get a disc: more would overlap."""
 
 
+@checked
 def selection_png(path: str | os.PathLike[str], report: SelectionReport) -> None:
     """Write the objects with arrows to what they rest on, numbered by their turn.
 

@@ -10,6 +10,8 @@ from html import escape
 import numpy as np
 from PIL import Image
 
+from debrisgrasp._checked import checked
+
 from .colors import CHOSEN_COLOR, hex_color, label_colors, mixed
 from .html import with_head, write_page
 from .support_layer import Arrow, Node, SelectionReport, SupportLayer
@@ -21,6 +23,7 @@ _RADII = (1.0 / 130.0, 1.0 / 65.0)
 """Of the discs of the smallest and of large objects, as a share of the width."""
 
 
+@checked
 def selection_html(path: str | os.PathLike[str], report: SelectionReport) -> None:
     """Write who lies on whom as a page; pointing at an object shows its relations.
 

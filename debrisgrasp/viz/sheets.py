@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp._words import counted
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, PointCloud
@@ -49,6 +50,7 @@ _FRAME = 30
 _LINE = 20
 
 
+@checked
 def segmentation_png(
     path: str | os.PathLike[str],
     capture: Image | None,
@@ -118,6 +120,7 @@ def segmentation_png(
     page.write(path)
 
 
+@checked
 def prototype_png(
     path: str | os.PathLike[str],
     prototypes: Iterable[GraspPrototype],

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import BoolArray
+from debrisgrasp._checked import checked
 from debrisgrasp._joints import require_joints
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import CaptureError, ConfigError, InputError, UnknownNameError
@@ -57,6 +58,7 @@ class Recording:
         return f"<Recording {made.name} for {hand}: {self.n_points} points, {fits}>"
 
 
+@checked
 def record(
     capture: Capture,
     name: str,

@@ -19,7 +19,19 @@ from debrisgrasp.errors import InputError
 from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
 from debrisgrasp.executive.simulated import injections_of, simulate
 from debrisgrasp.io import Capture, data_path
+from debrisgrasp.prototypes import GripperModel, check
+from debrisgrasp.segmentation import support_graph
 from debrisgrasp.settings import Settings
+from debrisgrasp.viz import (
+    prototype_png,
+    prototypes_html,
+    report_html,
+    report_png,
+    segmentation_png,
+    selection_html,
+    selection_png,
+)
+from debrisgrasp.workbench import record
 
 
 class Orders(Protocol):
@@ -153,6 +165,16 @@ CALLS = {
     "run": lambda _: SimulatedTask().run("folder"),
     "task of a pipeline": lambda _: SimulatedTask().settings("roman"),
     "faults": lambda _: injections_of("slip"),
+    "support": lambda c: support_graph(c.cloud(), debrisgrasp.segment(c)),
+    "record": lambda c: record(c, "part", "robotiq_3f", object_label=1),
+    "check": lambda _: check(GripperModel.load("camhand"), "brick_102"),
+    "report": lambda c: report_png("plan.png", c),
+    "page": lambda c: report_html("plan.html", c),
+    "segments": lambda c: segmentation_png("a.png", c, c.cloud(), c.labels),
+    "order": lambda c: selection_png("order.png", c),
+    "order page": lambda c: selection_html("order.html", c),
+    "sheet": lambda _: prototype_png("a.png", [], GripperModel.load("camhand")),
+    "dictionary": lambda _: prototypes_html("a.html", [], ["camhand"]),
 }
 
 
