@@ -143,6 +143,13 @@ class SE3:
         return self.matrix.shape[:-2]
 
     def __matmul__(self, other: SE3) -> SE3:
+        if not isinstance(other, SE3):
+            raise InputError(
+                "right side of T @",
+                got=type(other).__name__,
+                expected="an SE3",
+                mend="T.apply(points) maps points, SE3.from_matrix(matrix) makes one.",
+            )
         return SE3(sealed(self.matrix @ other.matrix))
 
     def __getitem__(self, index: Any) -> SE3:

@@ -122,3 +122,9 @@ def test_what_becomes_of_the_matrix_given_does_not_move_the_pose():
     assert_array_equal(pose.p, [0.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="read-only"):
         pose.matrix[0, 3] = 5.0
+
+
+@pytest.mark.parametrize("other", [np.zeros(3), np.eye(4), [0.0, 0.0, 1.0]])
+def test_a_product_with_an_array_names_the_two_ways_to_write_it(other):
+    with pytest.raises(InputError, match=r"T\.apply\(points\).*SE3\.from_matrix"):
+        SE3.identity() @ other
