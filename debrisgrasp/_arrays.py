@@ -21,6 +21,7 @@ __all__ = [
     "frozen",
     "is_sealed",
     "require_finite",
+    "require_generator",
     "require_metres",
     "require_range",
     "require_trailing",
@@ -203,3 +204,14 @@ def shared(array: NDArray[Any]) -> NDArray[Any]:
 def is_sealed(array: object) -> bool:
     """Whether an array comes out of `sealed`, and so from a record or our own work."""
     return isinstance(array, _Sealed)
+
+
+def require_generator(rng: object) -> None:
+    """Refuse a seed, or all of numpy.random, where a generator is wanted."""
+    if not isinstance(rng, Rng):
+        raise InputError(
+            "rng",
+            got=type(rng).__name__,
+            expected="a Generator",
+            mend="numpy.random.default_rng(seed) makes one.",
+        )

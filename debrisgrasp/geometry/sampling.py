@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp._arrays import FloatArray, Rng, require_generator
 
 from . import so3
 from .se3 import SE3
@@ -19,6 +19,7 @@ def random_rotations(n: int, *, rng: Rng) -> FloatArray:
     A normal sample in four dimensions has no preferred direction, so that its direction
     is a uniform quaternion.
     """
+    require_generator(rng)
     return so3.from_quat_wxyz(rng.standard_normal((n, 4)))
 
 

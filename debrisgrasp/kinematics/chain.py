@@ -19,6 +19,7 @@ from debrisgrasp._arrays import (
     bounded,
     frozen,
     require_finite,
+    require_generator,
 )
 from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, ShapeError, UnknownNameError
@@ -320,6 +321,7 @@ class KinematicChain:
 
     def sampled(self, n: int, *, rng: Rng) -> FloatArray:
         """Random postures within the limits, uniform per joint, shape (n, d)."""
+        require_generator(rng)
         lower = np.where(np.isfinite(self.lower), self.lower, -np.pi)
         upper = np.where(np.isfinite(self.upper), self.upper, np.pi)
         return rng.uniform(lower, upper, size=(n, self.n_joints))

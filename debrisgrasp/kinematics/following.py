@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, Rng, as_floats
+from debrisgrasp._arrays import FloatArray, Rng, as_floats, require_generator
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
@@ -60,6 +60,7 @@ def follow(
     InputError
         If the postures are not one for each pose.
     """
+    require_generator(rng)
     config = config or IkConfig()
     targets = checked_poses(T_base_tip)
     q_before = as_floats(q_before, "q_before", (chain.n_joints,))

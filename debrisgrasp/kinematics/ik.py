@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng
+from debrisgrasp._arrays import FloatArray, Rng, require_generator
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
@@ -70,6 +70,7 @@ def solve(
     InputError
         If a pose is not finite or not rigid, or the seed has the wrong shape.
     """
+    require_generator(rng)
     config = config or IkConfig()
     targets, batch = checked_poses(T_base_tip), T_base_tip.batch
     wanted = seeds = None
@@ -123,6 +124,7 @@ def solve_distinct(
     """
     if n_solutions < 1:
         raise InputError("n_solutions", got=n_solutions, expected="at least 1")
+    require_generator(rng)
     config = config or IkConfig()
     targets, batch = checked_poses(T_base_tip), T_base_tip.batch
     repeated = np.repeat(targets, n_solutions, axis=0)

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, IntArray, Rng, require_range
+from debrisgrasp._arrays import (
+    FloatArray,
+    IntArray,
+    Rng,
+    require_generator,
+    require_range,
+)
 from debrisgrasp.geometry import SE3
 
 from .chain import KinematicChain
@@ -68,6 +74,7 @@ def solve_nearest(
         As for `solve`, and if the bound is not above zero.
     """
     require_range("bound", bound, 1e-6)
+    require_generator(rng)
     config = config or IkConfig()
     targets, batch = checked_poses(T_base_tip), T_base_tip.batch
     wanted = checked_postures(chain, q_near, "q_near", batch)

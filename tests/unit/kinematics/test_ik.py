@@ -12,8 +12,10 @@ from debrisgrasp.kinematics import (
     IkStatus,
     KinematicChain,
     ReachMap,
+    follow,
     solve,
     solve_distinct,
+    solve_nearest,
 )
 
 from .robots import JointText, written
@@ -50,6 +52,20 @@ def test_a_result_tells_what_became_of_its_poses(
     assert repr(solve(arm, T, rng=rng)) == told
     assert repr(solve(arm, far, rng=rng)) == "<IkResult of 1 pose: 1 UNREACHABLE>"
     assert repr(solve(arm, T[:0], rng=rng)) == "<IkResult of 0 poses: none>"
+
+
+@pytest.mark.parametrize("seed", [0, np.random])
+def test_a_seed_is_no_generator(arm: KinematicChain, seed: object) -> None:
+    T = arm.fk(np.zeros(arm.n_joints))
+    for call in (
+        lambda: arm.sampled(3, rng=seed),
+        lambda: solve(arm, T, rng=seed),
+        lambda: solve_distinct(arm, T, 2, rng=seed),
+        lambda: solve_nearest(arm, T, np.zeros(arm.n_joints), bound=1.0, rng=seed),
+        lambda: follow(arm, T[None], np.zeros((1, arm.n_joints)), rng=seed),
+    ):
+        with pytest.raises(InputError, match=r"rng: got .*default_rng\(seed\)"):
+            call()
 
 
 @pytest.mark.parametrize("n_joints", [5, 6])
