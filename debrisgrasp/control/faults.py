@@ -38,6 +38,7 @@ class Fault(Enum):
     ENCODER_JUMP = "a joint's reading jumped"
     ENCODER_INVALID = "a joint's reading is not a number"
     CLOCK_GAP = "the control loop was interrupted"
+    CLOCK_FAST = "the control loop is faster than its period"
     COMMAND_INVALID = "the next command is not a number"
     OSCILLATION = "the hand swings against what it touches"
 
@@ -60,6 +61,7 @@ _CLASSES = {
     Fault.ENCODER_JUMP: FaultClass.MECHANICAL,
     Fault.ENCODER_INVALID: FaultClass.DRIVER,
     Fault.CLOCK_GAP: FaultClass.DRIVER,
+    Fault.CLOCK_FAST: FaultClass.DRIVER,
     Fault.COMMAND_INVALID: FaultClass.SAFETY,
     Fault.OSCILLATION: FaultClass.SAFETY,
 }

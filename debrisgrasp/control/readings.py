@@ -77,7 +77,8 @@ class SafetyConfig:
     hold_after: float = 0.012
     """Without a new wrench for longer, the motion pauses [s]."""
     stop_after: float = 0.040
-    """Without a new wrench, or a tick, for longer, it stops [s]."""
+    """Without a new wrench, or a tick, for longer, it stops [s]; so it does if ticks
+    come so far ahead of their period."""
     frozen_after: float = 0.050
     """A wrench that is equal to the last digit for so long while moving is dead, and a
     noisy axis of it that bears a quarter of a limit is at its end [s]."""
@@ -130,6 +131,8 @@ class SafetyState(NamedTuple):
     """Latest load, median of three."""
     trend: tuple[float, Wrench]
     """When growth was judged last [s], and the load then."""
+    early: float = 0.0
+    """How far the ticks have come ahead of their period [s]."""
     stop: Stop | None = None
 
 

@@ -27,6 +27,8 @@ __all__ = ["Supervisor", "require_sensor_range"]
 
 _CLOCK = 1e-6
 """Times closer than this are equal [s]."""
+_HASTE = 1.05
+"""Each tick moves the arm by one period; of a loop faster than this it is too much."""
 _FARTHEST = 1.5
 """Whatever is touched is nearer to the hand than this [m]."""
 _USABLE = 0.98
@@ -184,6 +186,12 @@ class Supervisor:
             if not isfinite(gap):
                 words = f"a time of {reading.time}"
             return self._stopped(state, Fault.CLOCK_GAP, words, now)
+        early = max(state.early + self._period - _HASTE * gap, 0.0)
+        if early > self.config.stop_after:
+            words = f"the last tick came after {1000 * gap:.3g} ms instead of "
+            words += f"{1000 * self._period:.3g} (ControllerConfig.period)"
+            return self._stopped(state, Fault.CLOCK_FAST, words, now)
+        state = state._replace(early=early)
         q = floats_of(reading.q)
         fault, words, is_following = self._judged_joints(state, q, commanded, gap)
         if fault is not None:
@@ -275,7 +283,8 @@ class Supervisor:
             ahead = self.config.lead / max(self._period, stamp - since)
             trend = (stamp, load)
         state = SafetyState(
-            now, stamp, raw, lively, q, followed, (last, latest), load, trend
+            *(now, stamp, raw, lively, q, followed, (last, latest), load, trend),
+            early=state.early,
         )
         fault, words = self._judged_load(load, previous, reference, now, earlier, ahead)
         if fault is None:

@@ -32,6 +32,7 @@ _NAMES = {
     Fault.ENCODER_JUMP: "encoder_jump",
     Fault.ENCODER_INVALID: "encoder_jump",
     Fault.CLOCK_GAP: "clock_disorder",
+    Fault.CLOCK_FAST: "clock_disorder",
     Fault.COMMAND_INVALID: "encoder_jump",
     Fault.OSCILLATION: "oscillation",
 }

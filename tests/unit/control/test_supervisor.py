@@ -7,6 +7,7 @@ import pytest
 
 from debrisgrasp.control import (
     BiasBound,
+    Command,
     Contact,
     ContactGuard,
     ControllerConfig,
@@ -185,6 +186,37 @@ def test_an_interrupted_loop_stops():
     late = rig.reading(21, state.servo.q, (0.0,) * 6)
     _, command = rig.controller.step(state, late)
     assert command.stop.fault is Fault.CLOCK_GAP
+
+
+def ticked(times) -> Command:
+    """Last command of a free leg whose ticks come at such times."""
+    rig = Rig()
+    state, q = rig.engaged(), rig.q_start
+    for now in times:
+        raw = rig.raw(q, wrench(0, 0, 0) + 0.1 * np.sin(900.0 * now))
+        state, command = rig.controller.step(state, Reading(now, q, raw, now))
+        q = command.q
+    return command
+
+
+@pytest.mark.parametrize("period", [0.5 * PERIOD, 0.25 * PERIOD, 0.9 * PERIOD])
+def test_a_loop_faster_than_its_period_stops(period):
+    """Each tick moves the arm by a period: at 1 kHz it would be four times as fast."""
+    command = ticked(period * np.arange(1, 500))
+    assert command.stop.fault is Fault.CLOCK_FAST
+    assert f"{1000 * period:.3g} ms instead of 4 (Contr" in command.stop.message
+    assert command.share < 0.3
+
+
+def test_a_loop_that_jitters_goes_on():
+    """Even by 30 ms, made up for by ticks at once, or a clock of coarse steps."""
+    rng = np.random.default_rng(0)
+    grid = PERIOD * np.arange(1, 500)
+    late = np.maximum.accumulate(grid + rng.choice([0.0, 0.03], 499, p=[0.95, 0.05]))
+    assert not ticked(late + 1e-5 * np.arange(499)).is_stop
+    assert not ticked(grid + rng.uniform(0.0, 0.9 * PERIOD, 499)).is_stop
+    assert not ticked(0.01 * np.ceil(grid / 0.01)).is_stop
+    assert not ticked(0.97 * grid).is_stop
 
 
 def test_old_and_early_stamps_are_dropped():
