@@ -95,7 +95,10 @@ def depth_facets(
     max_incidence: float = math.radians(84.0),
     noise_multiple: float = 3.0,
 ) -> Facets:
-    """Estimate normals as `depth_normals` does, to be turned before they are spread."""
+    """Estimate normals, shape (m, 3), as `depth_normals` does, and which each pixel has.
+
+    So they can be turned before they are spread over the pixels.
+    """
     depth = as_floats(depth, "depth", (intrinsics.height, intrinsics.width))
     cell = max(1, round(intrinsics.width / _CELLS_ACROSS))
     pixels = _padded_inverse(depth, cell)
