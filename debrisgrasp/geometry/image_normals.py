@@ -95,7 +95,7 @@ def depth_facets(
     max_incidence: float = math.radians(84.0),
     noise_multiple: float = 3.0,
 ) -> Facets:
-    """Estimate normals, shape (m, 3), as `depth_normals` does, and which each pixel has.
+    """Estimate normals (m, 3) as `depth_normals` does, and which of them pixels have.
 
     So they can be turned before they are spread over the pixels.
     """
