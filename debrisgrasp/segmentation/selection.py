@@ -51,7 +51,7 @@ class Candidate:
 
     label: int
     cost: float
-    """What the order ascends by; its meaning is the policy's."""
+    """What the order ascends by, as a rule; its meaning is the policy's."""
     reason: str
     """Why it stands where it does, in words."""
     warning: str = ""
