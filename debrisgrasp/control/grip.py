@@ -40,8 +40,9 @@ class GripPhase(Enum):
     LOST = "no usable reading of the fingers"
 
 
-_WIDEST = 1.0
-"""No hand opens farther; beyond it a length was meant in millimetres [m]."""
+_CROSSED, _WIDEST = 0.02, 1.0
+"""Fingers that pass each other are so far below zero at most, and no hand opens farther
+than this: beyond it a length was meant in millimetres [m]."""
 _PRESSES, _SHUT = 0.5, 0.8
 """While the weaker side feels so much of the squeeze, or the wrist bears all the
 weight, fingers that close by up to so much of the way to each other have only found a
@@ -238,8 +239,8 @@ class GripController:
         """One tick; a phase that ended without a grip keeps the fingers where they are.
 
         A lost reading, like a slip, goes on squeezing: letting go is worse. An opening
-        below zero by more than the tolerance, or above 1 m, is no reading. No pad is
-        sent beyond zero or the opening of the preshape.
+        below zero by more than 2 cm, or above 1 m, is no reading. No pad is sent beyond
+        zero or the opening of the preshape.
         """
         config = self.config
         if not self._is_usable(reading, len(state.targets)):
@@ -261,9 +262,8 @@ class GripController:
         """Whether all fingers are there, with numbers that a hand can have."""
         # Empty if any is no number, as from a hand that tells no forces.
         openings, forces = floats_of(reading.openings), floats_of(reading.forces)
-        least = -self.config.tolerance
         return len(openings) == len(forces) == n and all(
-            least <= opening <= _WIDEST for opening in openings
+            -_CROSSED <= opening <= _WIDEST for opening in openings
         )
 
     def _preshaping(self, state: GripState, reading: FingerReading) -> GripState:

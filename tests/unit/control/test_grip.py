@@ -168,6 +168,15 @@ def test_a_lost_reading_goes_on_squeezing(bad):
     assert state.phase is GripPhase.LOST
 
 
+def test_fingers_that_pass_each_other_have_lost_what_they_held():
+    _, state = holding()
+    grip, crossed = GripController(CONFIG), FingerReading((-0.007,) * 3, (0.0,) * 3)
+    for _ in range(100):
+        state, command = grip.step(state, crossed)
+    assert state.phase is GripPhase.SLIPPED
+    assert min(command.openings) >= 0.0
+
+
 def test_closing_needs_the_preshape():
     grip = GripController(CONFIG)
     state = grip.preshape()
@@ -192,7 +201,7 @@ def test_settings_that_make_no_sense_are_refused(wrong):
         GripConfig(**{"opening": 0.12, "width": 0.08} | wrong)
 
 
-@pytest.mark.parametrize("bad", [-1.0, -0.004, 80.0, float("nan")])
+@pytest.mark.parametrize("bad", [-1.0, -0.021, 80.0, float("nan")])
 @pytest.mark.parametrize("phase", [GripPhase.PRESHAPING, GripPhase.CLOSING])
 def test_an_opening_that_no_hand_has_is_a_lost_reading(bad, phase):
     grip = GripController(CONFIG)
