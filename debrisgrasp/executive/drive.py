@@ -190,6 +190,7 @@ class Drive(Senses):
         goal: SE3 | ArrayLike,
         *,
         speed: float,
+        turn_rate: float = 0.2,
         guard: ContactGuard | None = None,
         compliance: Compliance | None = None,
         tare: TarePolicy = TarePolicy.MOTION,
@@ -202,6 +203,8 @@ class Drive(Senses):
         ----------
         speed
             Of the hand [m/s]; no more than `straight_speed`.
+        turn_rate
+            Of the hand, at most [rad/s].
         limits
             That hold on this leg; None: the controller's.
         until
@@ -214,6 +217,7 @@ class Drive(Senses):
         begin = partial(
             self._begun,
             goal,
+            turn_rate=turn_rate,
             is_trunk_still=any(other.is_pressed for other in along),
             guard=guard,
             compliance=compliance,
@@ -293,6 +297,7 @@ class Drive(Senses):
         goal: SE3 | ArrayLike,
         speed: float,
         *,
+        turn_rate: float,
         is_trunk_still: bool,
         guard: ContactGuard | None,
         compliance: Compliance | None,
@@ -323,6 +328,7 @@ class Drive(Senses):
                 ControllerConfig(
                     period=self.period,
                     speed=speed,
+                    turn_rate=turn_rate,
                     tare=tare,
                     safety=SAFETY,
                     servo=_TRUNK_STILL if is_trunk_still else ServoConfig(),

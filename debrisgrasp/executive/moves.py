@@ -1,4 +1,4 @@
-"""Motions that several steps share: as planned, out of the pile, to the ground."""
+"""Motions that several steps share: as planned, out of the pile, off an object."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from math import hypot
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.control import LegOutcome, TarePolicy
-from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.control import LegOutcome
 from debrisgrasp.geometry import SE3
-from debrisgrasp.kinematics import LimitSet, Trajectory
+from debrisgrasp.kinematics import Trajectory
 from debrisgrasp.kinematics.limits import LEAST_MARGIN
 from debrisgrasp.motion import (
     MotionPlan,
@@ -22,25 +21,19 @@ from debrisgrasp.motion import (
 from .context import Context
 from .drive import Drive
 from .fingers import loosen
-from .folding import free_share, straight
+from .folding import straight
 from .limb_state import LimbState
 from .noticed import OUTSIDE, misplaced
-from .pacing import lying_speed
-from .relief import standing_load, with_room
 from .result import FaultFound
 from .states import State
-from .stopping import reset_stops
 
 __all__ = [
     "CAUGHT",
     "LAST_RESORT",
     "back_out",
     "let_go",
-    "lower",
-    "lowering_speed",
     "planned",
     "pull_of",
-    "put_down",
     "reversed_motion",
     "within_limits",
 ]
@@ -55,17 +48,6 @@ _BACK = 0.12
 """How far a hand backs out of the pile [m]."""
 _PART = 0.1
 """Less than this share of it is not worth the leg."""
-_HIGH, _LOWERINGS = 0.15, 3
-"""What is let go higher above the ground falls [m]: it is lowered so often."""
-_SPARE = 0.02
-"""Before the last bit of a way that an arm can't go it could hardly go back [m]."""
-_SLOWEST = 5e-3
-"""Nothing is lowered more slowly [m/s], though what is very long may then press with
-more than is left up to the limit."""
-_FIRST = 10
-"""Looks at the weight before any may count as less."""
-_LOWERED_UP_TO = 0.95
-"""Share of the controller's limits up to which what hangs is lowered."""
 
 
 def reversed_motion(trajectory: Trajectory) -> Trajectory:
@@ -158,90 +140,6 @@ def back_out(context: Context, arm: str) -> FaultFound | None:
 def pull_of(drive: Drive) -> float:
     """Force up to which a hand that may be caught is pulled [N]."""
     return max(CAUGHT, hypot(*drive.weighed()[:3]) + _HARDER)
-
-
-def put_down(context: Context, most: float) -> FaultFound | None:
-    """Lower what a hand holds until it lies on something, and let go.
-
-    So far (``most`` [m]), or as far as its lowest point is over the ground. High above
-    the ground it may just have brushed something, and is lowered on.
-    """
-    held = context.held
-    if held is None:
-        return None
-    limb, drive = context.limbs[held.arm], Drive(context, held.arm)
-    for n_before in range(_LOWERINGS if held.is_lifted else 0):
-        q = context.posture(limb)
-        points = limb.pose(q).apply(held.points_hand)
-        lowest = float(points[:, 2].min()) if len(points) else 0.0
-        if n_before and lowest < _HIGH:
-            break
-        depth = max(most, lowest)
-        share = free_share(limb, q, np.array([0.0, 0.0, -depth]))
-        depth = depth if share > 1.0 - 1e-6 else share * depth - _SPARE
-        if depth <= 2e-3:
-            break
-        fault = lower(drive, depth)
-        if fault is not None and n_before and fault.fault == "too_heavy":
-            reset_stops(context)  # its far end lies on something, and bends no farther
-            break
-        if fault is not None:
-            return fault
-    return let_go(context)
-
-
-def lower(drive: Drive, depth: float) -> FaultFound | None:
-    """Go down [m] until something else bears a good part of the weight on the hand."""
-    least: list[float] = []
-
-    def lies(load: Wrench) -> bool:
-        least.append(drive.carried(load))
-        if len(least) < _FIRST:
-            return False
-        weight = sum(least[:_FIRST]) / _FIRST
-        return sum(least[-5:]) < 5.0 * (weight - max(4.0, 0.3 * weight))
-
-    load = standing_load(drive.context, drive)
-    if isinstance(load, FaultFound):
-        return load
-    # What is too heavy hangs near the limit already, and can only be put down.
-    limits = with_room(drive.limits, load)
-    most = _most(drive)
-    end = drive.leg(
-        [0.0, 0.0, -depth],
-        speed=lowering_speed(drive, load),
-        tare=TarePolicy.SESSION,
-        until=lies,
-        limits=replace(
-            limits,
-            force=min(limits.force, most.force),
-            torque=min(limits.torque, most.torque),
-        ),
-    )
-    # Loaded to its limit already, the hand can't go down: it lets go here.
-    if isinstance(end, FaultFound) and end.fault != "ratchet":
-        return end
-    return None
-
-
-def lowering_speed(drive: Drive, load: FloatArray) -> float:
-    """Speed at which what a hand holds may come to lie on something [m/s].
-
-    Parameters
-    ----------
-    load
-        On the hand as it begins [N, N m], shape (6,).
-    """
-    held = drive.context.held
-    points = np.zeros((0, 3)) if held is None else held.points_hand
-    reach = float(np.linalg.norm(points, axis=1).max(initial=0.0))
-    speed = lying_speed(_most(drive).torque - hypot(*load[3:]), reach, drive.period)
-    return max(min(drive.context.settings.lift_speed, speed), _SLOWEST)
-
-
-def _most(drive: Drive) -> LimitSet:
-    """Limits up to which what hangs is lowered."""
-    return drive.limb.limits.controller.scaled(load=_LOWERED_UP_TO)
 
 
 def let_go(context: Context, opening: float | None = None) -> FaultFound | None:

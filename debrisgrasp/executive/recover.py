@@ -18,7 +18,9 @@ from .fingers import loosen
 from .folding import free_share
 from .guarded import nonsense
 from .inside import moved_inside
-from .moves import back_out, let_go, lower, lowering_speed, put_down
+from .laying import put_down
+from .lowering import lower, lowering_speed
+from .moves import back_out, let_go
 from .outcome import FaultEvent
 from .relief import doubted, heaviest, relieve, share_of, standing_load, with_room
 from .resting import has_touched, put_away
@@ -235,8 +237,10 @@ def _opened_low(drive: Drive) -> FaultFound | None:
     context, limb = drive.context, drive.limb
     motion = context.cycle.motion
     risen = 0.0 if motion is None else _risen(context, drive, motion.grasp.T_base_hand)
-    fault = lower(drive, risen) if risen > _LOW else None
-    fault = fault or loosen(drive, limb.hand.preshape(limb.preshape).widest)
+    end = lower(drive, risen) if risen > _LOW else None
+    if isinstance(end, FaultFound):
+        return end
+    fault = loosen(drive, limb.hand.preshape(limb.preshape).widest)
     if fault is None and risen > _LOW:
         fault = back_out(context, limb.name)
     return fault

@@ -13,7 +13,8 @@ from .caught import felt_out, nudged, pushed_to
 from .context import Context
 from .drive import Drive
 from .grasping import STANDING, aside_of
-from .moves import CAUGHT, back_out, let_go, put_down
+from .laying import put_down
+from .moves import CAUGHT, back_out, let_go
 from .obstacles import lying
 from .relief import relieve
 from .resting import put_away

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import LegOutcome, LegPlanner
-from debrisgrasp.executive import moves, recover
 from debrisgrasp.executive.carrying import _is_beside
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.dropoff import (
@@ -19,13 +18,9 @@ from debrisgrasp.executive.dropoff import (
     no_place,
     object_in_hand,
 )
-from debrisgrasp.executive.moves import lower
 from debrisgrasp.executive.obstacles import lying
 from debrisgrasp.executive.releasing import verify_release
-from debrisgrasp.executive.relief import with_room
 from debrisgrasp.executive.result import FaultFound, LegEnd
-from debrisgrasp.executive.senses import SAFETY
-from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import SE3, so3
 from tests.unit.executive.rigs import before_a_brick, holding, look
 
@@ -291,120 +286,3 @@ def test_what_stands_on_something_is_longer_than_was_seen(tilt, room, lowest):
         axis = so3.exp([tilt, 0.0, 0.0])[:, 2]
         end = first[first[:, 2] < 0.01].mean(axis=0) - seen.mean(axis=0)
         assert abs(end @ axis) > 0.98 * np.linalg.norm(end)
-
-
-def hang(context, limb, weight, monkeypatch, aside=0.0):
-    """Let the sensor of a limb feel a weight [N], aside of its hand [m], in base."""
-    sensor, loads = limb.limb.sensor, limb.loads
-    read = type(sensor).read
-
-    def loaded(self):
-        felt = read(self)
-        if self is not sensor:
-            return felt
-        R, _ = limb.kinematics.pose(context.posture(limb).tolist())
-        none = np.array(loads.load_ee([0.0] * 6, R))
-        of_raw = np.column_stack([loads.load_ee(e, R) for e in np.eye(6).tolist()])
-        _, forward, up = np.reshape(R, (3, 3))
-        load = [*(-weight * up), *(weight * aside * forward)]
-        added = np.linalg.solve(of_raw - none[:, None], load)
-        return felt._replace(wrench_ft=np.asarray(felt.wrench_ft) + added)
-
-    monkeypatch.setattr(type(sensor), "read", loaded)
-
-
-@pytest.mark.parametrize(
-    ("share", "aside", "goes"),
-    [(0.5, 0.0, True), (1.0, 0.0, True), (1.5, 0.0, False), (0.99, 0.42, True)],
-)
-def test_what_hangs_near_the_limit_of_a_motion_is_still_put_down(
-    pipeline, monkeypatch, share, aside, goes
-):
-    """Above what the hand bears it is let go where it hangs."""
-    _, task = before_a_brick(pipeline)
-    context, limb = task.context, task.context.limbs["right"]
-    context.state = State.RECOVER
-    drive = Drive(context, "right")
-    limits = drive.limits
-    weight = share * (limits.torque / aside if aside else limits.force)
-    hang(context, limb, weight, monkeypatch, aside)
-    height = limb.pose(context.posture(limb)).p[2]
-    limb.limb.arm.engage()
-    assert lower(drive, 0.05) is None
-    lowered = height - limb.pose(context.posture(limb)).p[2]
-    assert lowered == pytest.approx(0.05 if goes else 0.0, abs=2e-3)
-    assert not limb.limb.arm.is_stopped
-
-
-@pytest.mark.parametrize(("lowest", "lowerings"), [(0.05, 1), (0.6, 3)])
-def test_what_brushed_something_high_up_is_lowered_on(
-    pipeline, monkeypatch, lowest, lowerings
-):
-    _, task = before_a_brick(pipeline)
-    context, done = task.context, []
-    context.state, limb = State.RECOVER, context.limbs["right"]
-    T = limb.pose(context.posture(limb))
-    bottom = T.inverse().apply(np.array([[*T.p[:2], lowest]]))
-    context.held = holding(points_hand=bottom, is_lifted=True)
-    monkeypatch.setattr(moves, "free_share", lambda *_: 1.0)
-    monkeypatch.setattr(moves, "lower", lambda _, depth: done.append(depth))
-    monkeypatch.setattr(moves, "let_go", lambda _: None)
-    assert moves.put_down(context, 0.1) is None
-    assert done == pytest.approx([max(lowest, 0.1)] * lowerings)
-
-
-def test_what_bends_on_something_far_out_is_let_go_there(pipeline, monkeypatch):
-    """The second lowering only presses its far end down, to the limit of the hand."""
-    _, task = before_a_brick(pipeline)
-    context, limb = task.context, task.context.limbs["right"]
-    T = limb.pose(context.posture(limb))
-    bottom = T.inverse().apply(np.array([[*T.p[:2], 0.4]]))
-    context.held = holding(points_hand=bottom, is_lifted=True)
-    monkeypatch.setattr(moves, "free_share", lambda *_: 1.0)
-    monkeypatch.setattr(moves, "let_go", lambda _: None)
-    ends = [None, FaultFound("too_heavy", "32 N m")]
-    monkeypatch.setattr(moves, "lower", lambda *_: ends.pop(0))
-    assert moves.put_down(context, 0.1) is None
-    assert not ends
-    ends[:] = [FaultFound("too_heavy", "32 N m")]
-    assert moves.put_down(context, 0.1).fault == "too_heavy"
-
-
-@pytest.mark.parametrize(("reach", "is_slow"), [(0.2, False), (0.8, True)])
-@pytest.mark.parametrize("is_put_down", [True, False])
-def test_what_is_long_is_lowered_so_slowly_that_its_end_overloads_no_wrist(
-    pipeline, monkeypatch, reach, is_slow, is_put_down
-):
-    """To where it is put down, or back to where its lift began."""
-    _, task = before_a_brick(pipeline)
-    context, speeds = task.context, []
-    drive = Drive(context, "right")
-    begun = drive.limb.pose(context.posture(drive.limb)).p - [0.0, 0.0, 0.05]
-    context.held = holding(
-        arm="right",
-        points_hand=np.array([[reach, 0.0, 0.0]]),
-        is_lifted=is_put_down,
-        begun=begun,
-    )
-    monkeypatch.setattr(Drive, "leg", lambda *_, speed, **__: speeds.append(speed))
-    if is_put_down:
-        lower(drive, 0.05)
-    else:
-        recover._gone_back(context, context.held)
-    usual, torque = context.settings.lift_speed, drive.limb.limits.controller.torque
-    assert speeds[0] == pytest.approx(usual) or is_slow
-    assert speeds[0] < 0.6 * usual or not is_slow
-    # Through the stiffest contact, a tenth of a second later.
-    assert 3e4 * speeds[0] * 0.1 * reach < torque
-
-
-def test_what_swings_a_little_on_a_hand_near_its_limit_is_put_down_all_the_same(
-    pipeline,
-):
-    """A hanging pallet: 31.7 N m of 32.2, and 0.2 more in one tick."""
-    _, task = before_a_brick(pipeline)
-    drive = Drive(task.context, "right")
-    load = np.array([0.0, 0.0, -75.0, 0.0, 0.99 * drive.limits.torque, 0.0])
-    room = with_room(drive.limits, load).torque - load[4]
-    assert 0.2 * SAFETY.lead / drive.period < 0.5 * room
-    assert load[4] + room < drive.limb.limits.controller.torque
