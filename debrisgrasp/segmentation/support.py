@@ -16,7 +16,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp._words import counted
-from debrisgrasp.errors import ConfigError, InputError, ShapeError
+from debrisgrasp.errors import ConfigError, InputError, ShapeError, UnknownNameError
 from debrisgrasp.geometry import PointCloud
 
 from .bearing import judged_relations
@@ -124,14 +124,30 @@ class SupportGraph:
         return f"<SupportGraph of {objects}, to remove in the order {order or 'none'}>"
 
     def resting_on(self, label: int) -> tuple[IntArray, FloatArray]:
-        """Labels (m,) of what bears on an object, how likely (m,), likeliest first."""
+        """Labels (m,) of what bears on an object, how likely (m,), likeliest first.
+
+        Raises
+        ------
+        UnknownNameError
+            If no object has that label, nor is it `GROUND`.
+        """
         return self._ends(label, own=1)
 
     def supports_of(self, label: int) -> tuple[IntArray, FloatArray]:
-        """Labels (m,) of what an object rests on, how likely (m,), likeliest first."""
+        """Labels (m,) of what an object rests on, how likely (m,), likeliest first.
+
+        Raises
+        ------
+        UnknownNameError
+            If no object has that label, nor is it `GROUND`.
+        """
         return self._ends(label, own=0)
 
     def _ends(self, label: int, own: int) -> tuple[IntArray, FloatArray]:
+        is_count = isinstance(label, (int, np.integer))
+        if not is_count or not GROUND <= label <= len(self.hidden):
+            known = map(str, range(len(self.hidden) + 1))
+            raise UnknownNameError("label of an object", label, known)
         index = np.flatnonzero(self.relations[:, own] == label)
         index = index[np.argsort(-self.confidence[index], kind="stable")]
         return self.relations[index, 1 - own], self.confidence[index]

@@ -6,7 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import ConfigError, FrameMismatchError, InputError, ShapeError
+from debrisgrasp.errors import (
+    ConfigError,
+    FrameMismatchError,
+    InputError,
+    ShapeError,
+    UnknownNameError,
+)
 from debrisgrasp.geometry import SE3, Box, PointCloud, Solid, so3
 from debrisgrasp.segmentation import (
     GROUND,
@@ -116,6 +122,17 @@ def test_a_leaning_board_leans_and_stands_on_the_ground():
     assert confidence(graph, 2, 1) > 0.5
     assert confidence(graph, 2, GROUND) > 0.3
     assert confidence(graph, 1, 2) < 0.2
+
+
+@pytest.mark.parametrize("label", [3, -1, 1.0, "1"])
+def test_who_bears_on_an_object_that_is_none_is_no_answer(label):
+    """An empty one would say that nothing does."""
+    graph = graph_of(LEANING)
+    for asked in (graph.resting_on, graph.supports_of):
+        with pytest.raises(UnknownNameError, match="label of an object"):
+            asked(label)
+    assert len(graph.resting_on(GROUND)[0])
+    assert not len(graph.supports_of(GROUND)[0])
 
 
 def test_support_out_of_sight_is_unknown():
