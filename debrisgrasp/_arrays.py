@@ -25,8 +25,10 @@ __all__ = [
     "require_metres",
     "require_range",
     "require_trailing",
+    "rounded",
     "sealed",
     "shared",
+    "snapped",
     "unmasked",
 ]
 
@@ -215,3 +217,16 @@ def require_generator(rng: object) -> None:
             expected="a Generator",
             mend="numpy.random.default_rng(seed) makes one.",
         )
+
+
+def rounded(values: ArrayLike, digits: int) -> Any:
+    """Round to digits after the point, as (nested lists of) numbers for a file."""
+    # Adding zero turns -0.0, which would be other bytes for the same number, into 0.0.
+    return (np.round(np.asarray(values, dtype=np.float64), digits) + 0.0).tolist()
+
+
+def snapped(values: FloatArray, tolerance: float) -> FloatArray:
+    """Replace entries that miss 0, 1 or -1 by rounding only."""
+    nearest = np.round(values)
+    is_near = (np.abs(values - nearest) < tolerance) & (np.abs(nearest) <= 1.0)
+    return np.where(is_near, nearest, values)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, snapped
 from debrisgrasp.kinematics import KinematicChain
 
 from ._rigid import Rotation, Vector
@@ -118,7 +118,7 @@ def _compiled(chain: KinematicChain, *, has_jacobian: bool) -> Callable[..., Any
     It takes a tuple.
     """
     form, n, text = chain.form, chain.n_joints, _Text()
-    first, last = _snapped(form.T_base_first), _snapped(form.T_last_tip)
+    first, last = snapped(form.T_base_first, 1e-14), snapped(form.T_last_tip, 1e-14)
     R = _constants(first[:3, :3])
     p = [(float(value), "") for value in first[:3, 3]]
     axes, origins = [], []
@@ -188,10 +188,3 @@ def _column(
 def _value(term: _Term) -> str:
     number, product = term
     return _written(number, product).lstrip("+") if product else repr(number)
-
-
-def _snapped(matrix: FloatArray) -> FloatArray:
-    """Replace entries that miss 0, 1 or -1 by rounding only."""
-    nearest = np.round(matrix)
-    is_near = (np.abs(matrix - nearest) < 1e-14) & (np.abs(nearest) <= 1.0)
-    return np.where(is_near, nearest, matrix)

@@ -9,14 +9,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite
+from debrisgrasp._arrays import FloatArray, frozen, require_finite, rounded
 from debrisgrasp._files import naming_fields, read_schema, read_text, write_atomic
 from debrisgrasp.calibration import (
     BEFORE_CAMERA,
@@ -39,7 +39,7 @@ __all__ = [
 
 SCHEMA = "debrisgrasp/calibration/1"
 _EXPECTED = "a calibration: the JSON file that `debrisgrasp calibrate --out` writes"
-_DIGITS = 12
+_rounded = partial(rounded, digits=12)
 _CONVENTION = (
     "T_true = exp(twist) @ T_{0}_camera; twist = (vx, vy, vz, wx, wy, wz) "
     "[m, rad], linear part first, about the origin of {0}, in {0} axes"
@@ -91,7 +91,7 @@ def calibration_to_dict(
         # Under another name, so that none takes it for the camera's pose in base.
         f"T_{frame}_camera": _rounded(pose.matrix),
         "T_shoulder_camera": shoulder,
-        "covariance": _rounded(c.covariance, 18),
+        "covariance": _rounded(c.covariance, digits=18),
         "covariance_convention": _CONVENTION.format(frame),
         "predicted_error": {
             "rms": _rounded(c.error.rms),
@@ -116,7 +116,7 @@ def calibration_to_dict(
         ],
         "fiducial": fiducial if isinstance(fiducial, str | None) else list(fiducial),
         "fiducial_shift": _rounded(c.fiducial),
-        "fiducial_covariance": _rounded(c.fit_covariance[-3:], 18),
+        "fiducial_covariance": _rounded(c.fit_covariance[-3:], digits=18),
         "head": _head_to_dict(c),
         "observations": _observations_to_list(c),
         "kinematic_sigma": c.observations.kinematic_sigma,
@@ -321,7 +321,7 @@ def _head_to_dict(calibration: Calibration) -> dict[str, Any]:
         "T_base_camera_at_zero": _rounded(head.T_base_camera_at_zero.matrix),
         "axes": _rounded(head.axes),
         "points": _rounded(head.points),
-        "covariance": _rounded(calibration.head_covariance, 18),
+        "covariance": _rounded(calibration.head_covariance, digits=18),
         "covariance_convention": _HEAD_CONVENTION,
     }
 
@@ -356,8 +356,3 @@ def _beside(path: Path, date: str) -> Path:
 
 def _text(content: Mapping[str, Any]) -> str:
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
-
-
-def _rounded(values: ArrayLike, digits: int = _DIGITS) -> Any:
-    array: FloatArray = np.asarray(values, dtype=np.float64)
-    return (np.round(array, digits) + 0.0).tolist()

@@ -6,11 +6,10 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
+from debrisgrasp._arrays import rounded
 from debrisgrasp._files import (
     naming_fields,
     read_schema,
@@ -29,7 +28,7 @@ __all__ = [
 ]
 
 MOTION_SCHEMA = "debrisgrasp/motion/2"
-_DIGITS = 12
+_rounded = partial(rounded, digits=12)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -136,7 +135,3 @@ def load_motion(path: str | os.PathLike[str]) -> StoredMotion:
 def _require_distinct(names: Any, what: str) -> None:
     if not isinstance(names, list) or len(set(names)) < len(names):
         raise ConfigError(what, got=names, expected="a list of names, each once")
-
-
-def _rounded(array: ArrayLike) -> Any:
-    return np.round(np.asarray(array, dtype=np.float64), _DIGITS).tolist()

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import require_metres, require_range
+from debrisgrasp._arrays import require_metres, require_range, rounded
 from debrisgrasp._files import (
     naming_fields,
     read_schema,
@@ -35,6 +35,7 @@ _WIDEST, _FARTHEST = 2.0, 1e3
 _DIGITS = 9
 _DIGITS_OF_DISTANCE = 6
 """Fewer, so that 16 cm between rounded poses are still 0.16."""
+_rounded = partial(rounded, digits=_DIGITS)
 _INTERVALS = ("mass", "force", "torque", "grip", "margins")
 _NUMBERS = ("lever", "lever_error", "tilt", "margin")
 """Fields of a `LoadForecast`."""
@@ -291,8 +292,3 @@ def _grasp_from_dict(content: dict[str, Any]) -> Grasp:
         if content.get("success") is None
         else _success_from_dict(content["success"]),
     )
-
-
-def _rounded(values: ArrayLike) -> Any:
-    # Adding zero turns -0.0, which would be other bytes for the same plan, into 0.0.
-    return (np.round(np.asarray(values, dtype=np.float64), _DIGITS) + 0.0).tolist()

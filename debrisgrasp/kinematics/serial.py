@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._arrays import BoolArray, FloatArray, snapped
 
 __all__ = ["ComplexLanes", "LaneFrames", "Lanes", "SerialForm", "cross"]
 
@@ -140,8 +140,8 @@ class SerialForm:
         return cls(
             is_revolute=is_revolute,
             offsets=offsets,
-            rotations=_snapped(rotations, 1e-14),
-            shifts=_snapped(shifts, 1e-14),
+            rotations=snapped(rotations, 1e-14),
+            shifts=snapped(shifts, 1e-14),
             T_base_first=frames[0],
             T_last_tip=np.linalg.inv(frames[-1]) @ T_base_tip,
             frames_at_zero=frames,
@@ -153,8 +153,8 @@ class SerialForm:
         """Return the form for float32 lanes, rid of terms below their precision."""
         return replace(
             self,
-            rotations=_snapped(self.rotations, 1e-7),
-            shifts=_snapped(self.shifts, 1e-8),
+            rotations=snapped(self.rotations, 1e-7),
+            shifts=snapped(self.shifts, 1e-8),
             dtype=np.float32,
         )
 
@@ -236,13 +236,6 @@ def _combined(
         else:
             total = total + weight * column
     return np.zeros_like(columns[0]) if total is None else total
-
-
-def _snapped(constants: FloatArray, tolerance: float) -> FloatArray:
-    """Replace entries that miss 0, 1 or -1 by rounding only."""
-    nearest = np.round(constants)
-    is_near = (np.abs(constants - nearest) < tolerance) & (np.abs(nearest) <= 1.0)
-    return np.where(is_near, nearest, constants)
 
 
 def _basis(x: FloatArray, z: FloatArray) -> FloatArray:

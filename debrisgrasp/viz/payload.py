@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import base64
 import io
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from PIL import Image
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import FloatArray, IntArray, rounded
 from debrisgrasp.planning import Grasp
 
 from .colors import (
@@ -52,6 +53,7 @@ __all__ = ["packed_bytes", "packed_points", "payload"]
 
 _POINT_LIMIT = 90_000
 _GROUND, _OBSTACLE, _CHOSEN = 0, 1, 2
+_rounded = partial(rounded, digits=6)
 
 
 def payload(report: Report) -> dict[str, Any]:
@@ -266,7 +268,3 @@ def packed_bytes(array: NDArray[Any]) -> str:
 
 def _bytes(colors: FloatArray) -> NDArray[np.uint8]:
     return np.rint(np.clip(colors, 0.0, 1.0) * 255.0).astype(np.uint8)
-
-
-def _rounded(values: ArrayLike) -> Any:
-    return np.round(np.asarray(values, dtype=np.float64), 6).tolist()
