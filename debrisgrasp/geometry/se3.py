@@ -153,7 +153,16 @@ class SE3:
         return SE3(sealed(self.matrix @ other.matrix))
 
     def __getitem__(self, index: Any) -> SE3:
-        return SE3(self.matrix[index])
+        chosen = self.matrix[index]
+        if chosen.shape[-2:] != (4, 4):
+            n = len(self.batch)
+            raise InputError(
+                "index of transforms",
+                got=f"{index!r} for {n} leading axes",
+                expected="one that leaves the matrices whole",
+                mend="T.R and T.p are the parts of one, T.matrix has its numbers.",
+            )
+        return SE3(chosen)
 
     def inverse(self) -> SE3:
         """Transform that undoes this one."""

@@ -128,3 +128,12 @@ def test_what_becomes_of_the_matrix_given_does_not_move_the_pose():
 def test_a_product_with_an_array_names_the_two_ways_to_write_it(other):
     with pytest.raises(InputError, match=r"T\.apply\(points\).*SE3\.from_matrix"):
         SE3.identity() @ other
+
+
+@pytest.mark.parametrize("index", [0, (0, 3), slice(0, 3)])
+def test_an_index_into_one_transform_is_refused_in_words(index):
+    with pytest.raises(InputError, match=r"0 leading axes.*T\.R and T\.p"):
+        SE3.identity()[index]
+    assert SE3.identity()[None].batch == (1,)
+    three = SE3.from_parts(p=np.eye(3))
+    assert [T.p.tolist() for T in three] == np.eye(3).tolist()
