@@ -41,6 +41,10 @@ _STEP = 0.04
 """Spacing of points of what was not seen of an object [m]."""
 _AS_LOW = 0.05
 """Places that differ by less in how high things lie there are about as empty [m]."""
+_TURNED = 0.35
+"""An object that must be turned by more [rad] to lie on a side of the box around it,
+which is a guess, may slip as it is turned in the air: it is held as it hangs, and is
+turned where it is put down."""
 _TILTS = ((0.35, 0.0), (-0.35, 0.0), (0.0, 0.35), (0.0, -0.35))
 """Where it can't be held level over any of them, about x and y of base [rad]."""
 _OVER = 0.01
@@ -219,9 +223,8 @@ def _attitudes(
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, int]]:
     """How to hold an object, best first: points and body, attitude of the hand, effort.
 
-    On a side of the box around it, it lies as it is let go. On an edge or a corner it
-    would turn, and take a finger along that stands in one of its openings. But no
-    finger may be below it then.
+    On a side of the box around it, it lies as it is let go, if that is not far from how
+    it hangs. But no finger may be below it then.
     """
     R = T_base_hand.R
     if not len(points_hand):
@@ -231,10 +234,12 @@ def _attitudes(
     # As it will be remembered where it lies, and is planned with: the corners of a box
     # may be lower than all that was seen.
     body = lying(SE3.identity(), points_hand)
-    flat = _upright(R @ box_around(points_hand).T_link_shape.R) @ R
+    turn = _upright(R @ box_around(points_hand).T_link_shape.R)
+    flat = turn @ R
     seen = points_hand[: (len(points_hand) + 1) // 2]  # the rest is a guess
     over = (widest_corners(limb) @ flat[2]).min() - (seen @ flat[2]).min()
-    for attitude in (flat, R) if over > _OVER else (R,):
+    ways = (flat, R) if np.linalg.norm(so3.log(turn)) < _TURNED else (R, flat)
+    for attitude in ways if over > _OVER else (R,):
         yield points_hand, body, attitude, _TRIED
         yield body, body, attitude, _TRIED
     for tilt in _TILTS:

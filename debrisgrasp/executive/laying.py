@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import deque
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._physics import GRAVITY
-from debrisgrasp.control import LegOutcome, TarePolicy
+from debrisgrasp.control import LegOutcome, TarePolicy, identify_payload
 from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, so3
 
 from .carrying import MET
@@ -31,6 +33,8 @@ _HIGH, _LOWERINGS = 0.15, 3
 """What is let go higher above the ground falls [m]: it is lowered so often."""
 _SPARE = 0.02
 """Before the last bit of a way that an arm can't go it could hardly go back [m]."""
+_SAME = 0.1
+"""Share of its weight by which what hangs free may differ from that."""
 _LEAST, _BORNE, _MOST = 0.1, 0.6, 0.95
 """Share of its weight from which an object stands on something, of which about so much
 is borne as it is turned, and at which the turn ends: it stands on more than it did."""
@@ -61,6 +65,9 @@ def put_down(context: Context, most: float) -> FaultFound | None:
     if held is None:
         return None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
+    fault = _weighed_again(drive, held)
+    if fault is not None:
+        return fault
     is_met = False
     for n_before in range(_LOWERINGS if held.is_lifted else 0):
         q = context.posture(limb)
@@ -81,6 +88,27 @@ def put_down(context: Context, most: float) -> FaultFound | None:
             break
         is_met = end.outcome is not LegOutcome.DONE
     return _laid(drive, held) or let_go(context)
+
+
+def _weighed_again(drive: Drive, held: Held) -> FaultFound | None:
+    """Find the centre of mass across gravity as it hangs now, if all of it does.
+
+    Weighed in another attitude, or before it slipped in the hand, it was known less.
+    """
+    if held.payload.mass <= 0.0:
+        return None
+    loads, load = drive.limb.loads, standing_load(drive.context, drive)
+    if isinstance(load, FaultFound):
+        return load
+    R = drive.limb.pose(drive.context.posture(drive.limb)).R
+    raw = loads.reading(load, tuple(R.ravel().tolist()))
+    with suppress(InputError):  # something pushes it up
+        payload, _ = identify_payload(
+            loads, raw, R @ loads.T_ee_ft.R, expected_com=held.payload.com
+        )
+        if abs(payload.mass - held.payload.mass) < _SAME * held.payload.mass:
+            held.payload = payload
+    return None
 
 
 class _Stance(NamedTuple):

@@ -229,3 +229,24 @@ def test_what_hangs_aslant_is_turned_until_it_lies(pipeline, monkeypatch, tilt):
     # Nothing pressed harder than it hung.
     assert (ground.most < [1.2 * 9.81 * 5.0, 12.0]).all()
     assert not limb.limb.arm.is_stopped
+
+
+@pytest.mark.parametrize(("mass", "is_found"), [(5.0, True), (4.0, False)])
+def test_what_slipped_in_the_hand_is_weighed_again_where_it_hangs(
+    pipeline, monkeypatch, mass, is_found
+):
+    """What is lighter than it was touches something, and is no new weight."""
+    _, task = before_a_brick(pipeline)
+    context, limb = task.context, task.context.limbs["right"]
+    context.state = State.RELEASE
+    corners = block_in_hand(context, limb, (0.0, 0.2, 0.0))
+    ground = Ground(context, limb, corners, mass, monkeypatch)
+    T = limb.pose(context.posture(limb))
+    before = ground.com + T.R.T @ [0.06, -0.04, 0.03]
+    known = Body(5.0, limb.loads.T_ee_ft.inverse().apply(before))
+    held = holding(points_hand=corners, payload=known, is_lifted=True)
+    assert laying._weighed_again(Drive(context, "right"), held) is None
+    off = T.R @ (limb.loads.T_ee_ft.apply(held.payload.com) - ground.com)
+    expected = [0.0, 0.0, 0.03] if is_found else [0.06, -0.04, 0.03]
+    assert off == pytest.approx(expected, abs=5e-3)
+    assert held.payload.mass == pytest.approx(5.0, abs=0.1)
