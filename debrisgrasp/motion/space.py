@@ -15,6 +15,7 @@ from enum import Enum
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from debrisgrasp._arrays import (
@@ -22,11 +23,12 @@ from debrisgrasp._arrays import (
     Float32Array,
     FloatArray,
     IntArray,
+    frozen,
     require_finite,
     require_metres,
     require_range,
 )
-from debrisgrasp.errors import ShapeError
+from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import (
     Bounds,
     DistanceField,
@@ -38,6 +40,8 @@ from debrisgrasp.geometry import (
 
 __all__ = ["MotionSpace", "UnknownSpace"]
 
+_UNIT = 1e-3
+"""The length of a normal may be so far from 1: 2 mm at 2 m."""
 _REACH = 7
 """Cells over which distances are told; more than any covering sphere needs."""
 
@@ -63,6 +67,11 @@ class MotionSpace:
     there is no evidence of a ground."""
     opened: Float32Array | None = None
     """Balls (b, 4) of centre and radius [m] in which unknown space counts as free."""
+
+    def __post_init__(self) -> None:
+        if self.ground_plane is not None:
+            plane = _checked_plane(self.ground_plane)
+            object.__setattr__(self, "ground_plane", plane)
 
     @classmethod
     def build(
@@ -129,9 +138,10 @@ class MotionSpace:
         Raises
         ------
         ShapeError
-            If the points are not (n, 3).
+            If the points are not (n, 3), or the ground is not (4,).
         InputError
-            If one of them is not finite, or they can only be in millimetres.
+            If one of them is not finite, or they can only be in millimetres; so for
+            the ground, or if its normal has another length than 1.
         """
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3:
@@ -268,6 +278,24 @@ class MotionSpace:
         a, b, c, d = (np.float32(value) for value in self.ground_plane)
         found: Float32Array = a * x + b * y + c * z + d
         return found
+
+
+def _checked_plane(ground_plane: ArrayLike) -> FloatArray:
+    """Plane (4,) of which heights over the ground come out in metres."""
+    plane = frozen(ground_plane, "ground plane", (4,))
+    if plane.ndim != 1:
+        raise ShapeError("shape of ground plane", got=plane.shape, expected="(4,)")
+    # Of a NaN nothing is above or below: the ground would be none.
+    require_metres("ground plane", plane)
+    length = float(np.linalg.norm(plane[:3]))
+    if not abs(length - 1.0) <= _UNIT:
+        raise InputError(
+            "length of the ground plane's normal",
+            got=f"{length:.6g}",
+            expected="1: else heights over the ground are no metres",
+            mend="Divide all four numbers by the length of the first three.",
+        )
+    return plane
 
 
 def _within(

@@ -195,3 +195,27 @@ def test_points_that_are_no_obstacles_are_refused(points, error, words):
 def test_points_far_away_are_no_obstacles():
     points = np.array([[1.0, 0.0, 0.3], [50.0, 0.0, 0.0]])
     assert MotionSpace.from_points(points).measured_points == pytest.approx(points[:1])
+
+
+@pytest.mark.parametrize(
+    ("plane", "error", "words"),
+    [
+        ([0.0, 0.0, np.nan, 0.0], InputError, "1 of 4 values NaN"),
+        ([0.0, 0.0, 2.0, 0.0], InputError, "normal: got 2, expected 1"),
+        ([0.0, 0.0, 0.0, 0.0], InputError, "normal: got 0"),
+        ([0.0, 0.0, 1.0, 1000.0], InputError, "millimetres"),
+        ([0.0, 0.0, 1.0], ShapeError, r"got \(3,\)"),
+        ([[0.0, 0.0, 1.0, 0.0]], ShapeError, r"got \(1, 4\)"),
+    ],
+)
+def test_a_ground_that_would_be_none_is_refused(plane, error, words):
+    with pytest.raises(error, match=words):
+        MotionSpace.from_points(np.zeros((0, 3)), ground_plane=plane)
+
+
+def test_a_ground_may_be_a_list_and_is_kept_from_changes():
+    given = np.array([0, 0, 1, 0])
+    space = MotionSpace.from_points(np.zeros((0, 3)), ground_plane=given)
+    given[:] = 7
+    np.testing.assert_array_equal(space.ground_plane, [0.0, 0.0, 1.0, 0.0])
+    assert MotionSpace.from_points([[0, 0, 1]], ground_plane=[0, 0, 1, 0]).coarse
