@@ -8,7 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
+from debrisgrasp._arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    frozen,
+    require_range,
+)
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3
 
@@ -28,6 +34,8 @@ KINEMATIC_SIGMA = 0.001
 """Standard deviation of a coordinate that forward kinematics gives [m]."""
 _FARTHEST = 25.0
 """No arm and no depth camera of an arm reaches so far [m]; millimetres begin beyond."""
+_MOST_KINEMATIC = 0.1
+"""With more than any arm is off [m], every camera would explain the looks."""
 _LARGEST = 1e6
 """In no unit a coordinate is more; squares of what is far more overflow."""
 
@@ -44,6 +52,8 @@ class Observations:
     InputError
         If an array does not fit the others, holds NaN, looks like millimetres, lies
         behind the camera, or repeats a measurement.
+    ConfigError
+        If `kinematic_sigma` is none of an arm.
     """
 
     points_base: FloatArray
@@ -61,6 +71,7 @@ class Observations:
     names: tuple[str, ...] = ()
     """What to call each observation; numbers from 1 by default."""
     kinematic_sigma: float = KINEMATIC_SIGMA
+    """Standard deviation of a coordinate of `points_base` [m], up to 0.1."""
     link: str | None = None
     """Link of the arm that carries the camera, while the fiducial stands still in base;
     None for a camera that no arm carries."""
@@ -95,6 +106,8 @@ class Observations:
         object.__setattr__(self, "head", head)
         object.__setattr__(self, "names", tuple(names))
         object.__setattr__(self, "sigmas", _checked_sigmas(self.sigmas, names))
+        most = _MOST_KINEMATIC
+        require_range("kinematic_sigma [m]", self.kinematic_sigma, 0.0, most)
         _require_usable(self)
 
     def __len__(self) -> int:

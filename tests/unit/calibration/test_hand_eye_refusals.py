@@ -239,6 +239,16 @@ def test_sigma_out_of_range(sigma):
     refused("observation 1 and in 7 more", sigmas=sigma)
 
 
+@pytest.mark.parametrize("sigma", [np.nan, np.inf, -0.001, 1.0, "0.001", [0.001] * 8])
+def test_an_arm_of_unknown_accuracy(sigma):
+    with pytest.raises(ConfigError, match=r"kinematic_sigma \[m\].*0 to 0.1"):
+        looks(kinematic_sigma=sigma)
+
+
+def test_accuracy_of_an_arm_in_millimetres():
+    refused("kinematic_sigma", "divide by 1000", kinematic_sigma=1.0)
+
+
 def test_far_from_where_the_model_has_it():
     elsewhere = SE3.exp([0.5, 0, 0, 0, 0, 0]) @ CAMERA
     found = calibrate(looks(), Known(head=Head.fixed(elsewhere)))
