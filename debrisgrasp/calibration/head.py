@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite
-from debrisgrasp.errors import ShapeError
+from debrisgrasp._arrays import FloatArray, as_floats, frozen, require_finite
+from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3, so3
 
 __all__ = ["Head"]
+
+_UNIT = 1e-3
+"""The length of an axis may be so far from 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -43,6 +46,15 @@ class Head:
             checked = frozen(array, f"{name} of the head", trailing)
             require_finite(checked, f"{name} of the head")
             object.__setattr__(self, name, checked)
+        lengths = np.linalg.norm(self.axes, axis=1)
+        off = np.flatnonzero(np.abs(lengths - 1.0) > _UNIT)
+        if len(off):
+            raise InputError(
+                f"axis of joint {self.joint_names[off[0]]!r} of the head",
+                got=f"length {lengths[off[0]]:.6g}",
+                expected="1: else the joint would turn by as many times its reading",
+                mend="Divide the axis by its length.",
+            )
 
     @classmethod
     def fixed(cls, T_base_camera: SE3) -> Head:
@@ -59,10 +71,14 @@ class Head:
         """Motion of the head from zero to joint readings (..., k), offsets added.
 
         The camera is then at ``carriers(q) @ T_base_camera_at_zero``.
+
+        Raises
+        ------
+        ShapeError, InputError
+            If the readings are not (..., k), or not finite.
         """
-        moved = SE3.from_parts(
-            np.broadcast_to(np.eye(3), (*self._batch(readings), 3, 3))
-        )
+        readings = self._checked(readings)
+        moved = SE3.from_parts(np.broadcast_to(np.eye(3), (*readings.shape[:-1], 3, 3)))
         for step in self._steps(readings):
             moved = moved @ step
         return moved
@@ -73,7 +89,8 @@ class Head:
 
     def screws(self, readings: ArrayLike) -> FloatArray:
         """Twist of the camera in base for unit speed of each joint, (..., k, 6)."""
-        batch = self._batch(readings)
+        readings = self._checked(readings)
+        batch = readings.shape[:-1]
         out = np.zeros((*batch, self.n_joints, 6))
         before = SE3.from_parts(np.broadcast_to(np.eye(3), (*batch, 3, 3)))
         for j, step in enumerate(self._steps(readings)):
@@ -90,7 +107,8 @@ class Head:
         """Return the head with its camera bolted on elsewhere."""
         return replace(self, T_base_camera_at_zero=T_base_camera_at_zero)
 
-    def _batch(self, readings: ArrayLike) -> tuple[int, ...]:
+    def _checked(self, readings: ArrayLike) -> FloatArray:
+        """Joint readings (..., k) as finite floats."""
         shape = np.shape(readings)
         if not shape or shape[-1] != self.n_joints:
             raise ShapeError(
@@ -99,12 +117,14 @@ class Head:
                 expected=f"trailing axis {self.n_joints} "
                 f"({', '.join(self.joint_names) or 'no joints'})",
             )
-        return shape[:-1]
+        angles = as_floats(readings, "joint readings of the head", (None,))
+        require_finite(angles, "joint readings of the head")
+        return angles
 
-    def _steps(self, readings: ArrayLike) -> list[SE3]:
+    def _steps(self, readings: FloatArray) -> list[SE3]:
         if not self.n_joints:
             return []
-        angles = np.asarray(readings, dtype=np.float64) + np.asarray(self.offsets)
+        angles = readings + np.asarray(self.offsets)
         R = so3.exp(angles[..., None] * self.axes)
         # A turn about a line through a point leaves the point where it is.
         p = self.points - (R @ self.points[..., None])[..., 0]

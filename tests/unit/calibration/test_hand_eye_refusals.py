@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -259,6 +261,34 @@ def test_far_from_where_the_model_has_it():
 def test_readings_without_a_head():
     with pytest.raises(InputError, match="no head"):
         calibrate(head_looks(head(), PLACES, REST))
+
+
+@pytest.mark.parametrize(
+    ("reference", "error", "words"),
+    [
+        ([0.0, np.nan], InputError, "1 of 2 values NaN"),
+        ([0.0], ShapeError, r"pan, tilt"),
+        (np.zeros((3, 2)), ShapeError, r"reference: got \(3, 2\)"),
+        ("rest", ShapeError, "reference"),
+    ],
+)
+def test_a_pose_for_readings_that_are_none(reference, error, words):
+    given = head_looks(head(), PLACES, REST)
+    with pytest.raises(error, match=words):
+        calibrate(given, Known(head=head()), reference=reference)
+
+
+@pytest.mark.parametrize("readings", [[0.0, np.inf], ["a", "b"]])
+def test_a_head_whose_joints_are_nowhere(readings):
+    for ask in (head().T_base_camera, head().screws):
+        with pytest.raises(InputError, match="joint readings of the head"):
+            ask(readings)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.5, 2.0])
+def test_an_axis_of_another_length(length):
+    with pytest.raises(InputError, match=f"'pan' of the head: got length {length:g}"):
+        replace(head(), axes=head().axes * [[length], [1.0]])
 
 
 def test_settings_out_of_range():
