@@ -69,6 +69,15 @@ def blended(filtered: Wrench, sample: Wrench, a: float) -> Wrench:
     )
 
 
+def median(a: Wrench, b: Wrench, c: Wrench) -> Wrench:
+    """Median of each component: one spike passes unnoticed, a second does not."""
+    middle = [
+        y if x <= y <= z or z <= y <= x else x if y <= x <= z or z <= x <= y else z
+        for x, y, z in zip(a, b, c, strict=True)
+    ]
+    return tuple(middle)
+
+
 def reference_wrench(
     loads: ArrayLike, *, max_sigma_force: float = 0.6, max_sigma_torque: float = 0.02
 ) -> FloatArray:

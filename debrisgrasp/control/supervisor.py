@@ -17,6 +17,7 @@ from debrisgrasp.kinematics import LimitSet
 
 from ._rigid import Wrench, floats_of
 from .faults import Fault, Stop
+from .filters import median
 from .liveliness import Liveliness
 from .loads import LoadModel
 from .posture import PostureKinematics
@@ -31,6 +32,8 @@ _HASTE = 1.05
 """Each tick moves the arm by one period; of a loop faster than this it is too much."""
 _FARTHEST = 1.5
 """Whatever is touched is nearer to the hand than this [m]."""
+_AHEAD = 1.0
+"""A reading may be older by so much than the baseline that it was taken for [s]."""
 _USABLE = 0.98
 """Share of a sensor's range up to which it is believed."""
 _STAMP = (
@@ -105,7 +108,13 @@ class Supervisor:
 
     def baseline_fault(self, now: float) -> str:
         """Say why no forceful motion may start before a new baseline, or nothing."""
-        bounds = self.config.bias.at(now - self.baseline_time)
+        age = now - self.baseline_time
+        if age < -_AHEAD:
+            return (
+                f"the baseline was taken {-age:.3g} s after the reading: give "
+                "baseline_time by the clock of the readings"
+            )
+        bounds = self.config.bias.at(age)
         for name, bound, limit in zip(
             ("force", "torque"),
             bounds,
@@ -272,7 +281,7 @@ class Supervisor:
         R, p = self._kinematics.pose(q)
         latest = self.loads.load_ee(raw, R)
         older, last = state.recent
-        load = _median(older, last, latest)
+        load = median(older, last, latest)
         long = 0.5 * self.config.frozen_after
         lively = state.liveliness.followed(
             state.raw, raw, now, long, is_moving=is_moving
@@ -384,12 +393,3 @@ class Supervisor:
         """Judge by what was known before."""
         measured = self._kinematics.pose(state.q)
         return Verdict(state.load, False, may_advance, measured)  # noqa: FBT003
-
-
-def _median(a: Wrench, b: Wrench, c: Wrench) -> Wrench:
-    """Median of each component: one spike passes unnoticed, a second does not."""
-    middle = [
-        y if x <= y <= z or z <= y <= x else x if y <= x <= z or z <= x <= y else z
-        for x, y, z in zip(a, b, c, strict=True)
-    ]
-    return tuple(middle)

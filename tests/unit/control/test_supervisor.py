@@ -340,6 +340,18 @@ def test_an_old_baseline_forbids_forceful_motion():
         engagement.require()
 
 
+def test_a_baseline_by_another_clock_forbids_forceful_motion():
+    """Its bias would count as new for ever."""
+    rig = Rig(SOFT, baseline_time=1.7e9)
+    engagement = rig.controller.engage(rig.reading(0, rig.q_start, (0.0,) * 6))
+    assert [one.cause for one in engagement.refusals] == [RefusalCause.BIAS]
+    assert "clock of the readings" in engagement.refusals[0].words
+
+
+def test_a_baseline_may_be_judged_just_after_the_first_reading():
+    assert Rig(SOFT, baseline_time=0.02).engaged()
+
+
 def test_engagement_is_refused_away_from_the_leg():
     rig = Rig(SOFT)
     q = np.array(rig.q_start)
