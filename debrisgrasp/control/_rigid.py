@@ -7,7 +7,7 @@ single rotation is quicker as a row-major tuple of nine, a vector as a tuple of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, cos, hypot, isfinite, sin, sqrt
+from math import atan2, cos, hypot, isfinite, nan, sin, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +27,7 @@ __all__ = [
     "floats_of",
     "left_jacobian_times",
     "norm",
+    "number_of",
     "parts",
     "pose",
     "rotation_error",
@@ -54,6 +55,14 @@ def floats_of(values: Sequence[float] | FloatArray) -> tuple[float, ...]:
         return plain if isfinite(sum(plain)) else ()
     except (TypeError, ValueError, OverflowError):
         return ()
+
+
+def number_of(value: object) -> float:
+    """Plain float of what should be a number; NaN if it is none."""
+    try:
+        return float(value)  # type: ignore[arg-type]  # which is what is tried
+    except (TypeError, ValueError, OverflowError):
+        return nan
 
 
 def turned(R: Rotation, v: Vector) -> Vector:

@@ -129,7 +129,7 @@ class LegController:
         supervisor, guard = self._supervisor, self.guard
         safety = supervisor.start(reading)
         servo = self._servo.start(safety.q)
-        now = float(reading.time)
+        now = safety.time
         braking = [guard.braking_fault(self.braking_time(servo))] if guard else []
         loaded = self._load_faults(safety.load, supervisor.load_limits(now))
         refusals = [

@@ -15,7 +15,7 @@ from debrisgrasp._arrays import require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 
-from ._rigid import floats_of
+from ._rigid import floats_of, number_of
 
 __all__ = [
     "FingerReading",
@@ -243,6 +243,7 @@ class GripController:
         zero or the opening of the preshape.
         """
         config = self.config
+        reading = _plain(reading)
         if not self._is_usable(reading, len(state.targets)):
             if state.phase not in _ENDED:
                 state = state._replace(phase=GripPhase.LOST)
@@ -260,10 +261,8 @@ class GripController:
 
     def _is_usable(self, reading: FingerReading, n: int) -> bool:
         """Whether all fingers are there, with numbers that a hand can have."""
-        # Empty if any is no number, as from a hand that tells no forces.
-        openings, forces = floats_of(reading.openings), floats_of(reading.forces)
-        return len(openings) == len(forces) == n and all(
-            -_CROSSED <= opening <= _WIDEST for opening in openings
+        return len(reading.openings) == len(reading.forces) == n and all(
+            -_CROSSED <= opening <= _WIDEST for opening in reading.openings
         )
 
     def _preshaping(self, state: GripState, reading: FingerReading) -> GripState:
@@ -345,3 +344,9 @@ class GripController:
         return state._replace(
             most_carried=most, slipping=slipping, carried=last, phase=phase
         )
+
+
+def _plain(reading: FingerReading) -> FingerReading:
+    """Return the same as plain floats: none of a hand that tells no forces."""
+    openings, forces = floats_of(reading.openings), floats_of(reading.forces)
+    return FingerReading(openings, forces, number_of(reading.carried))

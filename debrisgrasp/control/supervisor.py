@@ -15,7 +15,7 @@ from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.kinematics import LimitSet
 
-from ._rigid import Wrench, floats_of
+from ._rigid import Wrench, floats_of, number_of
 from .faults import Fault, Stop
 from .filters import median
 from .liveliness import Liveliness
@@ -139,8 +139,9 @@ class Supervisor:
             If its wrench is too old.
         """
         q, raw = floats_of(reading.q), floats_of(reading.wrench_ft)
+        now, stamp = number_of(reading.time), number_of(reading.wrench_time)
         is_whole = len(q) == self._kinematics.n_joints and len(raw) == 6
-        if not is_whole or not isfinite(reading.time):
+        if not is_whole or not isfinite(now):
             raise InputError(
                 "first reading",
                 got=f"joints {shortened(str(q))}, wrench {shortened(str(raw))}, "
@@ -148,7 +149,7 @@ class Supervisor:
                 expected=f"{self._kinematics.n_joints} and 6 finite numbers",
                 mend="See why the driver sends none; nothing is moved without.",
             )
-        age = reading.time - reading.wrench_time
+        age = now - stamp
         most = self.config.hold_after
         if not abs(age) <= most:
             raise StartError(
@@ -160,8 +161,6 @@ class Supervisor:
             )
         R, _ = self._kinematics.pose(q)
         load = self.loads.load_ee(raw, R)
-        now = float(reading.time)
-        stamp = float(reading.wrench_time)
         recent, trend = (load, load), (stamp, load)
         lively = Liveliness((now,) * 6)
         return SafetyState(now, stamp, raw, lively, q, now, recent, load, trend)
@@ -189,7 +188,7 @@ class Supervisor:
         """
         if state.stop is not None:
             return state, self._stale(state, may_advance=False)
-        now, gap = self._advanced(state, reading.time)
+        now, gap = self._advanced(state, number_of(reading.time))
         if gap > self.config.stop_after + _CLOCK:
             words = f"{1000 * gap:.0f} ms without a tick"
             if not isfinite(gap):
@@ -212,7 +211,7 @@ class Supervisor:
             words += f"{1000 * (now - followed):.0f} ms"
             return self._stopped(state, Fault.JOINT_STUCK, words, now)
         raw = floats_of(reading.wrench_ft)
-        stamp = reading.wrench_time
+        stamp = number_of(reading.wrench_time)
         # A NaN fails every comparison, and so is not fresh.
         is_fresh = (
             len(raw) == 6

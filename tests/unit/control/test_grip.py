@@ -168,6 +168,15 @@ def test_a_lost_reading_goes_on_squeezing(bad):
     assert state.phase is GripPhase.LOST
 
 
+@pytest.mark.parametrize("carried", ["none", (), np.nan])
+def test_a_weight_that_is_no_number_is_not_known(carried):
+    hand, state = holding()
+    felt = FingerReading(tuple(hand.openings), (40.0, 20.0, 20.0))
+    state, _ = GripController(CONFIG).step(state, felt._replace(carried=carried))
+    assert state.phase is GripPhase.HOLDING
+    assert (state.carried, state.most_carried) == (0.0, 0.0)
+
+
 def test_fingers_that_pass_each_other_have_lost_what_they_held():
     _, state = holding()
     grip, crossed = GripController(CONFIG), FingerReading((-0.007,) * 3, (0.0,) * 3)

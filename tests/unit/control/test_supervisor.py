@@ -18,6 +18,7 @@ from debrisgrasp.control import (
     Reading,
     RefusalCause,
     SafetyConfig,
+    StartError,
     TarePolicy,
 )
 from debrisgrasp.errors import ConfigError, InputError
@@ -423,6 +424,30 @@ def test_a_clock_that_gives_no_number_stops_at_once(time):
     state, command = rig.controller.step(state, rig.reading(2, rig.q_start, (0.0,) * 6))
     assert command.is_stop
     assert command.q == held
+
+
+@pytest.mark.parametrize("time", [None, "soon", (), [0.004, 0.008]])
+def test_a_time_that_is_none_at_all_stops_the_arm_and_not_the_loop(time):
+    rig = Rig(SOFT)
+    state, reading = rig.engaged(), rig.reading(1, rig.q_start, (0.0,) * 6)
+    _, command = rig.controller.step(state, reading._replace(time=time))
+    assert command.stop.fault is Fault.CLOCK_GAP
+    assert str(time) in command.stop.message
+    with pytest.raises(InputError, match="first reading"):
+        rig.controller.engage(reading._replace(time=time))
+
+
+@pytest.mark.parametrize("stamp", [None, "soon", ()])
+def test_a_wrench_without_a_time_is_no_wrench(stamp):
+    rig = Rig(SOFT)
+    state = rig.engaged()
+    for k in range(1, 11):
+        assert state.safety.stop is None
+        reading = rig.reading(k, rig.q_start, (0.0,) * 6)
+        state, command = rig.controller.step(state, reading._replace(wrench_time=stamp))
+    assert command.stop.fault is Fault.WRENCH_LOST
+    with pytest.raises(StartError, match="age of the first wrench"):
+        rig.controller.engage(reading._replace(wrench_time=stamp))
 
 
 @pytest.mark.parametrize("compliance", [None, SOFT])
