@@ -20,8 +20,15 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
-from debrisgrasp.errors import ConfigError
+from debrisgrasp._arrays import (
+    FloatArray,
+    as_floats,
+    frozen,
+    require_finite,
+    require_range,
+)
+from debrisgrasp._checked import checked_fields
+from debrisgrasp.errors import ConfigError, ShapeError
 from debrisgrasp.geometry import SE3
 
 from ._rigid import (
@@ -100,7 +107,7 @@ class TaskFrame:
         ConfigError
             If the direction is zero.
         """
-        x = np.asarray(direction, dtype=np.float64)
+        x = as_floats(direction, "direction of the line", ())
         require_finite(x, "direction of the line")
         length = float(np.linalg.norm(x))
         if x.shape != (3,) or length < 1e-9:
@@ -127,6 +134,7 @@ class TaskFrame:
         return R_task, p_task
 
 
+@checked_fields
 @dataclass(frozen=True, eq=False)
 class Compliance:
     """What the operator sets: how far a push moves the hand."""
@@ -150,7 +158,9 @@ class Compliance:
     def __post_init__(self) -> None:
         C = frozen(self.tensor, "compliance tensor", (6, 6))
         require_finite(C, "compliance tensor")
-        if C.ndim != 2 or np.abs(C - C.T).max() > _SYMMETRY:
+        if C.ndim != 2:
+            raise ShapeError("compliance tensor", got=C.shape, expected="one, (6, 6)")
+        if np.abs(C - C.T).max() > _SYMMETRY:
             raise ConfigError(
                 "compliance tensor",
                 got=f"asymmetry of {np.abs(C - C.T).max():.3g}",
@@ -194,11 +204,9 @@ class Compliance:
         rotation
             [rad/(N m)], one number or three.
         """
-        both = [
-            np.broadcast_to(np.asarray(part, dtype=np.float64), (3,))
-            for part in (translation, rotation)
-        ]
-        return cls(np.diag(np.concatenate(both)), frame or TaskFrame.ecra(), mode)
+        both = [_by_axis(translation, "translation"), _by_axis(rotation, "rotation")]
+        tensor = np.diag(np.concatenate(both))
+        return cls(tensor, TaskFrame.ecra() if frame is None else frame, mode)
 
     def tensor_at_hand(self, T_base_ee: SE3) -> FloatArray:
         """Tensor at the hand's origin in the axes of base, shape (6, 6)."""
@@ -301,6 +309,16 @@ class Compliance:
         nominal = parts(T_base_ee_nominal or T_base_ee)
         moved = tuple(twist.tolist())
         return pose(*deflected(*nominal, moved, self.mode))
+
+
+def _by_axis(values: ArrayLike, name: str) -> FloatArray:
+    """One number for each axis, shape (3,)."""
+    floats = as_floats(values, f"{name} of a compliance", ())
+    if floats.shape not in ((), (3,)):
+        raise ShapeError(
+            f"{name} of a compliance", got=floats.shape, expected="one number or three"
+        )
+    return np.broadcast_to(floats, (3,))
 
 
 def in_base_axes(R_base_ee: Rotation, wrench_ee: Wrench) -> Wrench:

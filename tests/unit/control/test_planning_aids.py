@@ -17,7 +17,7 @@ from debrisgrasp.control import (
     press,
     preview,
 )
-from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3
 
 from .rigs import CHAIN, READY, rpy
@@ -139,9 +139,31 @@ def test_a_tensor_that_pushes_back_is_refused(tensor):
         Compliance(tensor)
 
 
-def test_a_line_needs_a_direction():
-    with pytest.raises(ConfigError, match="direction"):
-        TaskFrame.about_line([0, 0, 0], [0, 0, 0])
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"mode": "se3"}, "mode: got 'se3' .*expected a DeflectionMode"),
+        ({"frame": np.eye(4)}, "frame: got ndarray, expected a TaskFrame"),
+        ({"translation": [1e-4, 2e-4]}, r"translation.*\(2,\).*one number or three"),
+        ({"rotation": np.full((3, 1), 1e-3)}, r"rotation.*\(3, 1\)"),
+        ({"rotation": "soft"}, "rotation of a compliance: got str"),
+    ],
+)
+def test_a_compliance_of_other_things_is_refused(given, words):
+    """A mode in words was taken for the other one."""
+    with pytest.raises(InputError, match=words):
+        Compliance.diagonal(**{"translation": 1e-4, "rotation": 1e-3, **given})
+
+
+def test_a_compliance_has_one_tensor():
+    with pytest.raises(ShapeError, match=r"got \(2, 6, 6\)"):
+        Compliance(np.zeros((2, 6, 6)))
+
+
+@pytest.mark.parametrize("direction", [[0, 0, 0], [0, 0, 0, 1], "up"])
+def test_a_line_needs_a_direction(direction):
+    with pytest.raises(InputError, match="direction"):
+        TaskFrame.about_line([0, 0, 0], direction)
 
 
 def test_hand_and_base_frames_agree_where_they_coincide():
