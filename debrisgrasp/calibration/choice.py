@@ -7,8 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_finite
-from debrisgrasp.errors import InputError
+from debrisgrasp._arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    as_floats,
+    frozen,
+    require_finite,
+    require_metres,
+    require_range,
+)
+from debrisgrasp._checked import checked
+from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import Bounds, so3
 
 from .observations import KINEMATIC_SIGMA, MEASUREMENT_SIGMA
@@ -20,6 +30,8 @@ _IGNORANCE = 1.0
 """Standard deviation before the first look [m, rad]; any value far above the noise
 gives the same choice."""
 _MOST_ROUNDS = 10
+_ROUNDING = 1e-9
+"""Share of its largest eigenvalue that rounding leaves of one of zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -51,21 +63,24 @@ def information_at(
     ``turns`` (m, 3, 3), which map a shift of the fiducial to that of its place, it is
     that on the shift, too, shape (m, 9, 9).
     """
-    places = np.asarray(places, dtype=np.float64)
+    places = as_floats(places, "places", (None, 3))
+    if places.ndim != 2:
+        raise ShapeError("shape of places", got=places.shape, expected="(m, 3)")
     columns = [np.broadcast_to(np.eye(3), (len(places), 3, 3)), -so3.hat(places)]
     if turns is not None:
-        columns.append(-np.asarray(turns, dtype=np.float64))
+        columns.append(-as_floats(turns, "turns", (len(places), 3, 3)))
     jacobians = np.concatenate(columns, axis=-1)
     variances = np.broadcast_to(np.asarray(sigmas) ** 2, len(places))
     squares = np.swapaxes(jacobians, -1, -2) @ jacobians
     return np.asarray(squares / variances[:, None, None])
 
 
+@checked
 def choose_places(
     candidates: ArrayLike,
     n: int,
     *,
-    information: FloatArray | None = None,
+    information: ArrayLike | None = None,
     apart: float = 0.1,
     workspace: Bounds = WORKSPACE,
     turns: ArrayLike | None = None,
@@ -102,10 +117,13 @@ def choose_places(
     Raises
     ------
     InputError
-        If there are too few candidates that lie so far apart.
+        If there are too few candidates that lie so far apart, they can only be in
+        millimetres, or anything is not of its shape, or not finite.
     """
-    places = frozen(candidates, "candidate places", (3,))
-    require_finite(places, "candidate places")
+    places = frozen(candidates, "candidate places", (None, 3))
+    require_metres("candidate places", places)
+    require_range("apart [m]", apart, 0.0, 10.0)
+    require_range("fiducial_sigma [m]", fiducial_sigma, 1e-6, 1.0)
     if n < 1:
         raise InputError("places to choose", got=n, expected="1 or more")
     sigma = np.hypot(MEASUREMENT_SIGMA, KINEMATIC_SIGMA)
@@ -113,7 +131,8 @@ def choose_places(
     doubts = [_IGNORANCE] * 6 + [fiducial_sigma] * (gains.shape[-1] - 6)
     known = np.diag(np.array(doubts) ** -2.0)
     if information is not None:
-        known[: len(information), : len(information)] += information
+        before = _checked_information(information, len(known))
+        known[: len(before), : len(before)] += before
     is_near = np.linalg.norm(places[:, None] - places, axis=-1) <= apart
     chosen = _exchanged(
         _greedy(gains, is_near, known, n), gains, is_near, known, workspace
@@ -125,6 +144,27 @@ def choose_places(
     left = np.linalg.inv(sums)[:, :6, :6]
     errors = [WorkspaceError.of(covariance, workspace) for covariance in left]
     return Choice(indices=indices, errors=tuple(errors))
+
+
+def _checked_information(information: ArrayLike, most: int) -> FloatArray:
+    """Information on the camera alone, or with that on the fiducial, if ``most`` is 9.
+
+    That on any motion of the camera is none or more.
+    """
+    before = as_floats(information, "information", ())
+    if before.shape not in ((6, 6), (most, most)):
+        expected = "(6, 6), or (9, 9) with turns"
+        raise ShapeError("shape of information", got=before.shape, expected=expected)
+    require_finite(before, "information")
+    values = np.linalg.eigvalsh(0.5 * (before + before.T))
+    if values[0] < -_ROUNDING * values[-1]:
+        raise InputError(
+            "information",
+            got=f"an eigenvalue of {values[0]:.3g}",
+            expected="none below zero",
+            mend="It is the inverse of a covariance.",
+        )
+    return before
 
 
 def _greedy(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.calibration import calibrate, choose_places, information_at
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp.errors import ConfigError, InputError, ShapeError
 
 from .looks import looks
 
@@ -73,3 +73,34 @@ def test_too_few_candidates_are_refused(candidates):
         choose_places(candidates * np.nan, 2)
     with pytest.raises(ShapeError):
         choose_places(candidates[:, :2], 2)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"information": np.full(6, 1e6)}, r"information: got \(6,\)"),
+        ({"information": np.eye(9)}, r"\(9, 9\) with turns"),
+        ({"information": np.full((6, 6), np.nan)}, "information: got 36 of 36"),
+        ({"information": -np.eye(6)}, "information: got an eigenvalue of -1"),
+        ({"turns": np.eye(3)}, r"turns: got \(3, 3\)"),
+        ({"n": 2.5}, "n: got 2.5"),
+        ({"apart": np.nan}, "apart: got nan"),
+        ({"apart": 100.0}, "millimetres"),
+        ({"fiducial_sigma": 0.0}, "fiducial_sigma"),
+        ({"workspace": ((0, 0, 0), (1, 1, 1))}, "expected a Bounds"),
+    ],
+)
+def test_what_nothing_can_be_chosen_by_is_refused(candidates, given, words):
+    with pytest.raises(InputError, match=words):
+        choose_places(candidates, **{"n": 3, **given})
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 150, 3)])
+def test_candidates_are_one_list_of_places(candidates, shape):
+    with pytest.raises(ShapeError):
+        choose_places(np.resize(candidates, shape), 1)
+
+
+def test_candidates_in_millimetres_are_refused(candidates):
+    with pytest.raises(ConfigError, match="millimetres"):
+        choose_places(1000.0 * candidates, 3)
