@@ -16,7 +16,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp._arrays import (
+    FloatArray,
+    as_floats,
+    frozen,
+    require_finite,
+    require_range,
+)
 from debrisgrasp._checked import checked_fields
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
@@ -30,6 +36,7 @@ from ._rigid import (
     cross,
     parts,
     six,
+    three,
     turned,
     turned_back,
 )
@@ -46,6 +53,7 @@ __all__ = [
 MOST_NOISE = (1.0, 0.1)
 """With more, a touch would be felt too late, or where there is none [N, N m]."""
 _DOWN = (0.0, 0.0, -GRAVITY)
+_TURNS = "orientations of the sensor"
 _LEAST_POSES = 4
 _LEAST_SPAN = np.deg2rad(60.0)
 
@@ -61,8 +69,7 @@ class Body:
 
     def __post_init__(self) -> None:
         require_range("mass of a body [kg]", self.mass, 0.0, 1e4)
-        object.__setattr__(self, "com", frozen(self.com, "centre of mass", (3,)))
-        require_finite(self.com, "centre of mass")
+        object.__setattr__(self, "com", three(self.com, "centre of mass"))
 
 
 @checked_fields
@@ -97,10 +104,8 @@ class LoadModel:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bias", frozen(six(self.bias, "bias"), "bias", (6,)))
-        object.__setattr__(self, "gravity", frozen(self.gravity, "gravity", (3,)))
-        require_finite(self.gravity, "gravity")
-        if self.wrench_sign not in (1.0, -1.0):
-            raise ConfigError("wrench_sign", got=self.wrench_sign, expected="1 or -1")
+        object.__setattr__(self, "gravity", three(self.gravity, "gravity"))
+        _require_sign(self.wrench_sign)
         for value in self.sensor_range:
             require_range("LoadModel.sensor_range [N, N m]", value, 1e-6, 1e6)
         for value, most in zip(self.sensor_noise, MOST_NOISE, strict=True):
@@ -232,8 +237,12 @@ def identify_tool(
     ------
     InputError
         If there are too few or too similar orientations, the fitted mass is negative
-        (the sign of the sensor is inverted), or it is not the expected one.
+        (the sign of the sensor is inverted), it is not the expected one, or
+        ``wrench_sign`` is neither 1 nor -1.
     """
+    _require_sign(wrench_sign)
+    if expected_mass is not None:
+        require_range("expected mass of the tool [kg]", expected_mass, 1e-3, 1e4)
     raw, R, g = _readings(raw, R_base_ft, gravity)
     n = len(raw)
     g_ft = np.einsum("nji,j->ni", R, g)
@@ -356,8 +365,7 @@ def identify_payload(
         )
     if mass < 1e-3:
         return Body(0.0), False
-    expected = frozen(expected_com, "expected centre of mass [m]", (3,))
-    require_finite(expected, "expected centre of mass [m]")
+    expected = three(expected_com, "expected centre of mass [m]")
     A = -so3.hat(g_ft).reshape(-1, 3)
     rest = load[:, 3:].ravel() - mass * (A @ expected)
     solution = np.linalg.lstsq(A, rest, rcond=0.05)
@@ -374,10 +382,17 @@ def _weight(body: Body, R_base_ft: FloatArray, gravity: FloatArray) -> FloatArra
 def _readings(
     raw: ArrayLike, R_base_ft: ArrayLike, gravity: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    raw = np.atleast_2d(np.asarray(raw, dtype=np.float64))
-    R = np.asarray(R_base_ft, dtype=np.float64).reshape(-1, 3, 3)
-    if raw.shape != (len(R), 6):
-        raise ShapeError("readings", got=raw.shape, expected=f"({len(R)}, 6)")
+    raw = np.atleast_2d(as_floats(raw, "readings", ()))
+    R = as_floats(R_base_ft, _TURNS, (3, 3)).reshape(-1, 3, 3)
+    if raw.shape != (len(R), 6) or not len(R):
+        raise ShapeError("readings", got=raw.shape, expected=f"({len(R) or 'n'}, 6)")
     require_finite(raw, "readings")
-    require_finite(R, "orientations of the sensor")
-    return raw, R, np.asarray(gravity, dtype=np.float64)
+    SE3.from_matrix(SE3.from_parts(R).matrix, _TURNS)
+    g = three(gravity, "gravity")
+    require_range("size of gravity [m/s^2]", float(np.linalg.norm(g)), 0.1, 100.0)
+    return raw, R, g
+
+
+def _require_sign(wrench_sign: float) -> None:
+    if wrench_sign not in (1.0, -1.0):
+        raise ConfigError("wrench_sign", got=wrench_sign, expected="1 or -1")

@@ -13,6 +13,7 @@ from debrisgrasp.control import (
     Body,
     LoadModel,
     RefusalCause,
+    identify_payload,
     identify_tool,
     judge_baseline,
     reference_wrench,
@@ -73,6 +74,50 @@ def test_readings_are_checked():
         identify_tool(np.zeros((4, 5)), TILTS)
     with pytest.raises(InputError, match="NaN"):
         identify_tool(np.full((4, 6), np.nan), TILTS)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"wrench_sign": 2.0}, "wrench_sign: got 2.0, expected 1 or -1"),
+        ({"wrench_sign": 0.0}, "wrench_sign"),
+        ({"expected_mass": np.nan}, "expected mass of the tool"),
+        ({"gravity": np.zeros(3)}, "size of gravity"),
+        ({"gravity": [0.0, 0.0, np.nan]}, "gravity: got 1 of 3 values NaN"),
+        ({"gravity": np.zeros(4)}, r"gravity: got \(4,\)"),
+        ({"R_base_ft": 2.0 * TILTS}, "orientations of the sensor"),
+        ({"R_base_ft": TILTS[:, :, 0]}, r"orientations of the sensor: got \(4, 3\)"),
+        ({"R_base_ft": np.ones((4, 4))}, r"orientations of the sensor: got \(4, 4\)"),
+        ({"R_base_ft": TILTS[:0], "raw": np.zeros((0, 6))}, r"readings: got \(0, 6\)"),
+        ({"raw": "readings"}, "readings: got str"),
+    ],
+)
+def test_a_tool_is_not_found_by_what_no_sensor_gives(given, words):
+    """A sign of 2 doubled the mass; an expected mass that is no number fits all."""
+    with pytest.raises(InputError, match=words):
+        identify_tool(**{"raw": readings(TILTS), "R_base_ft": TILTS, **given})
+
+
+def test_nothing_is_held_without_readings():
+    with pytest.raises(ShapeError, match="readings"):
+        identify_payload(LOADS, np.zeros((0, 6)), np.zeros((0, 3, 3)))
+
+
+def test_a_centre_of_mass_is_one_place():
+    with pytest.raises(ShapeError, match=r"centre of mass: got \(2, 3\)"):
+        Body(2.1, np.zeros((2, 3)))
+
+
+def test_a_moment_of_contact_beside_hardly_any_weight_is_told_as_it_was_measured():
+    light = [[0.0, 0.0, -0.03, 0.7, 0.0, 0.0]]
+    payload, _ = identify_payload(LoadModel(T_ee_ft=T_EE_FT), light, [np.eye(3)])
+    assert payload.mass == pytest.approx(0.003, abs=1e-4)
+    assert payload.com[1] == pytest.approx(-0.7 / 0.03)
+
+
+def test_gravity_is_one_vector():
+    with pytest.raises(ShapeError, match=r"gravity: got \(2, 3\)"):
+        LoadModel(T_ee_ft=T_EE_FT, gravity=np.ones((2, 3)))
 
 
 def test_a_reference_needs_many_samples_at_rest(rng):
