@@ -7,9 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp._arrays import (
+    FloatArray,
+    frozen,
+    require_finite,
+    require_metres,
+    require_range,
+)
 from debrisgrasp._checked import checked_fields
-from debrisgrasp.errors import InputError
+from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import voxel_cells
 
 __all__ = ["PullChoice", "PullConfig", "choose_pull"]
@@ -86,20 +92,18 @@ def choose_pull(
     Raises
     ------
     InputError
-        If the object has no points, or a candidate is zero.
+        If the object has no points, a candidate is zero, or points are not (n, 3), not
+        finite, or can only be in millimetres.
     """
     config = config or PullConfig()
-    own = frozen(object_points, "points of the object", (None, 3))
-    others = frozen(neighbor_points, "points of the neighbours", (None, 3))
-    require_finite(own, "points of the object")
-    require_finite(others, "points of the neighbours")
+    own = _checked_points(object_points, "points of the object")
+    others = _checked_points(neighbor_points, "points of the neighbours")
     if len(own) == 0:
         raise InputError("points of the object", got=0, expected="at least one")
     if candidates is None:
         directions = _cone(config)
     else:
-        directions = frozen(candidates, "candidates", (None, 3))
-        require_finite(directions, "candidates")
+        directions = _rows(candidates, "candidates")
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         if len(directions) == 0 or not np.all(lengths > 1e-9):
             raise InputError(
@@ -117,6 +121,23 @@ def choose_pull(
     return PullChoice(
         directions[best], float(overlaps[best]), directions, overlaps, words
     )
+
+
+def _rows(vectors: ArrayLike, name: str) -> FloatArray:
+    """Finite vectors from outside, shape (n, 3)."""
+    rows = frozen(vectors, name, (None, 3))
+    if rows.ndim != 2:
+        raise ShapeError(f"shape of {name}", got=rows.shape, expected="(n, 3)")
+    require_finite(rows, name)
+    return rows
+
+
+def _checked_points(points: ArrayLike, name: str) -> FloatArray:
+    """Points from outside, of which some lie where a robot could be."""
+    rows = _rows(points, name)
+    if len(rows):
+        require_metres(name, rows[np.abs(rows).max(axis=1).argmin()])
+    return rows
 
 
 def _cone(config: PullConfig) -> FloatArray:

@@ -88,6 +88,26 @@ def test_pulls_are_checked():
         PullConfig(distance=-1.0)
 
 
+@pytest.mark.parametrize("scales", [(1.0, 1000.0), (1000.0, 1.0), (1000.0, 1000.0)])
+def test_a_pull_in_millimetres_is_refused(scales):
+    """No neighbour is in the way of what is a kilometre off."""
+    lid = block((1.0, 0.0, 0.2), (0.3, 0.3, 0.05), seed=1)
+    with pytest.raises(ConfigError, match=r"points of the .*millimetres"):
+        choose_pull(scales[0] * OBJECT, scales[1] * lid)
+
+
+def test_a_few_neighbours_far_off_are_in_nobodys_way():
+    far = np.array([[50.0, 0.0, 0.0], [1.3, 0.0, 0.1]])
+    assert choose_pull(OBJECT, far).overlap == 0.0
+
+
+def test_a_pull_is_of_one_object():
+    with pytest.raises(ShapeError, match="points of the object"):
+        choose_pull(np.stack([OBJECT, OBJECT]), FREE)
+    with pytest.raises(ShapeError, match="candidates"):
+        choose_pull(OBJECT, FREE, candidates=np.ones((2, 2, 3)))
+
+
 BOUND = StabilityBound(ArmResponse(frequency=8.0, damping=0.7, delay=2), WrenchFilter())
 
 
