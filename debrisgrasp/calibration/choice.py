@@ -62,6 +62,11 @@ def information_at(
     In the convention of `camera_covariance`; ``sigmas`` [m] are numbers or (m,). With
     ``turns`` (m, 3, 3), which map a shift of the fiducial to that of its place, it is
     that on the shift, too, shape (m, 9, 9).
+
+    Raises
+    ------
+    ShapeError
+        If places or turns are of another shape.
     """
     places = as_floats(places, "places", (None, 3))
     if places.ndim != 2:
