@@ -54,11 +54,11 @@ class ContactGuard:
     def require_speed(self, speed: float, limits: LimitSet) -> None:
         """Raise `ConfigError`, with the numbers, if an approach is too fast."""
         most = self.largest_speed(limits)
-        if speed > most * (1.0 + 1e-9):
+        if not 0.0 <= speed <= most * (1.0 + 1e-9):
             raise ConfigError(
                 "speed of a guarded approach [m/s]",
                 got=f"{speed:g}",
-                expected=f"at most {most:.3g}: limit {limits.force:g} N less threshold "
+                expected=f"0 to {most:.3g}: limit {limits.force:g} N less threshold "
                 f"{self.force:g} N, over {self.stiffness:g} N/m and "
                 f"{1000 * self.reaction_time:g} ms",
                 mend="Go slower, or touch something softer.",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, Rng, require_range
+from debrisgrasp._checked import checked
 from debrisgrasp.geometry import SE3
 
 from ._rigid import parts
@@ -150,6 +151,7 @@ class PressResult:
     """Whether the force came to rest."""
 
 
+@checked
 def press(
     compliance: float,
     stiffness: float,
@@ -170,7 +172,22 @@ def press(
         Of the spring [N/m]; it only pushes.
     speed, depth
         With which, and how far beyond the surface, the hand is sent [m/s], [m].
+    duration
+        [s]; what has not touched by then is not calm.
+
+    Raises
+    ------
+    ConfigError
+        If a number is none that an arm, or a spring, can have.
     """
+    for name, value, least, most in (
+        ("compliance [m/N]", compliance, 0.0, 1.0),
+        ("stiffness [N/m]", stiffness, 1e-3, 1e9),
+        ("speed [m/s]", speed, 1e-6, 10.0),
+        ("depth [m]", depth, 1e-6, 1.0),
+        ("duration [s]", duration, 10.0 * smoothing.period, 600.0),
+    ):
+        require_range(name, value, least, most)
     period, a = smoothing.period, smoothing.alpha
     b1, b2, a1, a2 = arm.held(period)
     n = int(np.ceil(duration / period))
@@ -188,6 +205,5 @@ def press(
         waiting[k % len(waiting)] = nominal[k] - compliance * filtered
     values = np.array(force)
     tail = values[-n // 5 :]
-    rest = max(float(tail.mean()), 1e-9)
-    is_calm = bool(np.isfinite(values).all() and np.ptp(tail) < 0.05 * rest)
+    is_calm = bool(np.isfinite(values).all() and np.ptp(tail) < 0.05 * tail.mean())
     return PressResult(np.asarray(period * np.arange(n)), values, is_calm)

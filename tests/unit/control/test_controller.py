@@ -322,7 +322,7 @@ def test_a_leg_that_runs_into_something_slows_down_before_its_limit(stiffness):
 
 
 def test_a_guarded_approach_that_is_too_fast_is_refused():
-    with pytest.raises(ConfigError, match=r"at most 0\.015"):
+    with pytest.raises(ConfigError, match=r"0 to 0\.015"):
         Rig(guard=ContactGuard(), config=ControllerConfig(speed=0.02))
 
 

@@ -9,6 +9,7 @@ from debrisgrasp.control import (
     ArmResponse,
     Compliance,
     Contact,
+    ContactGuard,
     PullConfig,
     StabilityBound,
     TaskFrame,
@@ -20,7 +21,7 @@ from debrisgrasp.control import (
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3
 
-from .rigs import CHAIN, READY, rpy
+from .rigs import CHAIN, LIMITS, READY, rpy
 
 T = CHAIN.fk(READY)
 
@@ -209,3 +210,31 @@ def test_the_bound_is_calm_and_the_limit_not_far(
     assert press(bound.gain_safe / stiffness, stiffness, arm, smoothing).is_calm
     over = 2.5 * bound.gain_safe / stiffness
     assert not press(over, stiffness, arm, smoothing).is_calm
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"compliance": float("nan")},
+        {"stiffness": -1e4},
+        {"stiffness": 0.0},
+        {"speed": 0.0},
+        {"depth": 10.0},
+        {"duration": 0.0},
+    ],
+)
+def test_a_press_that_none_can_make_is_refused(wrong):
+    usual = {"compliance": 1e-5, "stiffness": 1e4}
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        press(arm=ArmResponse(), smoothing=WrenchFilter(), **{**usual, **wrong})
+
+
+def test_a_press_that_never_touches_is_not_calm():
+    late = ArmResponse(delay=20)
+    assert not press(1e-5, 1e4, late, WrenchFilter(), duration=0.05).is_calm
+
+
+@pytest.mark.parametrize("speed", [float("nan"), -0.01])
+def test_a_guarded_approach_has_a_speed(speed):
+    with pytest.raises(ConfigError, match="guarded approach"):
+        ContactGuard().require_speed(speed, LIMITS)
