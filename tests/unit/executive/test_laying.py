@@ -17,24 +17,30 @@ from debrisgrasp.geometry import so3
 from tests.unit.executive.rigs import before_a_brick, holding
 
 
-def hang(context, limb, weight, monkeypatch, aside=0.0):
-    """Let the sensor of a limb feel a weight [N], aside of its hand [m], in base."""
-    sensor, loads = limb.limb.sensor, limb.loads
+def feel(context, limb, load, monkeypatch):
+    """Let the sensor of a limb feel one more load (6,) on the hand, in its axes."""
+    sensor = limb.limb.sensor
     read = type(sensor).read
 
-    def loaded(self):
-        felt = read(self)
-        if self is not sensor:
+    def loaded(own):
+        felt = read(own)
+        if own is not sensor:
             return felt
         R, _ = limb.kinematics.pose(context.posture(limb).tolist())
-        none = np.array(loads.load_ee([0.0] * 6, R))
-        of_raw = np.column_stack([loads.load_ee(e, R) for e in np.eye(6).tolist()])
-        _, forward, up = np.reshape(R, (3, 3))
-        load = [*(-weight * up), *(weight * aside * forward)]
-        added = np.linalg.solve(of_raw - none[:, None], load)
-        return felt._replace(wrench_ft=np.asarray(felt.wrench_ft) + added)
+        more = limb.loads.reading(load(), R) - limb.loads.reading(np.zeros(6), R)
+        return felt._replace(wrench_ft=np.asarray(felt.wrench_ft) + more)
 
     monkeypatch.setattr(type(sensor), "read", loaded)
+
+
+def hang(context, limb, weight, monkeypatch, aside=0.0):
+    """Let the sensor of a limb feel a weight [N], aside of its hand [m], in base."""
+
+    def load():
+        _, forward, up = limb.pose(context.posture(limb)).R
+        return [*(-weight * up), *(weight * aside * forward)]
+
+    feel(context, limb, load, monkeypatch)
 
 
 @pytest.mark.parametrize(
@@ -153,7 +159,7 @@ def test_what_swings_a_little_on_a_hand_near_its_limit_is_put_down_all_the_same(
 
 
 class Ground:
-    """What a limb feels of a rigid body that it holds over a springy, rough ground."""
+    """What a limb feels of a rigid body that it holds over a springy ground."""
 
     STIFFNESS = 2e4
 
@@ -162,21 +168,8 @@ class Ground:
         self.weight = np.array([0.0, 0.0, -9.81 * mass])
         self.com = corners_hand.mean(axis=0)
         self.height = self.where()[:, 2].min() - 0.02
-        self.most, sensor = np.zeros(2), limb.limb.sensor
-        read = type(sensor).read
-
-        def loaded(own):
-            felt = read(own)
-            if own is not sensor:
-                return felt
-            R, _ = limb.kinematics.pose(context.posture(limb).tolist())
-            return felt._replace(
-                wrench_ft=np.asarray(felt.wrench_ft)
-                + np.asarray(limb.loads.reading(self.load(), R))
-                - np.asarray(limb.loads.reading(np.zeros(6), R))
-            )
-
-        monkeypatch.setattr(type(sensor), "read", loaded)
+        self.most = np.zeros(2)
+        feel(context, limb, self.load, monkeypatch)
 
     def where(self):
         """Corners in base, (8, 3)."""
