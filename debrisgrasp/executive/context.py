@@ -60,7 +60,7 @@ class Held:
     """Where the hand was when it began to lift, base frame [m], shape (3,)."""
     is_lifted: bool = False
     is_watched: bool = True
-    """Whether a loss counts as a fault; not while it is put back for one."""
+    """Whether a loss counts as a fault; not while it is put down."""
     payload: Body = field(default_factory=Body)
     points_hand: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     """Surface of the object, in the frame of the palm [m], shape (2 n, 3): what was

@@ -65,6 +65,7 @@ def put_down(context: Context, most: float) -> FaultFound | None:
     if held is None:
         return None
     limb, drive = context.limbs[held.arm], Drive(context, held.arm)
+    held.is_watched = False  # here its weight falls; and a loss ends each lowering, too
     fault = _weighed_again(drive, held)
     if fault is not None:
         return fault

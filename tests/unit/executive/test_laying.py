@@ -89,6 +89,7 @@ def test_what_brushed_something_high_up_or_nothing_is_lowered_on(
     monkeypatch.setattr(laying, "free_share", lambda *_: 1.0)
 
     def lowered(_, depth):
+        assert not context.held.is_watched  # what bears it is no slip
         done.append(depth)
         return LegEnd(outcome, 1.0, depth)
 
