@@ -164,7 +164,7 @@ def drop_postures(
     limits = limb.limits.planner
     legs = LegPlanner(limb.reach.chain, limb.limits.controller)
     found: list[FloatArray] = []
-    partly: list[tuple[float, FloatArray]] = []
+    partly: list[tuple[float, float, FloatArray]] = []
     rest = _at_rest(context, limb)
     for points, body, R, most in _attitudes(limb, points_hand, limb.pose(q)):
         goals = _poses(context, limb, points, R)
@@ -181,7 +181,7 @@ def drop_postures(
                 if min(lowered, drawn) > 1.0 - 1e-6:
                     found.append(row)
                 elif lowered >= _PARTLY:
-                    partly.append((drawn, row))
+                    partly.append((round(drawn, 1), round(lowered, 1), row))
                 if len(found) >= enough:
                     return np.array(found)
             if len(partly) > _PATIENCE * enough:
@@ -189,8 +189,8 @@ def drop_postures(
         if found or partly:
             break
     # Lower than it could be something falls; where no hand comes off it, it is caught.
-    partly.sort(key=lambda place: -round(place[0], 1))
-    return np.array(found or [row for _, row in partly[:enough]]).reshape(-1, len(q))
+    partly.sort(key=lambda place: place[:2], reverse=True)
+    return np.array(found or [row for *_, row in partly[:enough]]).reshape(-1, len(q))
 
 
 def _shares(legs: LegPlanner, q: FloatArray, T: SE3) -> tuple[float, float]:

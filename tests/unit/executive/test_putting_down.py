@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.control import LegOutcome, LegPlanner
+from debrisgrasp.executive import dropoff
 from debrisgrasp.executive.carrying import _is_beside
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.dropoff import (
@@ -184,6 +185,31 @@ def test_a_hand_comes_straight_off_what_it_puts_down(pipeline):
         assert down.is_done
         off = SE3.from_parts(p=-0.1 * down.reached.R[:, 2]) @ down.reached
         assert legs.plan(down.q[-1], off).is_done
+
+
+def test_where_the_ground_is_out_of_reach_an_object_falls_from_as_low_as_it_can(
+    pipeline, monkeypatch
+):
+    _, task = before_a_brick(pipeline)
+    context = task.context
+    limb = context.limbs["right"]
+    board = np.array(np.meshgrid([-0.1, 0.1], [-0.3, 0.3], [0.1, 0.3])).T
+    shares = {}
+
+    def scripted(_legs, q, _goal):
+        known = [(0.5, 1.0), (0.9, 1.0), (1.0, 0.5)]
+        return shares.setdefault(tuple(q), known[len(shares) % 3])
+
+    monkeypatch.setattr(dropoff, "_shares", scripted)
+    found = drop_postures(
+        context,
+        limb,
+        board.reshape(-1, 3),
+        context.posture(limb),
+        lambda rows: np.ones(len(rows), dtype=bool),
+        8,
+    )
+    assert [shares[tuple(row)] for row in found] == [(0.9, 1.0)] * 8
 
 
 def test_nothing_is_laid_onto_a_finger(pipeline):
