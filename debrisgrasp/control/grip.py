@@ -45,8 +45,11 @@ _CROSSED, _WIDEST = 0.02, 1.0
 than this: beyond it a length was meant in millimetres [m]."""
 _PRESSES, _SHUT = 0.5, 0.8
 """While the weaker side feels so much of the squeeze, or the wrist bears all the
-weight, fingers that close by up to so much of the way to each other have only found a
-better hold: those that curl around something close, too."""
+weight, fingers that close slowly by up to so much of the way to each other have only
+found a better hold: those that curl around something close, too."""
+_SLOWLY = 0.4
+"""Time constant over which held fingers are followed [s]: those that get ahead of that
+are leaving their object, however hard they press."""
 _FELT = 0.8
 """A finger that exerts its share of the resistance may feel so much of that only: the
 rest goes into its joints, or into pushing the object along."""
@@ -90,9 +93,10 @@ class GripConfig:
     timeout: float = 4.0
     """For preshape and closing each [s]."""
     slip_travel: float = 0.005
-    """Fingers that close so much while holding have lost their object [m]; 0.8 of the
-    way to each other while both sides press at least half as hard as they should, or
-    the wrist bears the weight."""
+    """Fingers that close so much while holding have lost their object [m]; if they do
+    so within some 0.4 s, in any case. More slowly they may close by 0.8 of the way to
+    each other while both sides press at least half as hard as they should, or the
+    wrist bears the weight."""
     slip_load: float = 0.3
     """So does a carried load that falls by this share."""
     slip_time: float = 0.05
@@ -160,12 +164,18 @@ class GripState(NamedTuple):
     """Smoothed force of each finger since it began to close [N]; empty: none yet."""
     held_openings: tuple[float, ...] = ()
     """When holding began [m]."""
+    recent_openings: tuple[float, ...] = ()
+    """Smoothed since then [m]; empty: no look yet."""
     most_carried: float = 0.0
     """Largest weight carried so far, by two looks in a row [N]."""
     slipping: float = 0.0
     """How long there have been signs of slip [s]."""
     carried: float = 0.0
     """Weight carried at the last look [N]."""
+
+    def held_from(self, openings: tuple[float, ...]) -> GripState:
+        """Count as closing only what fingers at these openings [m] do from now on."""
+        return self._replace(held_openings=openings, recent_openings=())
 
 
 class GripCommand(NamedTuple):
@@ -191,6 +201,7 @@ class GripController:
         self._shares = [config.resistance / sides.count(side) for side in sides]
         is_smooth = config.tau > 0.0
         self._alpha = 1.0 - exp(-config.period / config.tau) if is_smooth else 1.0
+        self._beta = 1.0 - exp(-config.period / _SLOWLY)
 
     def preshape(self) -> GripState:
         """Begin to take the preshape."""
@@ -322,8 +333,10 @@ class GripController:
         return state
 
     def _holding(self, state: GripState, reading: FingerReading) -> GripState:
-        config = self.config
-        travel = self.travel(state.held_openings, reading.openings)
+        config, now = self.config, reading.openings
+        travel = self.travel(state.held_openings, now)
+        recent = state.recent_openings or tuple(now)
+        is_fast = self.travel(recent, now) >= config.slip_travel
         carried, most, last = reading.carried, state.most_carried, state.carried
         is_held = self.weakest(reading.forces) >= _PRESSES * config.squeeze
         has_fallen, most_travel = False, config.slip_travel
@@ -334,15 +347,22 @@ class GripController:
             is_held = is_held or (is_known and not has_fallen)
             # One spike is no weight that could be lost.
             most, last = max(most, min(carried, last)), carried
-        if is_held:
+        if is_held and not is_fast:
             shut = (0.0,) * len(config.sides)
             way = self.travel(state.held_openings, shut)
             most_travel = max(most_travel, _SHUT * way)
         is_slipping = travel >= most_travel or has_fallen
         slipping = state.slipping + config.period if is_slipping else 0.0
         phase = GripPhase.SLIPPED if slipping > config.slip_time else state.phase
+        recent = tuple(
+            was + self._beta * (x - was) for was, x in zip(recent, now, strict=True)
+        )
         return state._replace(
-            most_carried=most, slipping=slipping, carried=last, phase=phase
+            recent_openings=recent,
+            most_carried=most,
+            slipping=slipping,
+            carried=last,
+            phase=phase,
         )
 
 

@@ -228,7 +228,7 @@ def _squeezed(context: Context, held: Held, drive: Drive) -> StepResult:
     if travel > _SQUEEZED:
         words = f"squeezing closed the fingers by {1e3 * travel:z.0f} mm"
         return FaultFound("empty_grip", words, held.arm, {"travel": travel})
-    held.state = first._replace(held_openings=openings)
+    held.state = first.held_from(openings)
     return Done({"openings": [round(x, 4) for x in openings]})
 
 
@@ -263,7 +263,7 @@ def verify_grasp(context: Context) -> StepResult:
         words = f"closed by {1e3 * travel:z.1f} mm more, the weaker side feels "
         words += f"{least:.1f} N"
         return FaultFound("empty_grip", words, held.arm)
-    held.state = held.state._replace(held_openings=tuple(fingers.openings))
+    held.state = held.state.held_from(tuple(fingers.openings))
     limb = context.limbs[held.arm]
     held.points_hand = object_in_hand(
         context, limb.pose(context.posture(limb)), motion_of(context).grasp.width

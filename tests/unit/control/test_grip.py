@@ -90,13 +90,16 @@ def holding():
     return hand, run(hand, until=(GripPhase.HOLDING,))[0]
 
 
-@pytest.mark.parametrize(("felt", "travel"), [(8.0, 0.005), (20.0, 0.064)])
-def test_fingers_that_close_while_holding_have_lost_their_object(felt, travel):
+@pytest.mark.parametrize(
+    ("felt", "step", "travel"),
+    [(8.0, 1e-4, 0.005), (20.0, 4e-5, 0.064), (20.0, 2e-4, 0.0054)],
+)
+def test_fingers_that_close_while_holding_have_lost_their_object(felt, step, travel):
     hand, state = holding()
     grip = GripController(CONFIG)
-    steps = round(travel / 1e-4)
+    steps = round(travel / step)
     for k in range(2 * steps):
-        openings = tuple((hand.openings - 0.0001 * k).tolist())
+        openings = tuple((hand.openings - step * k).tolist())
         reading = FingerReading(openings, (felt, 0.5 * felt, 0.5 * felt))
         state, command = grip.step(state, reading)
         if state.phase is GripPhase.SLIPPED:
@@ -109,7 +112,7 @@ def test_fingers_that_close_while_holding_have_lost_their_object(felt, travel):
 def test_fingers_that_have_met_each_other_hold_nothing_though_they_press():
     _, state = holding()
     grip = GripController(CONFIG)
-    state = state._replace(held_openings=(0.01,) * 3)
+    state = state.held_from((0.01,) * 3)
     for opening, phase in ((0.004, GripPhase.HOLDING), (0.0, GripPhase.SLIPPED)):
         reading = FingerReading((opening,) * 3, (40.0, 20.0, 20.0))
         for _ in range(100):
