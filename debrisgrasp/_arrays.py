@@ -18,6 +18,7 @@ __all__ = [
     "Rng",
     "as_floats",
     "bounded",
+    "finite",
     "frozen",
     "is_sealed",
     "require_finite",
@@ -181,6 +182,27 @@ def frozen(
         raise _no_array(array, name, dtype) from error
     require_trailing(copy, name, trailing)
     copy.flags.writeable = False
+    return copy
+
+
+def finite(array: ArrayLike, name: str, shape: tuple[int | None, ...]) -> FloatArray:
+    """Copy numbers of one shape, without further axes, and make them read-only.
+
+    Raises
+    ------
+    ShapeError
+        If they have another shape; ``None`` stands for any size.
+    InputError
+        If one of them is NaN or infinite.
+    """
+    copy = frozen(array, name, ())
+    fits = copy.ndim == len(shape) and all(
+        want in (None, have) for want, have in zip(shape, copy.shape, strict=True)
+    )
+    if not fits:
+        wanted = str(shape).replace("None", "n")
+        raise ShapeError(f"shape of {name}", got=copy.shape, expected=wanted)
+    require_finite(copy, name)
     return copy
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_metres
+from debrisgrasp._arrays import FloatArray, finite, require_metres
 from debrisgrasp._joints import arm_joints_above
 from debrisgrasp.calibration import Head, Observations
 from debrisgrasp.errors import ConfigError
@@ -66,8 +66,7 @@ class WristRig:
                     mend="Let it stand still, and give its place: x, y, z in metres.",
                 )
         else:
-            place = frozen(self.fiducial, "place of the fiducial in base", (3,))
-            require_finite(place, "place of the fiducial in base")
+            place = finite(self.fiducial, "place of the fiducial in base", (3,))
             require_metres("place of the fiducial in base", place)
 
     @cached_property

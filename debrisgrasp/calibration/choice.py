@@ -12,7 +12,7 @@ from debrisgrasp._arrays import (
     FloatArray,
     IntArray,
     as_floats,
-    frozen,
+    finite,
     require_finite,
     require_metres,
     require_range,
@@ -65,15 +65,13 @@ def information_at(
 
     Raises
     ------
-    ShapeError
-        If places or turns are of another shape.
+    InputError
+        If places or turns are of another shape, or not finite.
     """
-    places = as_floats(places, "places", (None, 3))
-    if places.ndim != 2:
-        raise ShapeError("shape of places", got=places.shape, expected="(m, 3)")
+    places = finite(places, "places", (None, 3))
     columns = [np.broadcast_to(np.eye(3), (len(places), 3, 3)), -so3.hat(places)]
     if turns is not None:
-        columns.append(-as_floats(turns, "turns", (len(places), 3, 3)))
+        columns.append(-finite(turns, "turns", (len(places), 3, 3)))
     jacobians = np.concatenate(columns, axis=-1)
     variances = np.broadcast_to(np.asarray(sigmas) ** 2, len(places))
     squares = np.swapaxes(jacobians, -1, -2) @ jacobians
@@ -125,7 +123,7 @@ def choose_places(
         If there are too few candidates that lie so far apart, they can only be in
         millimetres, or anything is not of its shape, or not finite.
     """
-    places = frozen(candidates, "candidate places", (None, 3))
+    places = finite(candidates, "candidate places", (None, 3))
     require_metres("candidate places", places)
     require_range("apart [m]", apart, 0.0, 10.0)
     require_range("fiducial_sigma [m]", fiducial_sigma, 1e-6, 1.0)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
-from debrisgrasp._arrays import BoolArray, FloatArray, as_floats
+from debrisgrasp._arrays import BoolArray, FloatArray, finite
 from debrisgrasp._checked import checked
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
 from .camera import CalibratedCamera, Known
@@ -153,7 +153,7 @@ def calibrate(
         start = expected.head.mounted(mount)
     else:
         start, agrees = start_standing(observations, expected.head, pairs, config)
-    at = readings[-1] if reference is None else _checked_reference(reference)
+    at = finite(readings[-1] if reference is None else reference, "reference", (None,))
     require_right_way_round(
         start.T_base_camera(at),
         None if known is None else known.head.T_base_camera(at),
@@ -165,13 +165,6 @@ def calibrate(
     return _described(
         observations, fit, is_used, model, attempts, why, at, known, config
     )
-
-
-def _checked_reference(reference: ArrayLike) -> FloatArray:
-    at = as_floats(reference, "reference", (None,))
-    if at.ndim != 1:
-        raise ShapeError("shape of reference", got=at.shape, expected="(k,)")
-    return at
 
 
 def _pairs(observations: Observations, head: Head) -> Pairs:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, as_floats, frozen, require_finite
+from debrisgrasp._arrays import FloatArray, as_floats, finite, require_finite
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3, so3
 
@@ -38,13 +38,12 @@ class Head:
     def __post_init__(self) -> None:
         k = len(self.joint_names)
         offsets = np.zeros(k) if self.offsets is None else self.offsets
-        for name, array, trailing in (
+        for name, array, shape in (
             ("axes", np.reshape(self.axes, (-1, 3)), (k, 3)),
             ("points", np.reshape(self.points, (-1, 3)), (k, 3)),
             ("offsets", offsets, (k,)),
         ):
-            checked = frozen(array, f"{name} of the head", trailing)
-            require_finite(checked, f"{name} of the head")
+            checked = finite(array, f"{name} of the head", shape)
             object.__setattr__(self, name, checked)
         lengths = np.linalg.norm(self.axes, axis=1)
         off = np.flatnonzero(np.abs(lengths - 1.0) > _UNIT)

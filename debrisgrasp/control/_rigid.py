@@ -12,7 +12,7 @@ from math import atan2, cos, hypot, isfinite, nan, sin, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, as_floats, frozen, require_finite
+from debrisgrasp._arrays import FloatArray, as_floats, require_finite
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3, so3
 
@@ -33,7 +33,6 @@ __all__ = [
     "rotation_error",
     "share_within",
     "six",
-    "three",
     "times",
     "turned",
     "turned_back",
@@ -211,15 +210,6 @@ def six(values: ArrayLike, what: str) -> FloatArray:
         raise ShapeError(what, got=array.shape, expected="(6,), linear part first")
     if not np.isfinite(array).all():
         raise InputError(what, got=array.tolist(), expected="finite numbers")
-    return array
-
-
-def three(values: ArrayLike, what: str) -> FloatArray:
-    """Check a vector (3,) from outside: three finite numbers, which nobody changes."""
-    array = frozen(values, what, (3,))
-    if array.ndim != 1:
-        raise ShapeError(what, got=array.shape, expected="(3,)")
-    require_finite(array, what)
     return array
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp._arrays import FloatArray, finite, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError
 
@@ -74,11 +74,9 @@ class BaselineLook:
     """Whether all joints stood still."""
 
     def __post_init__(self) -> None:
-        raw = frozen(self.raw, "readings of a baseline", (None, 6))
-        require_finite(raw, "readings of a baseline")
+        raw = finite(self.raw, "readings of a baseline", (None, 6))
         object.__setattr__(self, "raw", raw)
-        R = frozen(self.R_base_ft, "orientation of the sensor", (3, 3))
-        require_finite(R, "orientation of the sensor")
+        R = finite(self.R_base_ft, "orientation of the sensor", (3, 3))
         object.__setattr__(self, "R_base_ft", R)
 
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from debrisgrasp._arrays import (
     FloatArray,
     as_floats,
-    frozen,
+    finite,
     require_finite,
     require_range,
 )
@@ -156,10 +156,7 @@ class Compliance:
     """Whether the task frame is the hand's origin with the axes of base."""
 
     def __post_init__(self) -> None:
-        C = frozen(self.tensor, "compliance tensor", (6, 6))
-        require_finite(C, "compliance tensor")
-        if C.ndim != 2:
-            raise ShapeError("compliance tensor", got=C.shape, expected="one, (6, 6)")
+        C = finite(self.tensor, "compliance tensor", (6, 6))
         if np.abs(C - C.T).max() > _SYMMETRY:
             raise ConfigError(
                 "compliance tensor",

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, log
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, require_finite, require_range
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp._arrays import FloatArray, finite, require_range
+from debrisgrasp.errors import InputError
 
 from ._rigid import Wrench
 
@@ -101,10 +100,7 @@ def reference_wrench(
     InputError
         If there are too few samples, or they scatter too much.
     """
-    loads = np.asarray(loads, dtype=np.float64)
-    if loads.ndim != 2 or loads.shape[1] != 6:
-        raise ShapeError("loads", got=loads.shape, expected="(n, 6)")
-    require_finite(loads, "loads")
+    loads = finite(loads, "loads", (None, 6))
     if len(loads) < REFERENCE_SAMPLES:
         raise InputError(
             "samples for a reference",

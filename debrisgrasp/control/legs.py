@@ -13,7 +13,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite, require_range
+from debrisgrasp._arrays import FloatArray, finite, require_range
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import KinematicChain, LimitSet, Trajectory
@@ -70,8 +70,7 @@ class CartesianLeg:
     def along(cls, T_base_start: SE3, offset: ArrayLike) -> CartesianLeg:
         """Leg that moves by an offset in base [m], shape (3,), without turning."""
         parts(T_base_start)
-        shift = frozen(offset, "offset of a leg [m]", (3,))
-        require_finite(shift, "offset of a leg [m]")
+        shift = finite(offset, "offset of a leg [m]", (3,))
         return cls(T_base_start, SE3.from_parts(p=shift) @ T_base_start)
 
     @property

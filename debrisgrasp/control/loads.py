@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from debrisgrasp._arrays import (
     FloatArray,
     as_floats,
+    finite,
     frozen,
     require_finite,
     require_range,
@@ -36,7 +37,6 @@ from ._rigid import (
     cross,
     parts,
     six,
-    three,
     turned,
     turned_back,
 )
@@ -69,7 +69,7 @@ class Body:
 
     def __post_init__(self) -> None:
         require_range("mass of a body [kg]", self.mass, 0.0, 1e4)
-        object.__setattr__(self, "com", three(self.com, "centre of mass"))
+        object.__setattr__(self, "com", finite(self.com, "centre of mass", (3,)))
 
 
 @checked_fields
@@ -104,7 +104,7 @@ class LoadModel:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bias", frozen(six(self.bias, "bias"), "bias", (6,)))
-        object.__setattr__(self, "gravity", three(self.gravity, "gravity"))
+        object.__setattr__(self, "gravity", finite(self.gravity, "gravity", (3,)))
         _require_sign(self.wrench_sign)
         for value in self.sensor_range:
             require_range("LoadModel.sensor_range [N, N m]", value, 1e-6, 1e6)
@@ -365,7 +365,7 @@ def identify_payload(
         )
     if mass < 1e-3:
         return Body(0.0), False
-    expected = three(expected_com, "expected centre of mass [m]")
+    expected = finite(expected_com, "expected centre of mass [m]", (3,))
     A = -so3.hat(g_ft).reshape(-1, 3)
     rest = load[:, 3:].ravel() - mass * (A @ expected)
     solution = np.linalg.lstsq(A, rest, rcond=0.05)
@@ -388,7 +388,7 @@ def _readings(
         raise ShapeError("readings", got=raw.shape, expected=f"({len(R) or 'n'}, 6)")
     require_finite(raw, "readings")
     SE3.from_matrix(SE3.from_parts(R).matrix, _TURNS)
-    g = three(gravity, "gravity")
+    g = finite(gravity, "gravity", (3,))
     require_range("size of gravity [m/s^2]", float(np.linalg.norm(g)), 0.1, 100.0)
     return raw, R, g
 

@@ -7,15 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import (
-    FloatArray,
-    frozen,
-    require_finite,
-    require_metres,
-    require_range,
-)
+from debrisgrasp._arrays import FloatArray, finite, require_metres, require_range
 from debrisgrasp._checked import checked_fields
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import voxel_cells
 
 __all__ = ["PullChoice", "PullConfig", "choose_pull"]
@@ -103,7 +97,7 @@ def choose_pull(
     if candidates is None:
         directions = _cone(config)
     else:
-        directions = _rows(candidates, "candidates")
+        directions = finite(candidates, "candidates", (None, 3))
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         if len(directions) == 0 or not np.all(lengths > 1e-9):
             raise InputError(
@@ -123,18 +117,9 @@ def choose_pull(
     )
 
 
-def _rows(vectors: ArrayLike, name: str) -> FloatArray:
-    """Finite vectors from outside, shape (n, 3)."""
-    rows = frozen(vectors, name, (None, 3))
-    if rows.ndim != 2:
-        raise ShapeError(f"shape of {name}", got=rows.shape, expected="(n, 3)")
-    require_finite(rows, name)
-    return rows
-
-
 def _checked_points(points: ArrayLike, name: str) -> FloatArray:
     """Points from outside, of which some lie where a robot could be."""
-    rows = _rows(points, name)
+    rows = finite(points, name, (None, 3))
     if len(rows):
         require_metres(name, rows[np.abs(rows).max(axis=1).argmin()])
     return rows

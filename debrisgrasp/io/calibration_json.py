@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite, rounded
+from debrisgrasp._arrays import FloatArray, finite, frozen, rounded
 from debrisgrasp._files import naming_fields, read_schema, read_text, write_atomic
 from debrisgrasp.calibration import (
     BEFORE_CAMERA,
@@ -296,8 +296,7 @@ def _whole_covariance(content: dict[str, Any], k: int) -> FloatArray:
 
 def _covariance(rows: Any, size: int) -> FloatArray:
     """Check a covariance: that of a pose is regular, offsets may have none."""
-    matrix = frozen(rows, "covariance", (size, size))
-    require_finite(matrix, "covariance")
+    matrix = finite(rows, "covariance", (size, size))
     least = np.linalg.eigvalsh(matrix)[0]
     if (
         not np.allclose(matrix, matrix.T, atol=1e-9)

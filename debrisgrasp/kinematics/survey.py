@@ -13,8 +13,7 @@ from debrisgrasp._arrays import (
     FloatArray,
     IntArray,
     Rng,
-    frozen,
-    require_finite,
+    finite,
     require_range,
 )
 from debrisgrasp.errors import InputError
@@ -143,8 +142,7 @@ def survey_reach(
     rng
         Source of the random seeds.
     """
-    at = frozen(places, "places", (None, 3))
-    require_finite(at, "places")
+    at = finite(places, "places", (None, 3))
     directions = np.concatenate([a.directions for a in approaches])
     counts = [len(a.directions) for a in approaches]
     kind = np.repeat(np.arange(len(approaches)), counts)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, frozen, require_finite
+from debrisgrasp._arrays import FloatArray, finite
 from debrisgrasp.errors import ConfigError, ShapeError
 
 from .limits import LimitSet
@@ -31,9 +31,8 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         d = len(self.joint_names)
-        for name, trailing in (("times", ()), ("q", (d,)), ("dq", (d,))):
-            array = frozen(getattr(self, name), name, (None, *trailing))
-            require_finite(array, f"{name} of a trajectory")
+        for name, row in (("times", ()), ("q", (d,)), ("dq", (d,))):
+            array = finite(getattr(self, name), f"{name} of a trajectory", (None, *row))
             object.__setattr__(self, name, array)
         if not len(self.times) == len(self.q) == len(self.dq) >= 1:
             raise ShapeError(

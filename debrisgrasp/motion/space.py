@@ -23,12 +23,11 @@ from debrisgrasp._arrays import (
     Float32Array,
     FloatArray,
     IntArray,
-    frozen,
-    require_finite,
+    finite,
     require_metres,
     require_range,
 )
-from debrisgrasp.errors import InputError, ShapeError
+from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import (
     Bounds,
     DistanceField,
@@ -143,10 +142,7 @@ class MotionSpace:
             If one of them is not finite, or they can only be in millimetres; so for
             the ground, or if its normal has another length than 1.
         """
-        points = np.asarray(points, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise ShapeError("points", got=points.shape, expected="(n, 3)")
-        require_finite(points, "points")
+        points = finite(points, "points", (None, 3))
         if len(points):  # what lies far away is no obstacle, but not all of it does
             require_metres("points", points[np.abs(points).max(axis=1).argmin()])
         cloud = PointCloud(points, np.full(points.shape, np.nan), np.zeros(3))
@@ -282,10 +278,8 @@ class MotionSpace:
 
 def _checked_plane(ground_plane: ArrayLike) -> FloatArray:
     """Plane (4,) of which heights over the ground come out in metres."""
-    plane = frozen(ground_plane, "ground plane", (4,))
-    if plane.ndim != 1:
-        raise ShapeError("shape of ground plane", got=plane.shape, expected="(4,)")
     # Of a NaN nothing is above or below: the ground would be none.
+    plane = finite(ground_plane, "ground plane", (4,))
     require_metres("ground plane", plane)
     length = float(np.linalg.norm(plane[:3]))
     if not abs(length - 1.0) <= _UNIT:

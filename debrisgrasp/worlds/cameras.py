@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng, frozen, require_finite, require_range
+from debrisgrasp._arrays import Rng, finite, require_range
 from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Intrinsics, so3
@@ -30,7 +30,8 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, roll: float = 0.0) -> SE3:
     InputError
         If the target lies at the eye.
     """
-    eye, target = _place(eye, "eye of a camera"), _place(target, "target of a camera")
+    eye = finite(eye, "eye of a camera", (3,))
+    target = finite(target, "target of a camera", (3,))
     z = target - eye
     if not np.linalg.norm(z) > 1e-9:
         raise InputError(
@@ -86,7 +87,7 @@ def draw_view(
     InputError
         If a range is none, or too wide.
     """
-    target = _place(target, "target of a camera")
+    target = finite(target, "target of a camera", (3,))
     for name, (low, high), most in (("height", height, 50.0), ("tilt", tilt, 89.0)):
         require_range(f"least {name}", low, 0.1, most)
         require_range(f"greatest {name}", high, low, most)
@@ -98,9 +99,3 @@ def draw_view(
     eye = np.array([*(target[:2] + distance * back), z])
     aside = rng.normal(0.0, 0.05, 2)
     return look_at(eye, target + np.array([*aside, 0.0]))
-
-
-def _place(position: ArrayLike, name: str) -> FloatArray:
-    place = frozen(position, name, (3,))
-    require_finite(place, name)
-    return place

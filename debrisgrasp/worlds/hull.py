@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_finite
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, finite, frozen
 from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Bounds, Box, hull_of
@@ -51,8 +51,7 @@ class Hull:
         InputError
             If the points aren't finite or span no volume.
         """
-        points = frozen(points, "points of a hull", (None, 3))
-        require_finite(points, "points of a hull")
+        points = finite(points, "points of a hull", (None, 3))
         corners, faces, planes = hull_of(points)
         # Triangles of one flat side share its plane up to rounding.
         _, first = np.unique(planes.round(7), axis=0, return_index=True)

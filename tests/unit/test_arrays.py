@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp._arrays import as_floats, frozen, sealed, unmasked
-from debrisgrasp.errors import ShapeError
+from debrisgrasp._arrays import as_floats, finite, frozen, sealed, unmasked
+from debrisgrasp.errors import InputError, ShapeError
 
 
 def test_what_is_sealed_already_is_not_copied():
@@ -79,3 +79,26 @@ def test_what_is_masked_becomes_nan(convert):
 def test_what_is_no_array_of_numbers_is_named(array):
     with pytest.raises(ShapeError, match="points"):
         as_floats(array, "points", (3,))
+
+
+@pytest.mark.parametrize(
+    ("array", "words"),
+    [
+        (np.ones(3), r"shape of points: got \(3,\), expected \(n, 3\)"),
+        (np.ones((2, 4)), r"shape of points: got \(2, 4\), expected \(n, 3\)"),
+        (np.ones((5, 2, 3)), r"got \(5, 2, 3\), expected \(n, 3\)"),
+        ([[1.0, 2.0, np.inf]], "points: got 1 of 3 values NaN or infinite"),
+        ("here", "points: got str"),
+    ],
+)
+def test_numbers_of_another_shape_or_not_finite_are_told(array, words):
+    with pytest.raises(InputError, match=words):
+        finite(array, "points", (None, 3))
+
+
+def test_finite_numbers_are_copied_and_read_only():
+    array = np.ones((2, 3))
+    copy = finite(array, "points", (2, 3))
+    array[:] = 2.0
+    assert (copy == 1.0).all()
+    assert not copy.flags.writeable

@@ -101,6 +101,16 @@ def test_candidates_are_one_list_of_places(candidates, shape):
         choose_places(np.resize(candidates, shape), 1)
 
 
+@pytest.mark.parametrize("of", [{"places": np.nan}, {"turns": np.nan}])
+def test_places_that_are_nowhere_tell_nothing(of):
+    """Rather than NaN, of which a sum over many looks is made."""
+    places, turns = np.ones((2, 3)), np.ones((2, 3, 3))
+    given = {"places": places, "turns": turns}
+    ((name, value),) = of.items()
+    with pytest.raises(InputError, match=f"{name}: got"):
+        information_at(**{**given, name: value * given[name]}, sigmas=0.003)
+
+
 def test_candidates_in_millimetres_are_refused(candidates):
     with pytest.raises(ConfigError, match="millimetres"):
         choose_places(1000.0 * candidates, 3)
