@@ -12,7 +12,7 @@ from scipy.special import chdtrc
 
 from debrisgrasp._arrays import FloatArray, require_range
 from debrisgrasp._checked import checked_fields
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 
 from .fit import Terms, predicted
 from .head import Head
@@ -111,6 +111,11 @@ class Calibrated(Protocol):
     """What the monitor needs of a calibration, fresh or from a file."""
 
     @property
+    def link(self) -> str | None:
+        """Link of the arm that carries the camera; None if none does."""
+        ...
+
+    @property
     def head(self) -> Head:
         """What carries the camera."""
         ...
@@ -143,7 +148,22 @@ class DriftMonitor:
         look
             One observation or more: where the arm and where the camera has the
             fiducial, or any point of the hand.
+
+        Raises
+        ------
+        InputError
+            If another link, or none, carried the camera when it was calibrated: looks
+            are given in the frame of that link.
         """
+        link = self.calibration.link
+        if look.link != link:
+            raise InputError(
+                "looks",
+                got=f"those of a camera that {_carrier(look.link)} carries",
+                expected=f"{_carrier(link)}, as when it was calibrated",
+                mend="Watch each camera by its own calibration; Observations(link=...) "
+                "says which carries it.",
+            )
         looks = self.looks
         wrong: list[str] = []
         for i in range(len(look)):
@@ -277,6 +297,10 @@ class DriftMonitor:
             now = float(np.mean(along)) + slope * age[-1]
             left = max(0, int(np.ceil((self.config.tolerance - now) / slope)))
         return Trend(per_look=slope, sigma=sigma, looks_left=left)
+
+
+def _carrier(link: str | None) -> str:
+    return "no arm" if link is None else f"link {link!r}"
 
 
 class _Stack:

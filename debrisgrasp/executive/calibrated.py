@@ -57,6 +57,7 @@ class _AsBuilt:
     head: Head
     fit_covariance: FloatArray
     fiducial: FloatArray
+    link: None = None
 
     @classmethod
     def of(cls, context: Context) -> _AsBuilt:

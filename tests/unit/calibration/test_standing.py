@@ -203,3 +203,12 @@ def test_noise_is_no_drift_and_a_knock_is():
                 looks_to_alarm.append(alarms[0] + 1)
     assert quiet == 3
     assert max(looks_to_alarm) <= 5
+
+
+def test_looks_of_another_carrier_are_no_drift(rng):
+    """They are in the frame of that link: any would alarm, or hide a knock."""
+    given = wrist_looks(rng=rng)
+    monitor = DriftMonitor(calibration=calibrate(given, KNOWN))
+    for link, said in (("tool1", "link 'tool1' carries"), (None, "no arm carries")):
+        with pytest.raises(InputError, match=f"{said}, expected link 'tool0'"):
+            monitor.seen(replace(given, link=link))
