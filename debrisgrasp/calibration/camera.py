@@ -9,6 +9,7 @@ from debrisgrasp.geometry import SE3
 
 from .head import Head
 from .observations import require_in_base
+from .uncertainty import checked_covariance
 
 __all__ = ["CalibratedCamera", "Known"]
 
@@ -22,6 +23,13 @@ class Known:
     mount_covariance: FloatArray | None = None
     """Of the twist of the camera in its own frame that corrects the mount of ``head``,
     from an earlier calibration, shape (6, 6); None if ``head`` is only nominal."""
+
+    def __post_init__(self) -> None:
+        if self.mount_covariance is not None:
+            covariance = checked_covariance(
+                self.mount_covariance, "covariance of the mount", 6
+            )
+            object.__setattr__(self, "mount_covariance", covariance)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray
+from debrisgrasp._arrays import FloatArray, finite
+from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Bounds, lattice
 
 from .head import Head
@@ -16,6 +18,7 @@ __all__ = [
     "WORKSPACE",
     "WorkspaceError",
     "camera_covariance",
+    "checked_covariance",
     "displacement",
     "lever_arm",
     "predicted_error",
@@ -25,6 +28,8 @@ WORKSPACE = Bounds(np.array([0.7, -0.4, 0.0]), np.array([1.2, 0.4, 0.7]))
 """Where RoMan's piles lie, base frame [m]."""
 BEFORE_CAMERA = Bounds(np.array([-0.3, -0.3, 0.3]), np.array([0.3, 0.3, 0.8]))
 """What a camera that an arm carries looks at, camera frame [m]."""
+_ROUNDING = 1e-12
+"""So far below zero rounding leaves a variance [m^2, rad^2]."""
 _STEPS = 7
 """Grid points along each edge of the workspace."""
 
@@ -85,6 +90,33 @@ def predicted_error(covariance: FloatArray, points: FloatArray) -> FloatArray:
     skew = np.array([vw[1, 2] - vw[2, 1], vw[2, 0] - vw[0, 2], vw[0, 1] - vw[1, 0]])
     total = np.trace(vv) + 2.0 * points @ skew + turning
     return np.asarray(np.sqrt(np.maximum(total, 0.0)))
+
+
+def checked_covariance(rows: ArrayLike, name: str, size: int) -> FloatArray:
+    """Check a covariance, of a pose and then of what may be known without doubt.
+
+    Raises
+    ------
+    InputError
+        If it is none, or not of this size.
+    """
+    matrix = finite(rows, name, (size, size))
+    if not np.allclose(matrix, matrix.T, atol=1e-9):
+        raise InputError(
+            name,
+            got=f"an asymmetry of {np.abs(matrix - matrix.T).max():.3g}",
+            expected="a symmetric matrix",
+        )
+    least = np.linalg.eigvalsh(matrix)[0]
+    least_of_pose = np.linalg.eigvalsh(matrix[:6, :6])[0]
+    if least < -_ROUNDING or least_of_pose <= 0.0:
+        raise InputError(
+            name,
+            got=f"an eigenvalue of {min(least, least_of_pose):.3g}",
+            expected="none below zero, and those of the pose above",
+            mend="No pose is known without any doubt.",
+        )
+    return matrix
 
 
 def camera_covariance(

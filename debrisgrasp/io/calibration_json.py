@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, finite, frozen, rounded
+from debrisgrasp._arrays import FloatArray, frozen, rounded
 from debrisgrasp._files import naming_fields, read_schema, read_text, write_atomic
 from debrisgrasp.calibration import (
     BEFORE_CAMERA,
@@ -25,6 +25,7 @@ from debrisgrasp.calibration import (
     Head,
     displacement,
 )
+from debrisgrasp.calibration.uncertainty import checked_covariance
 from debrisgrasp.errors import ConfigError, OutputError
 from debrisgrasp.geometry import SE3, so3
 
@@ -264,7 +265,7 @@ def _stored(content: dict[str, Any], path: Path) -> StoredCalibration:
         T_link_camera=SE3.from_matrix(content[pose], pose),
         link=None if link is None else str(link),
         fiducial_given=tuple(map(float, given)) if isinstance(given, list) else given,
-        covariance=_covariance(content["covariance"], 6),
+        covariance=checked_covariance(content["covariance"], "covariance", 6),
         head=Head(
             T_base_camera_at_zero=SE3.from_matrix(
                 head["T_base_camera_at_zero"], "T_base_camera_at_zero"
@@ -287,28 +288,12 @@ def _stored(content: dict[str, Any], path: Path) -> StoredCalibration:
 def _whole_covariance(content: dict[str, Any], k: int) -> FloatArray:
     """Read that of mount and offsets, with that of the fiducial, if it is there."""
     whole = np.zeros((9 + k, 9 + k))
-    whole[:-3, :-3] = _covariance(content["head"]["covariance"], 6 + k)
+    of_head = content["head"]["covariance"]
+    whole[:-3, :-3] = checked_covariance(of_head, "covariance of the head", 6 + k)
     if "fiducial_covariance" in content:
         rows = frozen(content["fiducial_covariance"], "fiducial_covariance", (3, 9 + k))
         whole[-3:], whole[:, -3:] = rows, rows.T
-    return _covariance(whole, 9 + k)
-
-
-def _covariance(rows: Any, size: int) -> FloatArray:
-    """Check a covariance: that of a pose is regular, offsets may have none."""
-    matrix = finite(rows, "covariance", (size, size))
-    least = np.linalg.eigvalsh(matrix)[0]
-    if (
-        not np.allclose(matrix, matrix.T, atol=1e-9)
-        or least < -1e-12
-        or np.linalg.eigvalsh(matrix[:6, :6])[0] <= 0.0
-    ):
-        raise ConfigError(
-            "covariance",
-            got="no covariance",
-            expected="a symmetric matrix with positive eigenvalues",
-        )
-    return matrix
+    return checked_covariance(whole, "covariance with that of the fiducial", 9 + k)
 
 
 def _head_to_dict(calibration: Calibration) -> dict[str, Any]:

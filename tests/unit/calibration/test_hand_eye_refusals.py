@@ -300,3 +300,20 @@ def test_settings_out_of_range():
         for value in (-1, np.nan, "much"):
             with pytest.raises(ConfigError, match=name):
                 CalibrationConfig(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("covariance", "words"),
+    [
+        (1e-6 * np.eye(3), r"mount: got \(3, 3\), expected \(6, 6\)"),
+        (np.full((6, 6), np.nan), "mount: got 36 of 36 values NaN"),
+        (1e-6 * np.eye(6) + np.eye(6, k=1), "an asymmetry of 1"),
+        (-1e-6 * np.eye(6), "an eigenvalue of -1e-06"),
+        (np.zeros((6, 6)), "an eigenvalue of 0"),
+        ("well", "covariance of the mount"),
+    ],
+)
+def test_a_mount_known_by_no_covariance(covariance, words):
+    """By one below zero the fit is pulled away from where the mount is known to be."""
+    with pytest.raises(InputError, match=words):
+        Known(head=head(), mount_covariance=covariance)
