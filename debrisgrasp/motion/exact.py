@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, finite
 from debrisgrasp.geometry import Box, Capsule, Cylinder, Solid, Sphere
 from debrisgrasp.kinematics.body import RobotBody
 from debrisgrasp.kinematics.exact import ExactSolids
@@ -76,6 +76,8 @@ class ExactTest:
 
     def is_free(self, q: FloatArray) -> BoolArray:
         """Whether postures (n, d) are free of contact, shape (n,)."""
+        # One of NaN lies near nothing.
+        q = finite(q, "postures", (None, self.arm.body.chain.n_joints))
         found = np.ones(len(q), dtype=bool)
         if not len(q):
             return found
@@ -89,7 +91,8 @@ class ExactTest:
 
     def contacts(self, q: ArrayLike) -> tuple[Contact, ...]:
         """All contacts in one posture (d,)."""
-        poses = self.arm.body.segment_poses(np.asarray(q, dtype=np.float64)[None])
+        q = finite(q, "posture", (self.arm.body.chain.n_joints,))
+        poses = self.arm.body.segment_poses(q[None])
         centers = self._ball_centers(poses)
         parts = self.arm.body.parts
         found = [

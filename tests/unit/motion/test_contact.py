@@ -219,3 +219,19 @@ def test_a_ground_may_be_a_list_and_is_kept_from_changes():
     given[:] = 7
     np.testing.assert_array_equal(space.ground_plane, [0.0, 0.0, 1.0, 0.0])
     assert MotionSpace.from_points([[0, 0, 1]], ground_plane=[0, 0, 1, 0]).coarse
+
+
+@pytest.mark.parametrize("given", [np.nan, np.inf])
+def test_a_posture_that_is_none_is_not_free(planner, arm, empty, given):
+    q = np.where(np.arange(len(arm.q_present)) == 2, given, arm.q_present)
+    test = planner.exact_test(empty)
+    for ask, posture in ((test.is_free, q[None]), (test.contacts, q)):
+        with pytest.raises(InputError, match=r"posture.* got 1 of 8 values NaN"):
+            ask(posture)
+
+
+def test_postures_of_another_shape_are_refused(planner, arm, empty):
+    test, q = planner.exact_test(empty), arm.q_present
+    for ask, posture in ((test.is_free, q), (test.contacts, q[None])):
+        with pytest.raises(ShapeError, match="shape of posture"):
+            ask(posture)
