@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, Rng
+from debrisgrasp._arrays import BoolArray, FloatArray, Rng, require_range
 from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp.kinematics import LimitSet, Trajectory
 
@@ -277,7 +277,14 @@ class MotionQuery:
 
 
 def samples_of(trajectory: Trajectory, step: float) -> FloatArray:
-    """Sample a trajectory so that no joint moves by more than a step; (n, d)."""
+    """Sample a trajectory so that no joint moves by more than a step; (n, d).
+
+    Raises
+    ------
+    ConfigError
+        If the step is none, or endlessly small.
+    """
+    require_range("step of samples [rad or m]", step, 1e-6)
     fastest = float(np.abs(trajectory.dq).max(initial=1e-9))
     n = int(np.ceil(trajectory.duration * fastest / step)) + 1
     q, _, _ = trajectory.at(np.linspace(0.0, trajectory.duration, max(n, 2)))

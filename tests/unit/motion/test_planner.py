@@ -38,6 +38,14 @@ def require_free(planner, found, space):
     assert planner.exact_test(space).is_free(q).all()
 
 
+@pytest.mark.parametrize("step", [0, -0.1, np.nan, np.inf, "small"])
+def test_a_step_that_is_none_samples_nothing(arm, planner, empty, step):
+    """A step below zero gave the two ends alone."""
+    found = plan(planner, arm.q_present, arm.q_present + 0.02, empty)
+    with pytest.raises(ConfigError, match="step of samples"):
+        samples_of(found.trajectory, step)
+
+
 def test_in_the_open_the_way_is_straight(arm, planner, empty, q_goal):
     found = plan(planner, arm.q_present, q_goal, empty)
     require_free(planner, found, empty)
