@@ -8,7 +8,7 @@ from math import exp, log
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, finite, require_range
-from debrisgrasp.errors import InputError
+from debrisgrasp.errors import ConfigError, InputError
 
 from ._rigid import Wrench
 
@@ -45,7 +45,20 @@ class WrenchFilter:
         return 1.0 - exp(-self.period / self.tau)
 
     def settling_time(self, share: float = 0.95) -> float:
-        """Seconds until a step has passed the filter to this share."""
+        """Seconds until a step has passed the filter to this share.
+
+        Raises
+        ------
+        ConfigError
+            If that is not below 1.
+        """
+        if not 0.0 <= share < 1.0:
+            raise ConfigError(
+                "share of a step that has passed",
+                got=share,
+                expected="0 or more, below 1",
+                mend="All of it never has: 0.95 is most.",
+            )
         return -self.tau * log(1.0 - share)
 
     def step(self, filtered: Wrench, sample: Wrench) -> Wrench:

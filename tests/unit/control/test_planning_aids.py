@@ -238,3 +238,9 @@ def test_a_press_that_never_touches_is_not_calm():
 def test_a_guarded_approach_has_a_speed(speed):
     with pytest.raises(ConfigError, match="guarded approach"):
         ContactGuard().require_speed(speed, LIMITS)
+
+
+@pytest.mark.parametrize("share", [1.0, 2.0, -0.5, np.nan])
+def test_a_filter_never_lets_all_of_a_step_pass(share):
+    with pytest.raises(ConfigError, match="share of a step"):
+        WrenchFilter().settling_time(share)
