@@ -25,6 +25,7 @@ from debrisgrasp._arrays import (
     require_range,
 )
 from debrisgrasp._checked import checked_fields
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import so3
 
 from .filters import WrenchFilter
@@ -39,6 +40,8 @@ __all__ = [
 ]
 
 _MAX_SENSITIVITY = 2.0
+_ROUNDING = 1e-9
+"""A compliance that rounding leaves below zero [m/N]."""
 BESIDE = 0.1
 """So far from its origin a hand touches something with its edges and fingers [m]."""
 
@@ -153,7 +156,21 @@ class StabilityBound:
             `contact_gain` of the compliance [m/N].
         mass_gain
             The same where the held mass has its centre [m/N]; None: ``gain``.
+
+        Raises
+        ------
+        ConfigError
+            If one is below zero, of which every bound would be kept.
         """
+        mass_gain = gain if mass_gain is None else mass_gain
+        for name, value in (("gain [m/N]", gain), ("mass_gain [m/N]", mass_gain)):
+            if value < -_ROUNDING:
+                raise ConfigError(
+                    name,
+                    got=f"{value:g}",
+                    expected="0 or more",
+                    mend="`contact_gain` of a compliance is.",
+                )
         stiffness = contact.effective_stiffness
         product, safe = stiffness * gain, self.gain_safe
         where = (
@@ -173,7 +190,7 @@ class StabilityBound:
             )
         elif product > 0.5 * safe:
             warnings.append(f"{numbers}, over half the bound {safe:.3g}")
-        held = (gain if mass_gain is None else mass_gain) * contact.mass
+        held = mass_gain * contact.mass
         if not held <= 0.5 * self.mass_gain_max:
             refusals.append(
                 f"compliance times held mass {contact.mass:g} kg is {held:.3g}, above "

@@ -202,6 +202,13 @@ def _engaged(rig: Rig):
     return rig.controller.engage(rig.reading(0, rig.q_start, (0.0,) * 6))
 
 
+@pytest.mark.parametrize("gains", [(-1.0, None), (1e-9, -1.0)])
+def test_a_compliance_below_zero_keeps_no_bound(gains):
+    gain, mass_gain = gains
+    with pytest.raises(ConfigError, match=r"gain \[m/N\]: got -1,"):
+        Rig().controller.bound.verdict(gain, Contact(mass=1.0), mass_gain)
+
+
 def test_a_compliance_or_a_lever_that_is_no_number_is_refused():
     bound = Rig().controller.bound
     assert bound.verdict(np.nan, Contact()).refusals
