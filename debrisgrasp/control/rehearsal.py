@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng, require_range
+from debrisgrasp._arrays import FloatArray, Rng, finite, require_range
 from debrisgrasp._checked import checked
 from debrisgrasp.geometry import SE3
 
-from ._rigid import parts
+from ._rigid import parts, six
 from .controller import LegController
 from .filters import WrenchFilter
 from .leg_state import Command, LegOutcome
@@ -73,6 +73,7 @@ class Rehearsal:
         return f"{words}, after {100 * self.last.share:.0f} % of the way"
 
 
+@checked
 def rehearse(
     controller: LegController,
     q_start: ArrayLike,
@@ -101,19 +102,20 @@ def rehearse(
     Raises
     ------
     InputError
-        If the controller refuses to engage; the message says why.
+        If the controller refuses to engage; the message says why. If an argument is
+        none that it can be, or the world gives no wrench.
     """
     period = controller.config.period
     require_range("duration of a rehearsal [s]", duration, period, 1e5)
     chain, loads = controller.chain, controller.loads
-    q = np.asarray(q_start, dtype=np.float64)
+    q = finite(q_start, "q_start", (chain.n_joints,))
     joints = LaggingArm(arm, period, q)
     noise = np.repeat([0.3, 0.01], 3)
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
 
     def reading(tick: int) -> tuple[Reading, FloatArray, SE3]:
         T = chain.fk(q)
-        base = world(T)
+        base = six(world(T), "wrench of the world")
         load = np.concatenate([T.R.T @ base[:3], T.R.T @ base[3:]])
         raw = loads.reading(load, parts(T)[0]) + noise * rng.standard_normal(6)
         now = tick * period
