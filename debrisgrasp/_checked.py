@@ -36,9 +36,11 @@ _WORDS = {
 _MENDS = {
     "Bounds": "Bounds(lower, upper) makes one.",
     "Capture": "Capture.load(path) reads one.",
+    "Compliance": "Compliance.diagonal(translation, rotation), for instance.",
     "Generator": "numpy.random.default_rng(seed) makes one.",
     "GripperModel": "GripperModel.load(name or path) reads one.",
     "Intrinsics": "Intrinsics.from_matrix(K, depth.shape) makes one.",
+    "LimitSet": "One of a LimitFamily: its .planner to plan, its .controller to move.",
     "Observations": "debrisgrasp.calibrate(path) reads a file of them.",
     "PlanningResult": "debrisgrasp.plan(capture) makes one.",
     "PointCloud": "Capture.cloud() makes one.",

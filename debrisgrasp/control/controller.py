@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp.kinematics import KinematicChain, LimitSet
 
 from ._rigid import Rotation, Vector, Wrench, norm, parts, pose, share_within, six
@@ -49,6 +50,7 @@ _Sensed = tuple[Wrench, OscillationState, Compliance | None, LegOutcome]
 class LegController:
     """Moves the hand along one leg: rigid, guarded, or giving way to a wrench."""
 
+    @checked
     def __init__(
         self,
         chain: KinematicChain,

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, finite, require_range
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import KinematicChain, LimitSet, Trajectory
@@ -134,6 +135,7 @@ class LegPlan:
 class LegPlanner:
     """Turns straight legs into joint motion within limits."""
 
+    @checked
     def __init__(
         self,
         chain: KinematicChain,

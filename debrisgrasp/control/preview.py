@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp.geometry import SE3
 from debrisgrasp.kinematics import DeflectionLimits
 
@@ -58,6 +59,7 @@ class Preview:
         return "\n".join(self.lines)
 
 
+@checked
 def preview(
     compliance: Compliance,
     T_base_ee: SE3,

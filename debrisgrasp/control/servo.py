@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv, dpotrf, dsyevd
 
 from debrisgrasp._arrays import FloatArray, require_range
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import ConfigError, ShapeError
 from debrisgrasp.kinematics import KinematicChain, LimitSet
 
@@ -91,6 +91,7 @@ class ServoState(NamedTuple):
 class CartesianServo:
     """Follows poses with one arm within its limits."""
 
+    @checked
     def __init__(
         self,
         chain: KinematicChain,

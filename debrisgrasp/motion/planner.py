@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, Rng, require_finite
+from debrisgrasp._checked import checked
 from debrisgrasp._stopwatch import Progress, Stopwatch
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3
@@ -37,6 +38,7 @@ __all__ = ["MotionPlanner"]
 class MotionPlanner:
     """Plans for one arm, in any space."""
 
+    @checked
     def __init__(
         self,
         collision: ArmCollision,
@@ -74,6 +76,7 @@ class MotionPlanner:
         return ArmSpheres(discernible(self._spheres.body, room))
 
     @classmethod
+    @checked
     def of_arm(
         cls,
         arm: ArmReach,

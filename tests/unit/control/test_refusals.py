@@ -7,11 +7,14 @@ import pytest
 
 from debrisgrasp.control import (
     ArmResponse,
+    CartesianServo,
+    LegPlanner,
+    preview,
     rehearse,
 )
 from debrisgrasp.errors import InputError
 
-from .rigs import READY, Rig
+from .rigs import CHAIN, PERIOD, READY, ROMAN, Rig
 
 
 @pytest.mark.parametrize(
@@ -35,3 +38,25 @@ def test_a_rehearsal_of_what_is_none_is_refused(given, words):
     }
     with pytest.raises(InputError, match=words):
         rehearse(Rig().controller, **{**usual, **given})
+
+
+FAMILY = ROMAN.limits("right", CHAIN)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Rig(limits=FAMILY), "limits: got LimitFamily, .*controller to move"),
+        (lambda: Rig(compliance=np.eye(6)), "compliance: got ndarray, .*diagonal"),
+        (lambda: Rig(guard=3.0), "guard: got 3.0"),
+        (lambda: CartesianServo(CHAIN, FAMILY, PERIOD), "limits: got LimitFamily"),
+        (lambda: LegPlanner(CHAIN, FAMILY), "limits: got LimitFamily"),
+        (
+            lambda: preview(np.eye(6), CHAIN.fk(READY), bound=Rig().controller.bound),
+            "compliance: got ndarray",
+        ),
+    ],
+)
+def test_what_moves_an_arm_by_something_else_is_refused(make, words):
+    with pytest.raises(InputError, match=words):
+        make()

@@ -272,3 +272,13 @@ def test_an_arm_whose_links_pass_closely_finds_its_way(name, empty):
     planner = MotionPlanner.of_arm(arm)
     goal = SE3.from_parts(p=[0.0, 0.05, 0.05]) @ arm.chain.fk(arm.q_present)
     require_free(planner, plan(planner, arm.q_present, goal, empty), empty)
+
+
+def test_limits_are_one_set_of_a_family(arm):
+    family = arm.robot.limits(arm.name, arm.chain)
+    for make in (
+        lambda: MotionPlanner(arm.collision, family),
+        lambda: MotionPlanner.of_arm(arm, limits=family),
+    ):
+        with pytest.raises(InputError, match=r"limits: got LimitFamily.*\.planner"):
+            make()
