@@ -58,7 +58,8 @@ class Intrinsics:
         Raises
         ------
         CaptureError
-            If K is no pinhole matrix, or belongs to an image of another size.
+            If K is no pinhole matrix, or belongs to an image of another size, or shape
+            is that of no image.
         """
         K = as_floats(K, "K", ())
         if K.shape not in ((3, 3), (9,)):
@@ -81,6 +82,13 @@ class Intrinsics:
                 mend="Rectify images of a camera with skew first."
                 if has_skew
                 else "Give it row by row, in pixels of this image.",
+            )
+        if np.shape(shape) != (2,):
+            raise CaptureError(
+                "shape of the image",
+                got=shape,
+                expected="(rows, columns)",
+                mend="That of a colour image is image.shape[:2].",
             )
         height, width = shape
         camera = cls(

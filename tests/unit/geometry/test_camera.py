@@ -93,3 +93,9 @@ def test_a_mirrored_matrix_is_not_told_to_have_skew():
 def test_cameras_that_cannot_be_are_refused(field, value):
     with pytest.raises(InputError, match=r"focal|finite|image"):
         replace(CAMERA, **{field: value})
+
+
+@pytest.mark.parametrize("shape", [(480, 640, 3), (480,), 480, "here", None])
+def test_an_image_has_rows_and_columns(shape):
+    with pytest.raises(CaptureError, match=r"shape of the image: .*shape\[:2\]"):
+        Intrinsics.from_matrix(K, shape)
