@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
-from debrisgrasp.errors import UnknownNameError
-from debrisgrasp.geometry import Bounds
+from debrisgrasp.errors import ShapeError, UnknownNameError
+from debrisgrasp.geometry import Bounds, PointCloud
 
 __all__ = [
     "GroundReport",
@@ -194,6 +194,16 @@ class Segmentation:
         return (
             f"<Segmentation of {of} points: {n} objects, ground {self.ground.status}>"
         )
+
+    def require_of(self, cloud: PointCloud) -> None:
+        """Raise `ShapeError` unless there is one label for each point of a cloud."""
+        if self.labels.shape != (len(cloud),):
+            raise ShapeError(
+                "labels of the segmentation",
+                got=self.labels.shape,
+                expected=f"one label for each of the {len(cloud)} points of the cloud",
+                mend="Give the segmentation that was made from this very cloud.",
+            )
 
     def segment(self, label: int) -> Segment:
         """Look up a segment by its label.

@@ -16,7 +16,7 @@ from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require
 from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._physics import GRAVITY
 from debrisgrasp._words import counted
-from debrisgrasp.errors import ConfigError, InputError, ShapeError, UnknownNameError
+from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import PointCloud
 
 from .bearing import judged_relations
@@ -269,13 +269,7 @@ def labelled_surface(
 ) -> LabelledSurface:
     """Thin a segmented cloud; raises what `support_graph` does."""
     cloud.require_frame("base")
-    if segmentation.labels.shape != (len(cloud),):
-        raise ShapeError(
-            "labels",
-            got=segmentation.labels.shape,
-            expected=f"one for each of the {len(cloud)} points of the cloud",
-            mend="Give the segmentation that was made from this very cloud.",
-        )
+    segmentation.require_of(cloud)
     highest = int(segmentation.labels.max(initial=0))
     if highest > len(segmentation.segments) or segmentation.labels.min(initial=0) < 0:
         raise InputError(

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from debrisgrasp._arrays import IntArray
-from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import PointCloud
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.planning import GraspPlan
@@ -109,14 +108,7 @@ class Report:
 
     def __post_init__(self) -> None:
         self.cloud.require_frame("base")
-        labels = np.asarray(self.segmentation.labels)
-        if labels.shape != (len(self.cloud),):
-            raise InputError(
-                "segmentation of the report",
-                got=f"labels of shape {labels.shape}",
-                expected=f"one label for each of the {len(self.cloud)} points",
-                mend="Give the segmentation that was made from this very cloud.",
-            )
+        self.segmentation.require_of(self.cloud)
 
     @property
     def labels(self) -> IntArray:

@@ -75,9 +75,12 @@ def segmentation_png(
 
     Raises
     ------
+    ShapeError
+        If the segmentation is of another cloud.
     ConfigError, OutputError
         If the file has another suffix, or can't be written.
     """
+    segmentation.require_of(cloud)
     report = segmentation.ground
     image = label_image(cloud, segmentation.labels, capture, report.kinds)
     name = "Segments" if capture is None else capture.name

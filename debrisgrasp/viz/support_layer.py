@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
-from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import PointCloud
 from debrisgrasp.segmentation import (
     GROUND,
@@ -40,12 +39,7 @@ class SelectionReport:
 
     def __post_init__(self) -> None:
         self.cloud.require_frame("base")
-        if self.segmentation.labels.shape != (len(self.cloud),):
-            raise InputError(
-                "segmentation of the report",
-                got=f"labels of shape {self.segmentation.labels.shape}",
-                expected=f"one label for each of the {len(self.cloud)} points",
-            )
+        self.segmentation.require_of(self.cloud)
 
     @property
     def title(self) -> str:

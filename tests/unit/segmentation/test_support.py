@@ -249,7 +249,7 @@ def test_a_cloud_without_image_is_judged_too():
 
 def test_labels_of_another_cloud_are_refused():
     segmentation, cloud = scene(BLOCK_ON_BLOCK)
-    with pytest.raises(ShapeError, match="one for each of the 5 points"):
+    with pytest.raises(ShapeError, match="one label for each of the 5 points"):
         support_graph(segmentation, cloud.selected(np.arange(5)))
     with pytest.raises(FrameMismatchError):
         support_graph(segmentation, cloud.in_frame(SE3.identity(), "camera"))

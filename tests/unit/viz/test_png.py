@@ -186,6 +186,15 @@ def test_labels_of_another_cloud_are_refused(report: Report) -> None:
         replace(report, segmentation=segmentation_of(labels))
 
 
+def test_segments_of_another_cloud_are_not_drawn(
+    report: Report, tmp_path: Path
+) -> None:
+    other = report.cloud.selected(np.arange(5))
+    with pytest.raises(InputError, match="one label for each of the 5 points"):
+        segmentation_png(tmp_path / "a.png", None, other, report.segmentation)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_cloud_of_another_frame_is_refused(report: Report) -> None:
     with pytest.raises(FrameMismatchError):
         replace(report, cloud=replace(report.cloud, frame="cam"))
