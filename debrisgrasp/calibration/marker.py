@@ -12,13 +12,16 @@ from debrisgrasp._arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    frozen,
+    as_floats,
+    finite,
     require_metres,
     require_range,
 )
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import Intrinsics
+
+from .picture import checked_picture
 
 __all__ = ["MarkerConfig", "MarkerFound", "MarkerMissing", "find_marker"]
 
@@ -111,7 +114,7 @@ def find_marker(
     Parameters
     ----------
     rgb
-        Picture with the LED on, shape (height, width, 3).
+        Picture with the LED on, uint8, shape (height, width, 3).
     depth
         Depth registered to it [m], shape (height, width); 0 or NaN for nothing.
     intrinsics
@@ -126,11 +129,11 @@ def find_marker(
     Raises
     ------
     ShapeError, InputError
-        If the images don't fit the camera, or the expected place is behind it or can
-        only be millimetres.
+        If the images don't fit the camera or are of another type, or the expected
+        place is behind it or can only be millimetres.
     """
     config = config or MarkerConfig()
-    expected = frozen(expected_camera, "expected place", (3,))
+    expected = finite(expected_camera, "expected place of the marker", (3,))
     require_metres("expected place of the marker", expected)
     if expected[2] <= 0.05:
         raise InputError(
@@ -138,14 +141,13 @@ def find_marker(
             got=expected.tolist(),
             expected="a point in front of the camera, z > 0.05 m",
         )
-    depths = np.asarray(depth, dtype=np.float64)
-    shape_2d = (intrinsics.height, intrinsics.width)
-    shapes = {"rgb": (rgb.shape, (*shape_2d, 3)), "depth": (depths.shape, shape_2d)}
+    depths = as_floats(depth, "depth", ())
+    shape = (intrinsics.height, intrinsics.width)
+    if depths.shape != shape:
+        raise ShapeError("shape of depth", got=depths.shape, expected=str(shape))
+    rgb = checked_picture(rgb, "rgb", (*shape, 3))
     if rgb_off is not None:
-        shapes["rgb_off"] = (rgb_off.shape, (*shape_2d, 3))
-    for name, (got, wanted) in shapes.items():
-        if got != wanted:
-            raise ShapeError(f"shape of {name}", got=got, expected=str(wanted))
+        rgb_off = checked_picture(rgb_off, "rgb_off", (*shape, 3))
     window = _window(expected, intrinsics, config)
     if window is None:
         return MarkerMissing(reason="it is expected outside the picture")

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from debrisgrasp._arrays import FloatArray, require_range
-from debrisgrasp.errors import MissingExtraError, ShapeError, UnknownNameError
+from debrisgrasp.errors import MissingExtraError, UnknownNameError
 from debrisgrasp.geometry import SE3, Intrinsics
+
+from .picture import checked_picture
 
 __all__ = ["TagFound", "find_tags"]
 
@@ -45,7 +47,7 @@ def find_tags(
     Parameters
     ----------
     rgb
-        Picture, shape (height, width, 3) or grey (height, width).
+        Picture, uint8, shape (height, width, 3) or grey (height, width).
     intrinsics
         Its camera.
     size
@@ -57,21 +59,17 @@ def find_tags(
 
     Raises
     ------
-    ShapeError, UnknownNameError
-        If the picture is not of the camera's size, or the family is not known.
+    InputError, UnknownNameError
+        If the picture is of another size than the camera's or of another type, or the
+        family is not known.
     MissingExtraError
         If the library is not installed.
     """
     require_range("size of the tag", size, 1e-3, 2.0)
     if family not in _FAMILIES:
         raise UnknownNameError("family of tags", family, _FAMILIES)
-    image = np.asarray(rgb)
-    if image.shape[:2] != (intrinsics.height, intrinsics.width):
-        raise ShapeError(
-            "shape of rgb",
-            got=image.shape,
-            expected=f"({intrinsics.height}, {intrinsics.width}, 3)",
-        )
+    shape = (intrinsics.height, intrinsics.width)
+    image: NDArray[Any] = checked_picture(rgb, "rgb", (*shape, 3), shape)
     if image.ndim == 3:
         image = np.rint(image @ [0.299, 0.587, 0.114])
     try:

@@ -151,5 +151,16 @@ def test_bad_input_is_refused():
         found_in(changed(view, expected=1000.0 * view.expected))
     with pytest.raises(InputError, match="expected place of the marker"):
         found_in(changed(view, expected=np.array([0.0, np.nan, 1.0])))
+    with pytest.raises(ShapeError, match="expected place of the marker"):
+        found_in(changed(view, expected=view.expected[:2]))
     with pytest.raises(InputError, match="color"):
         MarkerConfig(color=(1.0, 1.0, 1.0))
+
+
+@pytest.mark.parametrize("name", ["on", "off"])
+def test_a_picture_of_another_type_is_refused(name):
+    """In numbers from 0 to 1 nothing would shine, and nothing be said of why."""
+    view = blank()
+    picture = getattr(view, name) / 255.0
+    with pytest.raises(InputError, match=r"rgb.* float64, expected uint8.*255 \*"):
+        found_in(changed(view, **{name: picture}))

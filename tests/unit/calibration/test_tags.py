@@ -11,6 +11,7 @@ from scipy import ndimage
 from debrisgrasp.calibration import find_tags
 from debrisgrasp.errors import (
     ConfigError,
+    InputError,
     MissingExtraError,
     ShapeError,
     UnknownNameError,
@@ -75,3 +76,7 @@ def test_bad_input_is_refused():
         find_tags(seen_tag(), CAMERA, size=-1.0)
     with pytest.raises(ShapeError):
         find_tags(seen_tag()[:-2], CAMERA, size=SIZE)
+    with pytest.raises(ShapeError, match=r"\(480, 640, 4\)"):
+        find_tags(np.repeat(seen_tag()[..., None], 4, axis=-1), CAMERA, size=SIZE)
+    with pytest.raises(InputError, match="float64, expected uint8"):
+        find_tags(seen_tag() / 255.0, CAMERA, size=SIZE)
