@@ -31,6 +31,10 @@ class Known:
             )
             object.__setattr__(self, "mount_covariance", covariance)
 
+    def __repr__(self) -> str:
+        mount = "nominal" if self.mount_covariance is None else "calibrated"
+        return f"<Known {mount} mount of {self.head}>"
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CalibratedCamera:

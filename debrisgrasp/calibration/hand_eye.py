@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 
 from debrisgrasp._arrays import BoolArray, FloatArray, finite
 from debrisgrasp._checked import checked
+from debrisgrasp._words import counted
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
@@ -67,6 +68,12 @@ class Calibration(CalibratedCamera):
     """Root mean square residual of the used observations [m]. It tells about the noise
     of the camera, not about the error in the workspace."""
     decision: Decision
+
+    def __repr__(self) -> str:
+        used, n = int(np.count_nonzero(~self.is_outlier)), len(self.observations)
+        error = f"error {1e3 * self.error.rms:.1f} mm"
+        words = f"{self.model} from {used} of {counted(n, 'look')}, {error}"
+        return f"<Calibration of {words}, {self.decision}>"
 
     def T_base_camera_at(self, readings: ArrayLike) -> SE3:
         """Pose of the camera for other readings (..., k) of the head [rad]."""

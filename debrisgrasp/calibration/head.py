@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, as_floats, finite, require_finite
+from debrisgrasp._words import counted
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3, so3
 
@@ -54,6 +55,10 @@ class Head:
                 expected="1: else the joint would turn by as many times its reading",
                 mend="Divide the axis by its length.",
             )
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.joint_names)
+        return f"<Head of {counted(self.n_joints, 'joint')}{names and ': ' + names}>"
 
     @classmethod
     def fixed(cls, T_base_camera: SE3) -> Head:

@@ -15,6 +15,7 @@ from debrisgrasp._arrays import (
     frozen,
     require_range,
 )
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import SE3
 
@@ -109,6 +110,14 @@ class Observations:
         most = _MOST_KINEMATIC
         require_range("kinematic_sigma [m]", self.kinematic_sigma, 0.0, most)
         _require_usable(self)
+
+    def __repr__(self) -> str:
+        words = counted(len(self), "look")
+        if self.link is not None:
+            words += f" from link {self.link}"
+        if k := self.readings.shape[1]:
+            words += f", head of {counted(k, 'joint')}"
+        return f"<Observations of {words}>"
 
     def __len__(self) -> int:
         return len(self.points_base)

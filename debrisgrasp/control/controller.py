@@ -30,7 +30,7 @@ from .legs import CartesianLeg
 from .loads import LoadModel
 from .oscillation import OscillationGuard, OscillationState
 from .readings import Reading, SafetyState, Verdict
-from .refusals import RefusalCause, refusals_of
+from .refusals import RefusalCause, load_faults, refusals_of
 from .servo import CartesianServo, ServoState, pose_error, stoppable
 from .stability import StabilityBound, StabilityVerdict, contact_gain
 from .supervisor import Supervisor
@@ -39,6 +39,10 @@ __all__ = ["LegController"]
 
 _EASY, _CREEP = 0.5, 0.1
 """Up to this share of a limit a leg keeps its speed, at the limit this share of it."""
+
+_ROOM = 0.6
+"""Share of its limits to which the hand may be loaded already, where it gives way to
+what comes on top."""
 
 _RETURN = 0.125
 """Share of its rate at which a deflection goes back against what still pushes."""
@@ -112,6 +116,11 @@ class LegController:
             torque=0.05 * limits.torque,
         )
 
+    def __repr__(self) -> str:
+        ways = ((self.compliance, "giving way"), (self.guard, "guarded"))
+        how = ", ".join(words for given, words in ways if given) or "rigid"
+        return f"<LegController of {self.chain} on {self.leg}, {how}>"
+
     def engage(
         self,
         reading: Reading,
@@ -133,7 +142,9 @@ class LegController:
         servo = self._servo.start(safety.q)
         now = safety.time
         braking = [guard.braking_fault(self.braking_time(servo))] if guard else []
-        loaded = self._load_faults(safety.load, supervisor.load_limits(now))
+        is_tared = self.config.tare is TarePolicy.MOTION
+        share = _ROOM if is_tared else 1.0
+        loaded = load_faults(safety.load, supervisor.load_limits(now), share)
         refusals = [
             *refusals_of(RefusalCause.SATURATED, [supervisor.sensor_fault(safety)]),
             *refusals_of(RefusalCause.BIAS, [supervisor.baseline_fault(now)]),
@@ -150,7 +161,6 @@ class LegController:
             return Engagement(None, tuple(refusals), warnings)
         mean = six(safety.load if reference is None else reference, "reference")
         initial = tuple(mean.tolist())
-        is_tared = self.config.tare is TarePolicy.MOTION
         state = LegState(
             safety=safety,
             servo=servo,
@@ -162,20 +172,6 @@ class LegController:
             reference=initial if is_tared else ZERO_WRENCH,
         )
         return Engagement(state, (), warnings)
-
-    def _load_faults(self, load: Wrench, limits: tuple[float, float]) -> list[str]:
-        """Why what the hand carries already is too much to begin with."""
-        share = 0.6 if self.config.tare is TarePolicy.MOTION else 1.0
-        faults = []
-        for name, part, most in zip(
-            ("force", "torque"), (load[:3], load[3:]), limits, strict=True
-        ):
-            if not norm(part) <= share * most:
-                faults.append(
-                    f"the {name} on the hand is {norm(part):.3g} already, over "
-                    f"{share * most:.3g}: {100 * share:.0f} % of its limit {most:.3g}"
-                )
-        return faults
 
     def _place_fault(self, servo: ServoState) -> str:
         """Why the hand is not where the leg begins."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from math import degrees
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -73,6 +74,10 @@ class CartesianLeg:
         parts(T_base_start)
         shift = finite(offset, "offset of a leg [m]", (3,))
         return cls(T_base_start, SE3.from_parts(p=shift) @ T_base_start)
+
+    def __repr__(self) -> str:
+        turn = degrees(self.angle)
+        return f"<CartesianLeg of {1e3 * self.length:.0f} mm and {turn:.0f} deg>"
 
     @property
     def length(self) -> float:

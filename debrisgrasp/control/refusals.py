@@ -8,7 +8,9 @@ from enum import Enum
 
 from debrisgrasp.errors import InputError
 
-__all__ = ["Refusal", "RefusalCause", "StartError", "refusals_of"]
+from ._rigid import Wrench, norm
+
+__all__ = ["Refusal", "RefusalCause", "StartError", "load_faults", "refusals_of"]
 
 
 class RefusalCause(Enum):
@@ -77,3 +79,17 @@ class StartError(InputError):
 def refusals_of(cause: RefusalCause, found: Iterable[str]) -> list[Refusal]:
     """Give what was found a cause; what is empty is nothing."""
     return [Refusal(cause, words) for words in found if words]
+
+
+def load_faults(load: Wrench, limits: tuple[float, float], share: float) -> list[str]:
+    """Why what the hand bears already is over a share of its limits [N], [N m]."""
+    faults = []
+    for name, part, most in zip(
+        ("force", "torque"), (load[:3], load[3:]), limits, strict=True
+    ):
+        if not norm(part) <= share * most:
+            faults.append(
+                f"the {name} on the hand is {norm(part):.3g} already, over "
+                f"{share * most:.3g}: {100 * share:.0f} % of its limit {most:.3g}"
+            )
+    return faults

@@ -205,6 +205,11 @@ class StoredCalibration(CalibratedCamera):
     """Why it was refused; empty if it was accepted."""
     path: Path
 
+    def __repr__(self) -> str:
+        refused = "refused: " + "; ".join(self.problems)
+        decision = refused if self.problems else "accepted"
+        return f"<StoredCalibration {self.path}, {decision}>"
+
     @property
     def _called(self) -> str:
         return f"calibration {self.path}"

@@ -70,6 +70,9 @@ class MotionPlanner:
         self._spheres = ArmSpheres(collision.body)
         self._solids = ExactArm(collision.body)
 
+    def __repr__(self) -> str:
+        return f"<MotionPlanner of {self.chain}>"
+
     @cached_property
     def _discerned(self) -> ArmSpheres:
         room = self.config.self_margin + self.config.spare

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -311,3 +313,15 @@ class TestModels:
 def _about(point: np.ndarray, rotvec: np.ndarray) -> SE3:
     R = so3.exp(rotvec)
     return SE3.from_parts(R, point - R @ point)
+
+
+def test_what_a_calibration_is_made_of_is_told_in_a_line_each(rng):
+    given = head_looks(head(), PLACES, REST, noise=0.002, rng=rng)
+    found = calibrate(given, Known(head=head()))
+    assert repr(given) == "<Observations of 8 looks, head of 2 joints>"
+    assert repr(found.head) == "<Head of 2 joints: pan, tilt>"
+    assert repr(Head.fixed(CAMERA)) == "<Head of 0 joints>"
+    assert repr(Known(head=head())) == f"<Known nominal mount of {head()}>"
+    assert repr(found.known) == f"<Known calibrated mount of {head()}>"
+    told = r"<Calibration of mount from 8 of 8 looks, error \d\.\d mm, accepted>"
+    assert re.fullmatch(told, repr(found))

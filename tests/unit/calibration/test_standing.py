@@ -212,3 +212,7 @@ def test_looks_of_another_carrier_are_no_drift(rng):
     for link, said in (("tool1", "link 'tool1' carries"), (None, "no arm carries")):
         with pytest.raises(InputError, match=f"{said}, expected link 'tool0'"):
             monitor.seen(replace(given, link=link))
+
+
+def test_looks_by_a_camera_on_an_arm_are_told_in_a_line(rng):
+    assert repr(wrist_looks(rng=rng)) == "<Observations of 12 looks from link tool0>"

@@ -11,6 +11,7 @@ import pytest
 from debrisgrasp.control import (
     CartesianLeg,
     CartesianServo,
+    ContactGuard,
     ControllerConfig,
     LegPlanner,
     LegStatus,
@@ -24,7 +25,7 @@ from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import KinematicChain, LimitSet
 from tests.unit.kinematics.robots import JointText, written
 
-from .rigs import CHAIN, LIMITS, PERIOD, READY, ROMAN, rpy
+from .rigs import CHAIN, LIMITS, PERIOD, READY, ROMAN, SOFT, Rig, rpy
 
 T = CHAIN.fk(READY)
 
@@ -422,3 +423,15 @@ def test_a_leg_that_is_faster_than_its_servo_is_refused():
         ControllerConfig(speed=0.3, servo=servo)
     with pytest.raises(ConfigError, match=r"turn_rate.*to 1\.$"):
         ControllerConfig(turn_rate=1.5, servo=servo)
+
+
+def test_a_leg_and_its_controller_are_told_in_a_line_each():
+    leg = "<CartesianLeg of 100 mm and 0 deg>"
+    for given, how in (
+        ({}, "rigid"),
+        ({"guard": ContactGuard()}, "guarded"),
+        ({"guard": ContactGuard(), "compliance": SOFT}, "giving way, guarded"),
+    ):
+        controller = Rig(**given, config=ControllerConfig(speed=0.01)).controller
+        assert repr(controller.leg) == leg
+        assert repr(controller) == f"<LegController of {CHAIN} on {leg}, {how}>"

@@ -127,6 +127,7 @@ def test_a_calibration_comes_back(tmp_path, rng):
     assert save_calibration(tmp_path / "c.json", content) == (None, None)
     stored = load_calibration(tmp_path / "c.json")
     stored.require_accepted()
+    assert repr(stored) == f"<StoredCalibration {tmp_path / 'c.json'}, accepted>"
     assert stored.date == "2024-05-01T12:00:00+00:00"
     assert stored.T_base_camera.matrix == pytest.approx(found.T_base_camera.matrix)
     assert stored.covariance == pytest.approx(found.covariance, abs=1e-15)

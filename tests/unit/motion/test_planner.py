@@ -274,6 +274,10 @@ def test_an_arm_whose_links_pass_closely_finds_its_way(name, empty):
     require_free(planner, plan(planner, arm.q_present, goal, empty), empty)
 
 
+def test_a_planner_tells_of_its_arm(arm, planner):
+    assert repr(planner) == f"<MotionPlanner of {arm.chain}>"
+
+
 def test_limits_are_one_set_of_a_family(arm):
     family = arm.robot.limits(arm.name, arm.chain)
     for make in (
