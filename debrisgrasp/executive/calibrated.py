@@ -62,12 +62,11 @@ class _AsBuilt:
     @classmethod
     def of(cls, context: Context) -> _AsBuilt:
         """Take it that a shift of the hand as large as allowed is an alarm."""
-        model, device = context.model, context.robot.head
-        names = () if device is None else tuple(device.joint_names)
-        values = context.joint_values()
-        held = {name: value for name, value in values.items() if name not in names}
+        model, names, values = context.model, _turning(context), context.joint_values()
         camera = model.camera or model.base
         if names:
+            known = {**model.rest, **values}
+            held = {name: known[name] for name in known.keys() - names}
             chain = KinematicChain.from_tree(model.tree, model.base, camera, held)
             head = Head(
                 T_base_camera_at_zero=chain.T_base_tip_at_zero,
@@ -79,7 +78,7 @@ class _AsBuilt:
             head = Head.fixed(model.T_base_camera(values))
         sigma = context.settings.camera_shift / _SIGMAS
         # The hand is where its joints say.
-        variances = np.append(np.full(6 + len(names), sigma * sigma), np.zeros(3))
+        variances = np.append(np.full(6 + head.n_joints, sigma * sigma), np.zeros(3))
         covariance = np.diag(variances)
         return cls(head=head, fit_covariance=covariance, fiducial=np.zeros(3))
 
@@ -141,12 +140,18 @@ def _left_out(why: str) -> Done:
     return Done({"hand_seen": False, "why": why})
 
 
+def _turning(context: Context) -> tuple[str, ...]:
+    """Joints of the head that turn; those that slide keep their places in a check."""
+    head, joints = context.robot.head, context.model.tree.joints
+    names = () if head is None else head.joint_names
+    return tuple(name for name in names if joints[name].kind != "prismatic")
+
+
 def _looks(context: Context) -> list[Mapping[str, float]]:
     """Attitudes of the head: aside, and as for captures."""
-    look, head = look_of(context), context.robot.head
-    if head is None:
-        return [look]
-    return [{n: look.get(n, 0.0) - _ASIDE for n in head.joint_names}, look]
+    look, turning = look_of(context), _turning(context)
+    aside = {name: look.get(name, 0.0) - _ASIDE for name in turning}
+    return [{**look, **aside}, look] if turning else [look]
 
 
 def _looked(context: Context) -> list[_Look] | FaultFound:
@@ -188,7 +193,8 @@ def _compared(
     context: Context, limb: LimbState, empty: Sequence[_Look]
 ) -> DriftReport | FaultFound | None:
     """Judge where the hand is seen, by all looks of the run; None: it can't be."""
-    head = context.robot.head
+    monitor = context.camera_watch or DriftMonitor(calibration=_AsBuilt.of(context))
+    joints = monitor.calibration.head.joint_names
     hand = limb.pose(context.posture(limb)).p
     seen, readings, is_lost = [], [], False
     for target, before in zip(_looks(context), empty, strict=True):
@@ -200,9 +206,10 @@ def _compared(
         found = seen_shift(context, limb, before.depth)
         is_lost = found is None  # as captures are taken, if it can be seen then
         if found is not None:
-            T_base_camera = context.model.T_base_camera(context.joint_values())
+            values = context.joint_values()
+            T_base_camera = context.model.T_base_camera(values)
             seen.append(T_base_camera.inverse().apply(hand + found))
-            readings.append([] if head is None else list(head.read().q))
+            readings.append([values.get(name, 0.0) for name in joints])
     if is_lost:
         words = f"the hand of the {arm_called(limb.name)} is not seen where it must be"
         return FaultFound("fiducial_lost", words, limb.name)
@@ -214,7 +221,6 @@ def _compared(
         sigmas=_NOISE,
         head=np.array(readings),
     )
-    monitor = context.camera_watch or DriftMonitor(calibration=_AsBuilt.of(context))
     context.camera_watch, report = monitor.seen(looks)
     return report
 

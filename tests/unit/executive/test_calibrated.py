@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from debrisgrasp import Pipeline
 from debrisgrasp.executive import TaskSettings
 from debrisgrasp.executive.calibrated import calib_check
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.seen_hand import rigid_links
-from debrisgrasp.geometry import SE3, Box, Intrinsics
+from debrisgrasp.geometry import SE3, Box, Intrinsics, so3
 from debrisgrasp.kinematics import RobotModel
 from tests.unit.executive.rigs import PERIOD, before_a_brick
 
@@ -124,3 +126,53 @@ def test_a_forearm_near_the_hand_is_no_hand_elsewhere(pipeline, monkeypatch):
     found = calib_check(task.context)
     assert isinstance(found, Done), found.message
     assert np.linalg.norm(found.facts["shift_mm"]) < 10.0
+
+
+class Reversed:
+    """A head whose driver names its joints from the camera down."""
+
+    def __init__(self, head):
+        self._head = head
+
+    def __getattr__(self, name):
+        return getattr(self._head, name)
+
+    @property
+    def joint_names(self):
+        return self._head.joint_names[::-1]
+
+    def read(self):
+        reading = self._head.read()
+        return reading._replace(q=reading.q[::-1])
+
+    def move_to(self, q):
+        self._head.move_to(q[::-1])
+
+
+def test_joints_of_a_head_are_told_by_their_names(pipeline):
+    _, task = before_a_brick(pipeline)
+    robot = task.context.robot
+    task.context.robot = replace(robot, head=Reversed(robot.head))
+    found = calib_check(task.context)
+    assert isinstance(found, Done), found.message
+    assert np.linalg.norm(found.facts["shift_mm"]) < 10.0
+
+
+def test_a_head_that_slides_is_no_camera_that_moved():
+    """In the place of tilting it slides, and stands 0.1 m back at rest."""
+    roman, slide = RobotModel.load("roman"), "ptu_tilt_joint"
+    joints = dict(roman.tree.joints)
+    joints[slide] = replace(joints[slide], kind="prismatic", lower=-0.3, upper=0.3)
+    R = so3.from_rpy(np.array([0.0, 0.75, 0.0]))
+    seat = joints["tilt_to_camera"]
+    down = SE3.from_parts(R) @ seat.T_parent_joint
+    joints["tilt_to_camera"] = replace(seat, T_parent_joint=down)
+    tree = replace(roman.tree, joints=joints)
+    sliding = replace(roman, tree=tree, rest={**roman.rest, slide: -0.1})
+    fake, task = before_a_brick(Pipeline(robot=sliding))
+    found = calib_check(task.context)
+    assert isinstance(found, Done), found.message
+    assert found.facts["hand_seen"]
+    assert np.linalg.norm(found.facts["shift_mm"]) < 10.0
+    assert task.context.camera_watch.calibration.head.joint_names == ("ptu_pan_joint",)
+    assert fake.truth().violations == ()
