@@ -23,6 +23,12 @@ __all__ = ["Facets", "depth_facets", "depth_normals"]
 _CELLS_ACROSS = 320
 """Pixels are averaged into cells so that about this many span the image: noise of a
 stereo camera is correlated over two or three pixels, so finer cells only cost time."""
+_MAX_INCIDENCE = math.radians(84.0)
+"""Steepest view of a surface [rad]: a step in depth beyond it is a jump from one
+surface to another. Larger bridges more jumps, smaller loses grazing surfaces."""
+_NOISE_MULTIPLE = 3.0
+"""Cells within this many standard deviations of a plane belong to it. Larger rounds
+creases, smaller averages over less of a face."""
 _WINDOW_RADII = (3, 5)
 """Half widths of the growing windows [cells]; the last gives about 3 degrees at 1.5 m
 for a noise of 1.8 mm / m^2."""
@@ -53,13 +59,7 @@ class Facets:
     """Which of them each pixel has, shape (height, width)."""
 
 
-def depth_normals(
-    depth: FloatArray,
-    intrinsics: Intrinsics,
-    *,
-    max_incidence: float = math.radians(84.0),
-    noise_multiple: float = 3.0,
-) -> FloatArray:
+def depth_normals(depth: FloatArray, intrinsics: Intrinsics) -> FloatArray:
     """Estimate unit normals of a depth image, towards the camera.
 
     Parameters
@@ -69,12 +69,6 @@ def depth_normals(
         measured.
     intrinsics
         Camera of the image.
-    max_incidence
-        Steepest view of a surface [rad]: a step in depth beyond it is a jump from one
-        surface to another. Larger bridges more jumps, smaller loses grazing surfaces.
-    noise_multiple
-        Cells within this many standard deviations of a plane belong to it. Larger
-        rounds creases, smaller averages over less of a face.
 
     Returns
     -------
@@ -82,19 +76,11 @@ def depth_normals(
         Normals in the camera frame, shape (height, width, 3); NaN where nothing was
         measured and where too few neighbours share a surface.
     """
-    facets = depth_facets(
-        depth, intrinsics, max_incidence=max_incidence, noise_multiple=noise_multiple
-    )
+    facets = depth_facets(depth, intrinsics)
     return facets.normals.take(facets.of_pixels, axis=0)
 
 
-def depth_facets(
-    depth: FloatArray,
-    intrinsics: Intrinsics,
-    *,
-    max_incidence: float = math.radians(84.0),
-    noise_multiple: float = 3.0,
-) -> Facets:
+def depth_facets(depth: FloatArray, intrinsics: Intrinsics) -> Facets:
     """Estimate normals (m, 3) as `depth_normals` does, and which of them pixels have.
 
     So they can be turned before they are spread over the pixels.
@@ -102,7 +88,7 @@ def depth_facets(
     depth = as_floats(depth, "depth", (intrinsics.height, intrinsics.width))
     cell = max(1, round(intrinsics.width / _CELLS_ACROSS))
     pixels = _padded_inverse(depth, cell)
-    step_limit = math.tan(max_incidence) * cell / intrinsics.fx
+    step_limit = math.tan(_MAX_INCIDENCE) * cell / intrinsics.fx
     grid = _nearest_surface(pixels, cell, step_limit)
     noise = _noise(grid)
     jump = np.fmax(step_limit * grid, 4.0 * noise)
@@ -110,7 +96,7 @@ def depth_facets(
     planes = np.stack([grid, np.zeros_like(grid), np.zeros_like(grid)])
     planes = _refitted(grid, planes, jump, radius=1)
     for radius in _WINDOW_RADII:
-        agree = np.full_like(grid, noise_multiple * noise)
+        agree = np.full_like(grid, _NOISE_MULTIPLE * noise)
         larger = _refitted(grid, planes, agree, radius)
         planes = np.where(np.isfinite(larger[0]), larger, planes)
 
