@@ -15,7 +15,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, UnknownNameError
 
-__all__ = ["MAX_LENGTH", "Fields", "is_number", "require_distinct"]
+__all__ = ["MAX_LENGTH", "Fields", "is_number", "is_number_as_text", "require_distinct"]
 
 MAX_LENGTH = 1.0
 """Longest length in a file of hands and prototypes [m]; above it, it is millimetres."""
@@ -237,16 +237,17 @@ def _number(value: Any, where: str, wanted: str = "", mend: str = "") -> float:
 
 def _mend_of_text(value: object) -> str:
     """Say how a text is written as the number that it may be meant for."""
-    if _is_number_as_text(value):
+    if is_number_as_text(value):
         return _AS_TEXT
-    if isinstance(value, str) and _is_number_as_text(value.replace(",", ".", 1)):
+    if isinstance(value, str) and is_number_as_text(value.replace(",", ".", 1)):
         return _COMMA
     if isinstance(value, str) and _WITH_UNIT.fullmatch(value.strip()):
         return _UNIT
     return ""
 
 
-def _is_number_as_text(value: object) -> bool:
+def is_number_as_text(value: object) -> bool:
+    """Whether a value is text that reads as a finite number."""
     try:
         return isinstance(value, str) and bool(np.isfinite(float(value)))
     except ValueError:

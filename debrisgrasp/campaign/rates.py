@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from debrisgrasp._arrays import Rng
+from debrisgrasp._fields import is_number_as_text
 from debrisgrasp._files import read_yaml, schema_found
 from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.executive import State
@@ -116,7 +117,7 @@ def _rate(entry: Any, where: str) -> Rate:
             f"{where}, rate",
             got=repr(rate),
             expected="a number, 0 to 1",
-            mend=_POINTLESS if _is_number(rate) else "",
+            mend=_POINTLESS if is_number_as_text(rate) else "",
         )
     if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
         raise ConfigError(f"{where}, one_of", got=names, expected="names of faults")
@@ -124,14 +125,6 @@ def _rate(entry: Any, where: str) -> Rate:
         return Rate(rate=rate, one_of=tuple(names), state=entry.get("state"))
     except InputError as error:
         raise ConfigError.about(where, error) from error
-
-
-def _is_number(value: object) -> bool:
-    try:
-        float(str(value))
-    except ValueError:
-        return False
-    return isinstance(value, str)
 
 
 def random_faults(rng: Rng) -> tuple[Injection, ...]:
