@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 
-from debrisgrasp._arrays import BoolArray, FloatArray
+from debrisgrasp._arrays import BoolArray, FloatArray, require_range
+from debrisgrasp._checked import checked, checked_fields
+from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3, PointCloud, voxel_downsample
 from debrisgrasp.kinematics import LimitSet, RobotModel, Trajectory
 
@@ -42,6 +44,7 @@ _SHOWN = 2.0
 """Points of the scene farther from the base than this are not drawn [m]."""
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MotionTrack:
     """One motion of an arm, in one or several pieces."""
@@ -52,6 +55,15 @@ class MotionTrack:
     limits: LimitSet
     touches: FloatArray | None = None
     """Postures (k, d) in which the arm touches something: drawn in red."""
+
+    def __post_init__(self) -> None:
+        moved = {piece.joint_names for piece in self.trajectories}
+        if moved != {self.limits.joint_names}:
+            raise InputError(
+                "trajectories of a track",
+                got=f"those of {sorted(moved)}" if moved else "none",
+                expected=f"one or more of {self.limits.joint_names}, as the limits",
+            )
 
     def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Posture and speed at times (n,) from the start of the first piece."""
@@ -70,6 +82,7 @@ class MotionTrack:
         return sum(piece.duration for piece in self.trajectories)
 
 
+@checked
 def motion_png(
     path: str | os.PathLike[str],
     title: str,
@@ -103,7 +116,11 @@ def motion_png(
     ------
     ConfigError, OutputError
         If the file has another suffix, or can't be written.
+    InputError
+        If a track is of other joints than those of the arm, or there are more than two.
     """
+    _require_drawable(robot, arm, tracks, cloud, gripped)
+    require_range("n_postures", n_postures, 2)
     page = Page(*_SIZE)
     page.text(30, 20, shortened(title, 80), 20, weight="bold")
     page.text(30, 62, shortened(note, 150), 11.5, color=MUTED_INK)
@@ -124,6 +141,27 @@ def motion_png(
         axes = page.scaled_panel(slot, heading, "seconds", (8, 5))
         _draw_joints(axes, track, robot, of_speed=kind == "speed")
     page.write(path)
+
+
+def _require_drawable(
+    robot: RobotModel,
+    arm: str,
+    tracks: Sequence[MotionTrack],
+    cloud: PointCloud | None,
+    gripped: BoolArray | None,
+) -> None:
+    joints = robot.chain(arm).joint_names
+    moved = [track.limits.joint_names for track in tracks]
+    if moved not in ([joints], [joints] * 2):
+        raise InputError(
+            "tracks of a picture",
+            got=f"{len(moved)}, of the joints {sorted(set(moved))}",
+            expected=f"one or two of {joints}, as the {arm} arm",
+        )
+    if cloud is not None:
+        cloud.require_frame("base")
+    if gripped is not None and cloud is not None and len(gripped) != len(cloud):
+        raise ShapeError("gripped", got=len(gripped), expected=f"({len(cloud)},)")
 
 
 def _rendered(
