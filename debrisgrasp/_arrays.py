@@ -17,6 +17,7 @@ __all__ = [
     "IntArray",
     "Rng",
     "as_floats",
+    "as_rows",
     "bounded",
     "finite",
     "frozen",
@@ -67,6 +68,23 @@ def as_floats(
         raise _no_array(array, name, np.float64) from error
     require_trailing(floats, name, trailing)
     return floats
+
+
+def as_rows(points: ArrayLike, name: str = "points") -> FloatArray:
+    """Give points as float64, one to a row, shape (n, 3).
+
+    Raises
+    ------
+    ShapeError
+        If they have another shape, as those of an image.
+    """
+    rows = as_floats(points, name, (3,))
+    if rows.ndim != 2:
+        mend = f"{name}.reshape(-1, 3) makes rows." if rows.ndim > 2 else ""
+        raise ShapeError(
+            f"shape of {name}", got=rows.shape, expected="(n, 3)", mend=mend
+        )
+    return rows
 
 
 def unmasked(array: Any) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import FloatArray, IntArray, as_rows, require_finite
 from debrisgrasp.errors import InputError
 
 __all__ = ["hull_of", "hull_volume"]
@@ -18,9 +18,12 @@ def hull_of(points: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
 
     Raises
     ------
+    ShapeError
+        If the points are not (n, 3).
     InputError
-        If the points span no volume.
+        If they span no volume, or one of them is not finite.
     """
+    points = _finite(points)
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as error:
@@ -37,8 +40,22 @@ def hull_of(points: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
 
 
 def hull_volume(points: FloatArray) -> float:
-    """Volume between points (n, 3) [m^3]; 0 if they are flat."""
+    """Volume between points (n, 3) [m^3]; 0 if they are flat.
+
+    Raises
+    ------
+    InputError
+        As `hull_of`, but for flat points.
+    """
+    points = _finite(points)
     try:
         return float(ConvexHull(points).volume)
     except (QhullError, ValueError):
         return 0.0
+
+
+def _finite(points: FloatArray) -> FloatArray:
+    """Give points as (n, 3): Qhull ends the process at those of another shape."""
+    points = as_rows(points, "points of a hull")
+    require_finite(points, "points of a hull")
+    return points
