@@ -6,7 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from debrisgrasp._arrays import FloatArray, as_floats, require_finite
+from debrisgrasp._arrays import (
+    FloatArray,
+    as_floats,
+    as_rows,
+    require_finite,
+    require_range,
+)
 
 from .neighbors import by_place, cell_means, voxel_cells
 
@@ -51,10 +57,19 @@ def neighborhood_normals(
     -------
     FloatArray
         Normals, shape (n, 3); NaN where the neighbours form a line or a ball.
+
+    Raises
+    ------
+    InputError
+        If points or viewpoint are of another shape or not finite, or a setting is none.
     """
-    points = as_floats(points, "points", (3,))
+    points = as_rows(points)
     require_finite(points, "points")
-    sight = np.asarray(viewpoint, dtype=np.float64)
+    sight = as_floats(viewpoint, "viewpoint", (3,))
+    require_finite(sight, "viewpoint")
+    require_range("n_neighbors", n_neighbors, 3)
+    require_range("max_support", max_support, 1)
+    require_range("flatness", flatness, 1e-6, 1.0)
     first = by_place(points)[1]
     index = np.flatnonzero(first == np.arange(len(points)))
     places = points.take(index, axis=0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, IntArray, as_floats, require_finite
+from debrisgrasp._arrays import FloatArray, IntArray, as_rows, require_finite
 from debrisgrasp.errors import InputError
 
 __all__ = ["by_place", "cell_means", "voxel_cells", "voxel_count", "voxel_downsample"]
@@ -29,6 +29,7 @@ def by_place(points: FloatArray) -> tuple[IntArray, IntArray]:
         Indices of the points by x, then y, then z, those in one place ascending, shape
         (n,); and the first point in the place of each, itself if it repeats none, (n,).
     """
+    points = as_rows(points)
     x, y, z = points.T
     order = np.argsort(x)
     is_same = np.diff(x[order]) == 0.0
@@ -65,7 +66,7 @@ def voxel_cells(points: FloatArray, size: float) -> tuple[IntArray, int]:
     InputError
         If the size is none, or too small for the extent of the points.
     """
-    points = as_floats(points, "points", (3,))
+    points = as_rows(points)
     require_finite(points, "points")
     if not size > 0:
         raise InputError("voxel size", got=size, expected="a length > 0 [m]")
@@ -112,7 +113,7 @@ def voxel_downsample(points: FloatArray, size: float) -> IntArray:
         Ascending indices of the points nearest to the means of their cells, one for
         each occupied cell.
     """
-    points = as_floats(points, "points", (3,))
+    points = as_rows(points)
     columns = np.array(points.T, order="C")
     cell_index, n_cells = _any_cells(points, columns, size)
     counts = np.bincount(cell_index, minlength=n_cells)
@@ -133,7 +134,7 @@ def voxel_downsample(points: FloatArray, size: float) -> IntArray:
 
 def voxel_count(points: FloatArray, size: float) -> int:
     """How many voxels with edges ``size`` [m] the points (n, 3) occupy."""
-    points = as_floats(points, "points", (3,))
+    points = as_rows(points)
     return _any_cells(points, points.T, size)[1]
 
 

@@ -74,3 +74,21 @@ def test_turning_cloud_and_viewpoint_turns_the_normals(rng):
 def test_points_that_are_not_finite_are_refused():
     with pytest.raises(InputError, match="points"):
         neighborhood_normals(np.array([[0, 0, np.nan]]), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"points": np.ones((4, 5, 3))}, r"\(4, 5, 3\), expected \(n, 3\)"),
+        ({"viewpoint": [0.0, 0.0]}, r"shape of viewpoint: got \(2,\)"),
+        ({"viewpoint": [0.0, 0.0, np.nan]}, "viewpoint: got 1 of 3 values NaN"),
+        ({"n_neighbors": 0}, "n_neighbors: got 0"),
+        ({"max_support": 0}, "max_support: got 0"),
+        ({"flatness": -1.0}, "flatness: got -1"),
+    ],
+    ids=str,
+)
+def test_what_gives_no_normals_at_all_is_refused(wrong, words):
+    right = {"points": np.eye(3), "viewpoint": np.zeros(3)}
+    with pytest.raises(InputError, match=words):
+        neighborhood_normals(**{**right, **wrong})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from debrisgrasp.errors import InputError
+from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import voxel_cells, voxel_count, voxel_downsample
 from debrisgrasp.geometry.neighbors import by_place
 
@@ -88,3 +88,17 @@ def test_points_of_any_kind_of_number_share_the_same_cells(rng, kind):
         np.testing.assert_array_equal(
             np.hstack(divide(given, 0.01)), np.hstack(divide(plain, 0.01))
         )
+
+
+@pytest.mark.parametrize(
+    "thin",
+    [
+        by_place,
+        lambda points: voxel_cells(points, 0.1),
+        lambda points: voxel_count(points, 0.1),
+        lambda points: voxel_downsample(points, 0.1),
+    ],
+)
+def test_points_in_the_order_of_an_image_are_refused(thin, rng):
+    with pytest.raises(ShapeError, match=r"\(4, 5, 3\), expected \(n, 3\).*reshape"):
+        thin(rng.random((4, 5, 3)))
