@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, Rng, as_floats, require_generator
+from debrisgrasp._arrays import FloatArray, Rng, as_floats
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
 from .chain import KinematicChain
 from .ik import solve
-from .ik_input import checked_poses
+from .ik_input import checked_config, checked_poses
 from .ik_types import IkConfig, IkResult
 from .reach_map import ReachMap
 from .search import PoseSearch
@@ -60,8 +60,7 @@ def follow(
     InputError
         If the postures are not one for each pose.
     """
-    require_generator(rng)
-    config = config or IkConfig()
+    config = checked_config(chain, reach_map, config, rng)
     targets = checked_poses(T_base_tip)
     q_before = as_floats(q_before, "q_before", (chain.n_joints,))
     if q_before.shape != (len(targets), chain.n_joints):

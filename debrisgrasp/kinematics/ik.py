@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng, require_generator
+from debrisgrasp._arrays import FloatArray, Rng
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 
 from .chain import KinematicChain
 from .formulas import AxisGoals
-from .ik_input import checked_poses, checked_postures
+from .ik_input import checked_config, checked_poses, checked_postures
 from .ik_types import IkConfig, IkResult, IkStatus
 from .reach_map import ReachMap
 from .search import HANDFUL, PoseSearch
@@ -70,8 +70,7 @@ def solve(
     InputError
         If a pose is not finite or not rigid, or the seed has the wrong shape.
     """
-    require_generator(rng)
-    config = config or IkConfig()
+    config = checked_config(chain, reach_map, config, rng)
     targets, batch = checked_poses(T_base_tip), T_base_tip.batch
     wanted = seeds = None
     if q_seed is not None:
@@ -124,8 +123,7 @@ def solve_distinct(
     """
     if n_solutions < 1:
         raise InputError("n_solutions", got=n_solutions, expected="at least 1")
-    require_generator(rng)
-    config = config or IkConfig()
+    config = checked_config(chain, reach_map, config, rng)
     targets, batch = checked_poses(T_base_tip), T_base_tip.batch
     repeated = np.repeat(targets, n_solutions, axis=0)
     search = PoseSearch(chain, config, repeated, reach_map, rng)

@@ -7,19 +7,47 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, as_floats, require_finite
+from debrisgrasp._arrays import (
+    FloatArray,
+    Rng,
+    as_floats,
+    require_finite,
+    require_generator,
+)
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import SE3
 
 from .chain import KinematicChain
+from .ik_types import IkConfig
+from .reach_map import ReachMap
 from .walk import cross, dot
 
-__all__ = ["checked_poses", "checked_postures"]
+__all__ = ["checked_config", "checked_poses", "checked_postures"]
 
 _RIGID_TOLERANCE = 1e-3
 """How far ``R.T @ R`` of a target may be from the identity."""
 _FEW = 12
 """So many poses are looked at faster as floats than as arrays."""
+
+
+def checked_config(
+    chain: KinematicChain, reach_map: ReachMap | None, config: IkConfig | None, rng: Rng
+) -> IkConfig:
+    """Give the settings, or the default ones, once all is of its type.
+
+    Not by `checked`, which costs a twentieth of one pose or more.
+    """
+    require_generator(rng)
+    config = IkConfig() if config is None else config
+    for name, value, kind, mend in (
+        ("chain", chain, KinematicChain, "RobotModel.load(name).chain(arm) makes one."),
+        ("reach_map", reach_map, ReachMap, "ReachMap.build(chain) makes one."),
+        ("config", config, IkConfig, "IkConfig(attempts=20), for instance."),
+    ):
+        if not isinstance(value, kind) and (value is not None or name == "chain"):
+            got = type(value).__name__
+            raise InputError(name, got=got, expected=kind.__name__, mend=mend)
+    return config
 
 
 def checked_poses(T_base_tip: SE3) -> FloatArray:

@@ -9,7 +9,6 @@ from debrisgrasp._arrays import (
     FloatArray,
     IntArray,
     Rng,
-    require_generator,
     require_range,
 )
 from debrisgrasp.geometry import SE3
@@ -17,7 +16,7 @@ from debrisgrasp.geometry import SE3
 from .chain import KinematicChain
 from .descent import SINGLE_FLOOR, Descent, Goals
 from .ik import solve, solve_distinct
-from .ik_input import checked_poses, checked_postures
+from .ik_input import checked_config, checked_poses, checked_postures
 from .ik_types import IkConfig, IkResult, IkStatus
 from .program import LaneKernel
 from .reach_map import ReachMap
@@ -74,8 +73,7 @@ def solve_nearest(
         As for `solve`, and if the bound is not above zero.
     """
     require_range("bound", bound, 1e-6)
-    require_generator(rng)
-    config = config or IkConfig()
+    config = checked_config(chain, reach_map, config, rng)
     targets, batch = checked_poses(T_base_tip), T_base_tip.batch
     wanted = checked_postures(chain, q_near, "q_near", batch)
     lower = np.clip(wanted - bound, chain.lower, chain.upper)

@@ -12,6 +12,7 @@ from debrisgrasp.kinematics import (
     IkStatus,
     KinematicChain,
     ReachMap,
+    ReachMapConfig,
     follow,
     solve,
     solve_distinct,
@@ -257,3 +258,29 @@ def test_settings_out_of_range_are_refused() -> None:
         IkConfig(attempts=0)
     with pytest.raises(DebrisGraspError, match="n_solutions"):
         solve_distinct(None, SE3.identity(), 0, rng=None)  # type: ignore[arg-type]  # refused before use
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"chain": "right"}, r"chain: got str, expected KinematicChain.*\.chain\("),
+        ({"chain": None}, "chain: got NoneType"),
+        ({"reach_map": ReachMapConfig()}, r"reach_map: got ReachMapConfig.*build"),
+        ({"config": {"attempts": 3}}, "config: got dict, expected IkConfig"),
+        ({"config": {}}, "config: got dict"),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("function", [solve, solve_distinct, solve_nearest, follow])
+def test_what_is_no_chain_no_map_and_no_settings_is_refused(
+    arm: KinematicChain, rng: np.random.Generator, wrong, words: str, function
+) -> None:
+    others = {
+        solve: {},
+        solve_distinct: {"n_solutions": 2},
+        solve_nearest: {"q_near": np.zeros(8), "bound": 1.0},
+        follow: {"q_before": np.zeros((1, 8))},
+    }[function]
+    right = {"chain": arm, "T_base_tip": arm.fk(np.zeros(8)), "rng": rng, **others}
+    with pytest.raises(InputError, match=words):
+        function(**{**right, **wrong})
