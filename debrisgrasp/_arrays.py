@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ __all__ = [
     "finite",
     "frozen",
     "is_sealed",
+    "require_count",
     "require_finite",
     "require_generator",
     "require_metres",
@@ -142,6 +143,12 @@ def require_finite(array: NDArray[Any], name: str) -> None:
             got=f"{bad} of {array.size} values NaN or infinite",
             expected="finite numbers",
         )
+
+
+def require_count(name: str, value: object, least: int = 0) -> None:
+    """Raise `InputError` unless this is a whole number, ``least`` or more."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+        raise InputError(name, got=value, expected=f"an integer, {least} or more")
 
 
 def require_range(name: str, value: float, low: float, high: float = np.inf) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng, require_generator
+from debrisgrasp._arrays import FloatArray, Rng, require_count, require_generator
 
 from . import so3
 from .se3 import SE3
@@ -20,6 +20,7 @@ def random_rotations(n: int, *, rng: Rng) -> FloatArray:
     is a uniform quaternion.
     """
     require_generator(rng)
+    require_count("number of rotations", n)
     return so3.from_quat_wxyz(rng.standard_normal((n, 4)))
 
 
@@ -49,6 +50,7 @@ def fibonacci_sphere(n: int) -> FloatArray:
 
     Each owns the same area, ``4 pi / n``; the first lies near +z, the last near -z.
     """
+    require_count("number of directions", n)
     index = np.arange(n)
     z = 1.0 - (2.0 * index + 1.0) / n
     rho = np.sqrt(1.0 - z * z)

@@ -18,6 +18,7 @@ from debrisgrasp._arrays import (
     as_floats,
     bounded,
     frozen,
+    require_count,
     require_finite,
     require_generator,
 )
@@ -322,6 +323,7 @@ class KinematicChain:
     def sampled(self, n: int, *, rng: Rng) -> FloatArray:
         """Random postures within the limits, uniform per joint, shape (n, d)."""
         require_generator(rng)
+        require_count("number of postures", n)
         lower = np.where(np.isfinite(self.lower), self.lower, -np.pi)
         upper = np.where(np.isfinite(self.upper), self.upper, np.pi)
         return rng.uniform(lower, upper, size=(n, self.n_joints))

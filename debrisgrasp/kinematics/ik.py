@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng
-from debrisgrasp.errors import InputError
+from debrisgrasp._arrays import FloatArray, Rng, require_count
 from debrisgrasp.geometry import SE3
 
 from .chain import KinematicChain
@@ -119,10 +118,10 @@ def solve_distinct(
     Raises
     ------
     InputError
-        If ``n_solutions`` is less than 1.
+        As for `solve`, and if one of the counts is none.
     """
-    if n_solutions < 1:
-        raise InputError("n_solutions", got=n_solutions, expected="at least 1")
+    require_count("n_solutions", n_solutions, 1)
+    require_count("n_seeds_used", n_seeds_used)
     config = checked_config(chain, reach_map, config, rng)
     targets, batch = checked_poses(T_base_tip), T_base_tip.batch
     repeated = np.repeat(targets, n_solutions, axis=0)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
+from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, fibonacci_sphere, perturbed, random_rotations, so3
 
 
@@ -52,3 +54,11 @@ def test_directions_on_the_sphere_are_even():
     ideal = np.sqrt(4 * np.pi / 400)
     assert nearest.min() > 0.75 * ideal
     assert nearest.max() < 1.25 * ideal
+
+
+@pytest.mark.parametrize("n", [-1, 2.5, True, "3", None])
+def test_no_number_of_rotations_or_directions_is_refused(rng, n):
+    with pytest.raises(InputError, match=f"number of rotations: got {n!s}"):
+        random_rotations(n, rng=rng)
+    with pytest.raises(InputError, match=f"number of directions: got {n!s}"):
+        fibonacci_sphere(n)

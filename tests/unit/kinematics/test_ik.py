@@ -256,8 +256,29 @@ def test_weights_by_which_nothing_is_solved_are_refused(
 def test_settings_out_of_range_are_refused() -> None:
     with pytest.raises(DebrisGraspError, match=r"IkConfig\.attempts"):
         IkConfig(attempts=0)
-    with pytest.raises(DebrisGraspError, match="n_solutions"):
-        solve_distinct(None, SE3.identity(), 0, rng=None)  # type: ignore[arg-type]  # refused before use
+
+
+@pytest.mark.parametrize(
+    ("n_solutions", "n_seeds_used", "words"),
+    [
+        (0, 0, "n_solutions: got 0, expected an integer, 1 or more"),
+        (2.5, 0, "n_solutions: got 2.5"),
+        (2, -1, "n_seeds_used: got -1, expected an integer, 0 or more"),
+    ],
+)
+def test_counts_that_are_none_are_refused(
+    arm: KinematicChain, rng: np.random.Generator, n_solutions, n_seeds_used, words
+) -> None:
+    with pytest.raises(InputError, match=words):
+        solve_distinct(
+            arm,
+            SE3.identity(),
+            n_solutions,
+            n_seeds_used=n_seeds_used,
+            rng=rng,
+        )
+    with pytest.raises(InputError, match=r"number of postures: got -1"):
+        arm.sampled(-1, rng=rng)
 
 
 @pytest.mark.parametrize(
