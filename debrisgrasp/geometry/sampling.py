@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, Rng, require_count, require_generator
+from debrisgrasp._arrays import (
+    FloatArray,
+    Rng,
+    as_floats,
+    require_count,
+    require_generator,
+)
+from debrisgrasp.errors import InputError, ShapeError
 
 from . import so3
 from .se3 import SE3
@@ -39,10 +46,37 @@ def perturbed(
     rotation_sigma
         Standard deviation of each component of the rotation vector [rad]; broadcasts
         likewise.
+
+    Raises
+    ------
+    InputError
+        If these are no poses, or a deviation is negative, not finite, or of a shape
+        that theirs does not take.
     """
-    shift = rng.standard_normal((*Ts.batch, 3)) * np.asarray(position_sigma)[..., None]
-    turn = rng.standard_normal((*Ts.batch, 3)) * np.asarray(rotation_sigma)[..., None]
+    require_generator(rng)
+    if not isinstance(Ts, SE3):
+        mend = "SE3.from_matrix(matrix) makes one."
+        raise InputError("Ts", got=type(Ts).__name__, expected="an SE3", mend=mend)
+    spread = _spread(position_sigma, "position_sigma", Ts.batch)
+    shift = rng.standard_normal((*Ts.batch, 3)) * spread
+    spread = _spread(rotation_sigma, "rotation_sigma", Ts.batch)
+    turn = rng.standard_normal((*Ts.batch, 3)) * spread
     return SE3.from_parts(Ts.R @ so3.exp(turn), Ts.p + shift)
+
+
+def _spread(sigma: ArrayLike, name: str, batch: tuple[int, ...]) -> FloatArray:
+    """Give standard deviations of poses for each of their coordinates, (..., 1)."""
+    sigma = as_floats(sigma, name, ())
+    if not (np.isfinite(sigma) & (sigma >= 0)).all():
+        raise InputError(name, got=sigma.tolist(), expected="finite, 0 or more")
+    try:
+        return np.broadcast_to(sigma, batch)[..., None]
+    except ValueError as error:
+        raise ShapeError(
+            f"shape of {name}",
+            got=sigma.shape,
+            expected=f"one for all poses or {batch}",
+        ) from error
 
 
 def fibonacci_sphere(n: int) -> FloatArray:

@@ -62,3 +62,22 @@ def test_no_number_of_rotations_or_directions_is_refused(rng, n):
         random_rotations(n, rng=rng)
     with pytest.raises(InputError, match=f"number of directions: got {n!s}"):
         fibonacci_sphere(n)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"Ts": np.eye(4)}, r"Ts: got ndarray.*SE3\.from_matrix"),
+        ({"position_sigma": -0.01}, "position_sigma: got -0.01"),
+        ({"rotation_sigma": np.nan}, "rotation_sigma: got nan"),
+        ({"position_sigma": [0.1, 0.2, 0.3]}, r"position_sigma: got \(3,\).*\(2,\)"),
+        ({"rotation_sigma": "wide"}, "rotation_sigma: got str"),
+        ({"rng": 0}, "rng: got int"),
+    ],
+    ids=str,
+)
+def test_no_spread_is_refused(rng, wrong, words):
+    Ts = SE3(np.tile(np.eye(4), (2, 1, 1)))
+    right = {"Ts": Ts, "position_sigma": 0.01, "rotation_sigma": 0.1, "rng": rng}
+    with pytest.raises(InputError, match=words):
+        perturbed(**{**right, **wrong})
