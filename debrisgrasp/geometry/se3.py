@@ -20,7 +20,7 @@ from debrisgrasp._arrays import (
     require_finite,
     sealed,
 )
-from debrisgrasp.errors import InputError
+from debrisgrasp.errors import InputError, ShapeError
 
 from . import so3
 
@@ -58,7 +58,11 @@ class SE3:
         """Build from rotations (..., 3, 3) and translations (..., 3) [m]."""
         rotation = as_floats(np.eye(3) if R is None else R, "rotation", (3, 3))
         translation = as_floats(np.zeros(3) if p is None else p, "translation", (3,))
-        batch = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
+        batches = rotation.shape[:-2], translation.shape[:-1]
+        try:
+            batch = np.broadcast_shapes(*batches)
+        except ValueError as error:
+            raise _mismatch("translations", *batches) from error
         matrix = np.zeros((*batch, 4, 4))
         matrix[..., :3, :3] = rotation
         matrix[..., :3, 3] = translation
@@ -150,7 +154,11 @@ class SE3:
                 expected="an SE3",
                 mend="T.apply(points) maps points, SE3.from_matrix(matrix) makes one.",
             )
-        return SE3(sealed(self.matrix @ other.matrix))
+        try:
+            product = self.matrix @ other.matrix
+        except ValueError as error:
+            raise _mismatch("transforms", self.batch, other.batch) from error
+        return SE3(sealed(product))
 
     def __getitem__(self, index: Any) -> SE3:
         chosen = self.matrix[index]
@@ -167,7 +175,7 @@ class SE3:
     def inverse(self) -> SE3:
         """Transform that undoes this one."""
         Rt = np.swapaxes(self.R, -1, -2)
-        return SE3.from_parts(Rt, -_times(Rt, self.p))
+        return SE3.from_parts(Rt, -_times(Rt, self.p, "origins"))
 
     def apply(self, points: ArrayLike) -> FloatArray:
         """Map points (..., 3) [m]; leading axes broadcast.
@@ -175,7 +183,7 @@ class SE3:
         To put every pose on every point write ``Ts[:, None].apply(points)``.
         """
         points = as_floats(points, "points", (3,))
-        turned = _turned(self.R, points)
+        turned = _turned(self.R, points, "points")
         if self.R.ndim == 2:
             turned += self.p
             return turned
@@ -184,7 +192,7 @@ class SE3:
     def rotate(self, vectors: ArrayLike) -> FloatArray:
         """Turn directions (..., 3) without moving them."""
         vectors = as_floats(vectors, "vectors", (3,))
-        return _turned(self.R, vectors)
+        return _turned(self.R, vectors, "vectors")
 
     def adjoint(self) -> FloatArray:
         """Matrix with ``twist_a = T_a_b.adjoint() @ twist_b``, shape (..., 6, 6)."""
@@ -196,7 +204,7 @@ class SE3:
     def map_twist(self, twist: ArrayLike) -> FloatArray:
         """Twist (v, omega) in frame a of one in frame b, for ``T_a_b``."""
         twist = as_floats(twist, "twist", (6,))
-        return _times(self.adjoint(), twist)
+        return _times(self.adjoint(), twist, "twist")
 
     def map_wrench(self, wrench: ArrayLike) -> FloatArray:
         """Wrench (f, tau) in frame a of one in frame b, for ``T_a_b``.
@@ -206,12 +214,25 @@ class SE3:
         """
         wrench = as_floats(wrench, "wrench", (6,))
         dual = np.swapaxes(self.inverse().adjoint(), -1, -2)
-        return _times(dual, wrench)
+        return _times(dual, wrench, "wrench")
 
 
-def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+def _mismatch(name: str, batch: tuple[int, ...], other: tuple[int, ...]) -> ShapeError:
+    """Complain about leading axes that do not broadcast."""
+    return ShapeError(
+        f"leading axes of {name}",
+        got=other,
+        expected=f"some that broadcast with {batch}",
+        mend="T[:, None] puts every one on every other.",
+    )
+
+
+def _times(matrices: FloatArray, vectors: FloatArray, name: str) -> FloatArray:
     """Products of matrices (..., i, j) and vectors (..., j); leading axes broadcast."""
-    products: FloatArray = (matrices @ vectors[..., None])[..., 0]
+    try:
+        products: FloatArray = (matrices @ vectors[..., None])[..., 0]
+    except ValueError as error:
+        raise _mismatch(name, matrices.shape[:-2], vectors.shape[:-1]) from error
     return products
 
 
@@ -219,7 +240,7 @@ _BLOCK = 16384
 """Rows of a matrix product; up to here BLAS works in one thread."""
 
 
-def _turned(R: FloatArray, vectors: FloatArray) -> FloatArray:
+def _turned(R: FloatArray, vectors: FloatArray, name: str) -> FloatArray:
     """Rotations (..., 3, 3) of vectors (..., 3); leading axes broadcast."""
     if R.ndim == 2 and vectors.ndim == 2:
         # In blocks: one large product would start threads, which cost more than they
@@ -233,5 +254,8 @@ def _turned(R: FloatArray, vectors: FloatArray) -> FloatArray:
         return vectors @ R.T
     if R.shape[-3] == 1 and vectors.ndim > 1:
         # One rotation for a row of vectors: a matrix product, not many tiny ones.
-        return vectors @ np.swapaxes(R[..., 0, :, :], -1, -2)
-    return _times(R, vectors)
+        try:
+            return vectors @ np.swapaxes(R[..., 0, :, :], -1, -2)
+        except ValueError as error:
+            raise _mismatch(name, R.shape[:-2], vectors.shape[:-1]) from error
+    return _times(R, vectors, name)

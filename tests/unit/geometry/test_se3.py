@@ -137,3 +137,24 @@ def test_an_index_into_one_transform_is_refused_in_words(index):
     assert SE3.identity()[None].batch == (1,)
     three = SE3.from_parts(p=np.eye(3))
     assert [T.p.tolist() for T in three] == np.eye(3).tolist()
+
+
+@pytest.mark.parametrize(
+    "meet",
+    [
+        lambda T: T.apply(np.zeros((7, 3))),
+        lambda T: T.rotate(np.zeros((7, 3))),
+        lambda T: T.map_twist(np.zeros((7, 6))),
+        lambda T: T.map_wrench(np.zeros((7, 6))),
+        lambda T: T @ SE3(np.tile(np.eye(4), (7, 1, 1))),
+        lambda T: SE3.from_parts(T.R, np.zeros((7, 3))),
+    ],
+)
+def test_batches_that_do_not_fit_together_are_refused_with_the_way_out(meet):
+    T = SE3(np.tile(np.eye(4), (5, 1, 1)))
+    words = r"\(7,\), expected some that broadcast with \(5,\)\. T\[:, None\]"
+    with pytest.raises(ShapeError, match=words):
+        meet(T)
+    with pytest.raises(ShapeError, match=r"\(6, 7\).*\(5, 1\)"):
+        T[:, None].apply(np.zeros((6, 7, 3)))
+    assert T[:, None].apply(np.zeros((7, 3))).shape == (5, 7, 3)
