@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, frozen
+from debrisgrasp._arrays import BoolArray, FloatArray, as_floats, frozen
 from debrisgrasp.errors import InputError, ShapeError
 
 from ._solid_parts import (
@@ -125,8 +125,9 @@ class Sphere:
     """Centre [m], shape (3,)."""
 
     def __post_init__(self) -> None:
-        _require_size("radius of a sphere", self.radius)
+        _require_size("radius of a sphere", (self.radius,))
         object.__setattr__(self, "center", frozen(self.center, "center", (3,)))
+        _require_one("center", self.center.shape[:-1])
 
     @property
     def bounds(self) -> Bounds:
@@ -230,7 +231,7 @@ class Capsule:
     T_frame_solid: SE3 = field(default_factory=SE3.identity)
 
     def __post_init__(self) -> None:
-        _require_size("radius of a capsule", self.radius)
+        _require_size("radius of a capsule", (self.radius,))
         if not (np.isfinite(self.length) and self.length >= 0):
             raise InputError(
                 "length of a capsule", got=self.length, expected="a length >= 0 [m]"
@@ -303,15 +304,24 @@ def _rectangle_distance(excess: FloatArray) -> FloatArray:
 
 
 def _require_size(what: str, size: ArrayLike) -> None:
-    size = np.asarray(size, dtype=np.float64)
-    if not (np.isfinite(size) & (size > 0)).all():
+    size = as_floats(size, what, (None,))
+    if size.ndim != 1 or not (np.isfinite(size) & (size > 0)).all():
         raise InputError(what, got=size.tolist(), expected="lengths > 0 [m]")
 
 
 def _require_single(T_frame_solid: SE3) -> None:
-    if T_frame_solid.batch:
-        raise ShapeError(
+    if not isinstance(T_frame_solid, SE3):
+        raise InputError(
             "pose of a solid",
-            got=f"a batch of shape {T_frame_solid.batch}",
-            expected="one pose",
+            got=type(T_frame_solid).__name__,
+            expected="an SE3",
+            mend="SE3.from_matrix(matrix) makes one.",
+        )
+    _require_one("pose", T_frame_solid.batch)
+
+
+def _require_one(what: str, batch: tuple[int, ...]) -> None:
+    if batch:
+        raise ShapeError(
+            f"{what} of a solid", got=f"a batch of shape {batch}", expected="one"
         )

@@ -139,3 +139,23 @@ def test_sizes_without_sense_are_refused(build):
 def test_a_batch_of_poses_is_refused():
     with pytest.raises(ShapeError, match="pose of a solid"):
         Cylinder(0.1, 0.1, SE3(np.tile(np.eye(4), (2, 1, 1))))
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (
+            lambda: Box([1, 1, 1], np.eye(4)),
+            r"pose of a solid: got ndarray.*from_matrix",
+        ),
+        (lambda: Box(np.ones((2, 3))), "half extents of a box"),
+        (lambda: Sphere([0.1, 0.2]), r"radius of a sphere: got \[\[0.1, 0.2\]\]"),
+        (lambda: Sphere(0.1, np.zeros((2, 3))), "center of a solid: got a batch"),
+        (lambda: Cylinder("a", 1.0), "radius and length of a cylinder: got tuple"),
+        (lambda: Capsule(0.1, np.nan), "length of a capsule"),
+        (lambda: Capsule(0.1, -1.0), "length of a capsule"),
+    ],
+)
+def test_what_is_not_one_solid_is_refused_in_words(build, words):
+    with pytest.raises(InputError, match=words):
+        build()
