@@ -17,8 +17,13 @@ from .library import PrototypeLibrary
 from .likeness import Likeness, duplicates, half_turns, shape_distance
 from .parametric import prototype_of_shape
 from .placing import Grip, soundest
-from .prototype import GraspPrototype, PackedPrototypes, PrototypeDefinition
-from .prototype_file import definition_from, require_name, write_new_prototype
+from .prototype import (
+    GraspPrototype,
+    PackedPrototypes,
+    PrototypeDefinition,
+    require_name,
+)
+from .prototype_file import definition_from, write_new_prototype
 from .surface_shape import SurfaceShape
 from .symmetry import SpinAxis, Symmetry
 from .visibility import VisibilityTable

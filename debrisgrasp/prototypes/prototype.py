@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from debrisgrasp._arrays import BoolArray, FloatArray, frozen
-from debrisgrasp.errors import ShapeError
+from debrisgrasp._checked import checked_fields
+from debrisgrasp.errors import ConfigError, ShapeError, UnknownNameError
 from debrisgrasp.geometry import SE3, Bounds
 
 from .shapes import Shape
@@ -20,14 +22,28 @@ __all__ = [
     "GraspPrototype",
     "PackedPrototypes",
     "PrototypeDefinition",
+    "require_name",
 ]
 
 DEFAULT_DENSITY = 1e4
 """Points per square metre of surface: one per square centimetre."""
 
 KINDS = ("generic", "object-specific")
+_NAME = re.compile(r"[a-z0-9][a-z0-9_]*")
 
 
+def require_name(name: str, where: str) -> str:
+    """Return a name that files may have; any other raises `ConfigError`."""
+    if not _NAME.fullmatch(name):
+        raise ConfigError(
+            where,
+            got=repr(name),
+            expected="lower-case letters, digits and underscores",
+        )
+    return name
+
+
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PrototypeDefinition:
     """What a file says about a prototype."""
@@ -49,6 +65,11 @@ class PrototypeDefinition:
     """Whether the symmetries of the shape lead to useful grasps."""
     tags: tuple[str, ...] = ()
     description: str = ""
+
+    def __post_init__(self) -> None:
+        require_name(self.name, "name of the prototype")
+        if self.kind not in KINDS:
+            raise UnknownNameError("kind of prototype", self.kind, KINDS)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

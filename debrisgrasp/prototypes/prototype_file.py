@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import fields as fields_of
 from pathlib import Path
@@ -19,7 +18,7 @@ from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
 
 from .gripper import FURTHER_HANDS, GripperModel
 from .pose_fields import read_pose
-from .prototype import KINDS, PrototypeDefinition
+from .prototype import KINDS, PrototypeDefinition, require_name
 from .shapes import SHAPES, Shape
 from .surface_file import read_surface, surface_bytes
 from .surface_shape import SIDES, SurfaceShape
@@ -29,7 +28,6 @@ __all__ = [
     "definition_from",
     "prototype_text",
     "read_prototype",
-    "require_name",
     "write_new_prototype",
     "write_prototype",
 ]
@@ -64,8 +62,6 @@ HEADER = """\
 #   kind      generic, or object-specific: tried on marked objects only
 #   symmetry  shape: turns that map the shape onto itself are grasps too; or none
 """
-
-_NAME = re.compile(r"[a-z0-9][a-z0-9_]*")
 
 
 def read_prototype(
@@ -188,12 +184,9 @@ def write_new_prototype(
 
     Raises
     ------
-    ConfigError
-        If the name has other than lower-case letters, digits and underscores.
     OutputError
         If a file is in the way and ``force`` is not given, or it can't be written.
     """
-    require_name(definition.name, "name of the prototype")
     target = Path(path)
     files = [target]
     if isinstance(definition.shape, SurfaceShape):
@@ -207,17 +200,6 @@ def write_new_prototype(
         raise OutputError(target.parent, error.strerror or str(error)) from error
     write_prototype(definition, target)
     return tuple(files)
-
-
-def require_name(name: str, where: str) -> str:
-    """Return a name that files may have; any other raises `ConfigError`."""
-    if not _NAME.fullmatch(name):
-        raise ConfigError(
-            where,
-            got=repr(name),
-            expected="lower-case letters, digits and underscores",
-        )
-    return name
 
 
 def _read_name(fields: Fields) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -316,3 +317,22 @@ def test_hands_of_a_library_come_by_name(hands: object) -> None:
 def test_surfaces_are_sampled_by_a_density_that_can_be(density: float) -> None:
     with pytest.raises(ConfigError, match="points per square metre"):
         PrototypeLibrary.load(density=density)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error", "words"),
+    [
+        ({"name": "../mine"}, ConfigError, "name of the prototype: got '../mine'"),
+        ({"name": 3}, InputError, "name: got 3"),
+        ({"kind": "specific"}, UnknownNameError, "object-specific"),
+        ({"width": "0.06"}, InputError, "width: got '0.06'"),
+        ({"shape": {"type": "cylinder"}}, InputError, "shape: got dict"),
+        ({"T_hand_shape": np.eye(4)}, InputError, r"T_hand_shape.*SE3\.from_matrix"),
+        ({"tags": "pipe"}, InputError, "tags: got 'pipe'"),
+    ],
+    ids=str,
+)
+def test_a_definition_that_no_file_could_hold_is_refused(wrong, error, words):
+    definition = PrototypeLibrary.load()["cylinder_060_tip"].definition
+    with pytest.raises(error, match=words):
+        replace(definition, **wrong)

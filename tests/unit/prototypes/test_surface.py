@@ -151,13 +151,6 @@ def test_what_exists_is_replaced_only_by_force(tmp_path):
     assert path.read_text() != before
 
 
-def test_a_name_that_no_file_may_have_is_refused(tmp_path):
-    definition = replace(LIBRARY["bar_4x4"].definition, name="../bar")
-    with pytest.raises(ConfigError, match="lower-case"):
-        write_new_prototype(definition, tmp_path / "bar.yaml", force=False)
-    assert not list(tmp_path.iterdir())
-
-
 def test_text_and_big_endian_files_are_read_too(tmp_path):
     shape = measured("cylinder_060_tip")
     header = "ply\nformat {} 1.0\nelement vertex {}\n" + "".join(
