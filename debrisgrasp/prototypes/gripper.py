@@ -330,10 +330,12 @@ def load_grippers(
 
 def require_hands(grippers: object) -> None:
     """Raise `InputError` unless these are hands by name; what else would go unseen."""
-    if not isinstance(grippers, Mapping):
+    hands = grippers.values() if isinstance(grippers, Mapping) else [None]
+    if not all(isinstance(hand, GripperModel) for hand in hands):
+        got = [type(hand).__name__ for hand in hands if hand is not None]
         raise InputError(
             "grippers",
-            got=type(grippers).__name__,
+            got=" and ".join(got) or type(grippers).__name__,
             expected="hands by name",
             mend="load_grippers(folder) of debrisgrasp.prototypes reads a folder.",
         )

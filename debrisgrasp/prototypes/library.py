@@ -15,7 +15,13 @@ from debrisgrasp._arrays import require_range
 from debrisgrasp._fields import require_distinct
 from debrisgrasp._files import data_path, last_changed, yaml_files
 from debrisgrasp._words import counted
-from debrisgrasp.errors import ChoiceError, ConfigError, OutputError, UnknownNameError
+from debrisgrasp.errors import (
+    ChoiceError,
+    ConfigError,
+    InputError,
+    OutputError,
+    UnknownNameError,
+)
 from debrisgrasp.geometry.sampling import fibonacci_sphere
 
 from .gripper import FURTHER_HANDS, GripperModel, load_grippers, require_hands
@@ -45,6 +51,7 @@ class PrototypeLibrary:
     """The hands that they are for, and perhaps more."""
 
     def __post_init__(self) -> None:
+        require_hands(self.grippers)
         require_distinct("names of prototypes", self.names)
 
     @classmethod
@@ -89,7 +96,17 @@ class PrototypeLibrary:
         *,
         density: float = DEFAULT_DENSITY,
     ) -> PrototypeLibrary:
-        """Sample the shapes of definitions that were made in a program."""
+        """Sample the shapes of definitions that were made in a program.
+
+        Raises
+        ------
+        InputError
+            If these are no definitions, or no hands by name.
+        """
+        require_hands(grippers)
+        if not isinstance(definitions, Iterable):
+            got = type(definitions).__name__
+            raise InputError("definitions", got=got, expected="a list of definitions")
         require_range("points per square metre", density, *_DENSITIES)
         directions = fibonacci_sphere(N_VIEWS)
         prototypes = tuple(

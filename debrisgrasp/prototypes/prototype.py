@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from debrisgrasp._arrays import BoolArray, FloatArray, frozen
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import ConfigError, ShapeError, UnknownNameError
 from debrisgrasp.geometry import SE3, Bounds
 
@@ -101,6 +101,7 @@ class GraspPrototype:
         return f"<GraspPrototype {words}: {len(self.points)} points>"
 
     @classmethod
+    @checked
     def build(
         cls,
         definition: PrototypeDefinition,

@@ -336,3 +336,22 @@ def test_a_definition_that_no_file_could_hold_is_refused(wrong, error, words):
     definition = PrototypeLibrary.load()["cylinder_060_tip"].definition
     with pytest.raises(error, match=words):
         replace(definition, **wrong)
+
+
+@pytest.mark.parametrize(
+    "hands", [GripperModel.load("camhand"), [], {"camhand": "camhand"}, None], ids=str
+)
+def test_a_library_is_not_built_for_what_is_no_hand(library, hands):
+    definition = library["cylinder_060_tip"].definition
+    with pytest.raises(InputError, match=r"grippers: got .*hands by name"):
+        PrototypeLibrary.build([definition], hands)
+    with pytest.raises(InputError, match=r"grippers: got .*hands by name"):
+        PrototypeLibrary(library.prototypes, hands)
+
+
+def test_a_library_is_not_built_of_what_is_no_definition(library):
+    prototype = library["cylinder_060_tip"]
+    with pytest.raises(InputError, match="definitions: got PrototypeDefinition"):
+        PrototypeLibrary.build(prototype.definition, library.grippers)
+    with pytest.raises(InputError, match="definition: got GraspPrototype"):
+        PrototypeLibrary.build([prototype], library.grippers)
