@@ -67,8 +67,8 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
     Classes, protocols with methods, unions, functions, numbers, texts and paths are
     told apart, in tuples and sequences too; a list or an array may stand for a tuple,
-    and no number is NaN. Where an array is wanted, and what a mapping holds, is not
-    looked at.
+    NumPy's True for True, and no number is NaN. Where an array is wanted, and what a
+    mapping holds, is not looked at.
 
     Raises
     ------
@@ -109,6 +109,8 @@ def _guarded(function: Callable[P, T], kind: type[InputError]) -> Callable[P, T]
             allowed = kinds.get(name, ())
             if tuple in map(_holder, allowed):
                 given.arguments[name] = value = _tupled(value, allowed)
+            elif bool in allowed and isinstance(value, np.bool_):
+                given.arguments[name] = value = bool(value)
             if fault := _fault(name, value, allowed):
                 is_kind = isinstance(fault, kind)
                 raise fault if is_kind else ConfigError.about(fault.what, fault)

@@ -265,3 +265,17 @@ def test_no_number_is_larger_than_all_floats():
 def test_no_number_is_nan():
     with pytest.raises(InputError, match="share: got nan"):
         serve(3, share=float("nan"))
+
+
+@checked
+def keep(*, held: bool) -> bool:
+    """Return it."""
+    return held
+
+
+def test_true_of_numpy_is_true():
+    assert keep(held=np.array([1, 2]).max() > 1) is True
+    assert keep(held=np.False_) is False
+    for wrong in (1, "yes", np.int64(1), None):
+        with pytest.raises(InputError, match="expected True or False"):
+            keep(held=wrong)
