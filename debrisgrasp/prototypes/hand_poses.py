@@ -8,7 +8,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from debrisgrasp._arrays import FloatArray, IntArray
+from debrisgrasp._arrays import (
+    FloatArray,
+    IntArray,
+    as_floats,
+    as_rows,
+    require_finite,
+    require_range,
+)
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Bounds, so3, voxel_downsample
 from debrisgrasp.geometry.sampling import fibonacci_sphere
@@ -73,6 +81,7 @@ class HandPose:
     """What `check` says against it."""
 
 
+@checked
 def propose_hand_poses(
     surface: SurfaceShape,
     gripper: GripperModel,
@@ -105,7 +114,17 @@ def propose_hand_poses(
     -------
     tuple[HandPose, ...]
         Empty if the surface fits no preshape.
+
+    Raises
+    ------
+    InputError
+        If an argument is not what its annotation says, or no array of its shape.
     """
+    require_range("limit", limit, 1)
+    if towards is not None:
+        towards = as_floats(towards, "towards", (3,))
+        if not 0.99 <= np.linalg.norm(towards) <= 1.01:
+            raise InputError("towards", got=towards.tolist(), expected="a unit vector")
     names = list(gripper.preshapes) if preshape is None else [preshape]
     for name in names:
         gripper.preshape(name)
@@ -298,6 +317,8 @@ def _probes(
     probe = surface.points[voxel_downsample(surface.points, _PROBE)]
     if obstacles is None or not len(obstacles):
         return probe, np.zeros((0, 3))
+    obstacles = as_rows(obstacles, "obstacles")
+    require_finite(obstacles, "obstacles")
     near = obstacles[Bounds.around(surface.points, _NEAR).contains(obstacles)]
     kept: IntArray = voxel_downsample(near, _PROBE) if len(near) else np.zeros(0, int)
     return probe, near[kept]

@@ -191,3 +191,31 @@ def test_a_hand_turned_away_gets_a_prototype_that_check_refuses(tmp_path):
     definition = prototype_of_shape("new", shape, hand, "parallel", grip="deep")
     findings = check(GraspPrototype.build(definition, fibonacci_sphere(1)), hand)
     assert "palm frame" in str(findings[0])
+
+
+def test_lists_are_taken_for_arrays():
+    pipe = surface(PIPE)
+    there, none = [[0.0, 0.0, 0.3]], [[9.0, 9.0, 9.0]]
+    assert propose_hand_poses(pipe, HAND, limit=1, obstacles=there)
+    near = propose_hand_poses(pipe, HAND, limit=1, obstacles=none, towards=[0, 0, -1])
+    assert near[0].T_surface_hand.R[2, 2] < -0.2
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"gripper": "robotiq_3f"}, r"gripper: got 'robotiq_3f'.*GripperModel\.load"),
+        ({"surface": np.eye(3)}, "surface: got ndarray"),
+        ({"limit": 0}, "limit: got 0"),
+        ({"limit": -1}, "limit: got -1"),
+        ({"towards": [0, 0, 0]}, "towards: got .*unit vector"),
+        ({"towards": [0, 1]}, "towards"),
+        ({"obstacles": [0, 0, 1]}, r"obstacles: got \(3,\), expected \(n, 3\)"),
+        ({"obstacles": [[0, 0, np.nan]]}, "obstacles: got 1 of 3 values NaN"),
+    ],
+    ids=str,
+)
+def test_no_surface_hand_number_or_direction_is_refused(wrong, words):
+    right = {"surface": surface(PIPE), "gripper": HAND}
+    with pytest.raises(InputError, match=words):
+        propose_hand_poses(**{**right, **wrong})
