@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._files import read_text, write_atomic
 from debrisgrasp._parsing import json_content
 from debrisgrasp._unreadable import is_there, why_not_there
-from debrisgrasp.errors import ConfigError, InputError, OutputError
+from debrisgrasp.errors import ConfigError, InputError, OutputError, ShapeError
 from debrisgrasp.geometry import SE3, PointCloud
 from debrisgrasp.planning import Grasp
 from debrisgrasp.prototypes import GripperModel, SurfaceShape, around_grip
@@ -30,6 +31,7 @@ SCHEMA = "debrisgrasp/grasp/1"
 _LINES, _SURFACES = "grasps.jsonl", "surfaces"
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class GraspRecord:
     """One grasp that was carried out."""
@@ -50,6 +52,7 @@ class GraspRecord:
     """Where it is from, for instance the tier and the seed of a trial."""
 
 
+@checked
 def recorded(
     cloud: PointCloud,
     is_object: np.ndarray[Any, Any],
@@ -71,8 +74,20 @@ def recorded(
     Raises
     ------
     InputError
-        If next to nothing of the object is around the grip.
+        If next to nothing of the object is around the grip, or the hand is another.
+    ShapeError
+        If what belongs to the object is not told by True and False.
     """
+    if gripper.name != grasp.gripper:
+        raise InputError("gripper", got=gripper.name, expected=grasp.gripper)
+    is_object = np.asarray(is_object)
+    if is_object.dtype != bool or is_object.shape != (len(cloud),):
+        raise ShapeError(
+            "is_object",
+            got=f"{is_object.dtype} {is_object.shape}",
+            expected=f"True or False for each point, ({len(cloud)},)",
+            mend="labels == label makes it of labels.",
+        )
     piece = cloud.selected(is_object)
     seen = np.isfinite(piece.normals).all(axis=1)
     own = grasp.T_base_hand.inverse()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from debrisgrasp.cli.program import run
-from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
+from debrisgrasp.errors import ConfigError, InputError, OutputError, UnknownNameError
 from debrisgrasp.geometry import SE3, PointCloud, perturbed
 from debrisgrasp.prototypes import PrototypeLibrary, SurfaceShape, shape_distance
 from debrisgrasp.prototypes.surfaces import sample
@@ -176,6 +176,17 @@ def test_a_record_is_made_of_what_was_seen_around_the_grip(rng):
         made.surface.points, made.surface.normals, truth.points, truth.normals
     )
     assert distance < 0.002
+    for wrong, words in (
+        ({"is_object": is_object.astype(int)}, "is_object: got int64"),
+        ({"is_object": is_object[:5]}, r"is_object: got bool \(5,\)"),
+        ({"held": "yes"}, "held: got 'yes'"),
+        ({"cloud": cloud.points}, "cloud: got ndarray"),
+        ({"gripper": LIBRARY.grippers["camhand"]}, "gripper: got camhand"),
+    ):
+        right = {"cloud": cloud, "is_object": is_object, "grasp": grasp, "held": True}
+        right["gripper"] = LIBRARY.grippers["robotiq_3f"]
+        with pytest.raises(InputError, match=words):
+            recorded(**{**right, **wrong})
 
 
 def test_the_command_writes_a_dictionary_that_loads(records, tmp_path, capsys):
