@@ -49,7 +49,7 @@ _MENDS = {
     "RobotModel": "RobotModel.load(name or path) reads one.",
     "SE3": "SE3.from_matrix(matrix) makes one.",
     "Segmentation": "debrisgrasp.segment(capture) makes one.",
-    "SelectionPolicy": "PriorityPoint(), for instance, of debrisgrasp.segmentation.",
+    "SelectionPolicy": "SupportAware(), for instance, of debrisgrasp.segmentation.",
     "Settings": "Settings.load(path) reads one.",
     "UnknownSpace": "UnknownSpace.HIDDEN, for instance, of debrisgrasp.motion.",
     "Workers": "OwnWorkers(lambda: ThreadPoolExecutor(4)), for instance.",

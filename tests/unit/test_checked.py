@@ -279,3 +279,13 @@ def test_true_of_numpy_is_true():
     for wrong in (1, "yes", np.int64(1), None):
         with pytest.raises(InputError, match="expected True or False"):
             keep(held=wrong)
+
+
+def test_the_policy_that_is_proposed_can_be_made():
+    with pytest.raises(InputError, match="SelectionPolicy") as caught:
+        debrisgrasp.Pipeline(robot="none", policy="priority")
+    call, _, module = caught.value.mend.removesuffix(".").partition(
+        ", for instance, of "
+    )
+    name = call.removesuffix("()")
+    assert hasattr(getattr(import_module(module), name)(), "order")
