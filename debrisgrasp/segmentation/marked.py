@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._checked import checked
+from debrisgrasp.errors import ShapeError
 
 from .segmentation import Segmentation
 
-__all__ = ["WHOLE_SHARE", "covered_shares", "with_mark"]
+__all__ = ["WHOLE_SHARE", "checked_mark", "covered_shares", "with_mark"]
 
 _SEVERAL = 0.2
 """With such a share of itself a mark covers an object, and not just touches it."""
@@ -41,12 +44,32 @@ def covered_shares(
     return covered
 
 
+def checked_mark(of_interest: ArrayLike, n: int) -> BoolArray:
+    """Give a mark of n points as an array; raise `ShapeError` if it is none."""
+    mark = np.asarray(of_interest)
+    if mark.shape != (n,) or mark.dtype != np.bool_:
+        raise ShapeError(
+            "of_interest",
+            got=f"{mark.dtype} {mark.shape}",
+            expected=f"True or False for each point, ({n},)",
+        )
+    return mark
+
+
+@checked
 def with_mark(
     segmentation: Segmentation, of_interest: BoolArray | None
 ) -> Segmentation:
-    """Add what a mark (n,) covers, unless that is known or there is none."""
+    """Add what a mark (n,) covers, unless that is known or there is none.
+
+    Raises
+    ------
+    ShapeError
+        If the mark is not one for each point.
+    """
     if of_interest is None or segmentation.marked_shares is not None:
         return segmentation
+    of_interest = checked_mark(of_interest, segmentation.labels.size)
     # What no mark has joined can be counted as it is.
     size = np.bincount(segmentation.labels, minlength=1)
     marked = np.bincount(segmentation.labels[of_interest], minlength=len(size))

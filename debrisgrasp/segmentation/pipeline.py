@@ -16,14 +16,14 @@ from debrisgrasp._arrays import (
     frozen,
     require_finite,
 )
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import ConfigError, InputError, ShapeError
 from debrisgrasp.geometry import Bounds, PointCloud, by_place
 
 from .assembly import assembled
 from .ground import GroundConfig
 from .lccp import LccpConfig, lccp
-from .marked import with_mark
+from .marked import checked_mark, with_mark
 from .segmentation import PatchGraph, Segmentation
 from .singulation import SingulationConfig, singulate
 from .surroundings import SurroundingsConfig
@@ -55,6 +55,7 @@ class SegmentationConfig:
             raise ConfigError("min_points", got=self.min_points, expected="0 or more")
 
 
+@checked
 def segment_cloud(
     cloud: PointCloud,
     config: SegmentationConfig | None = None,
@@ -112,13 +113,7 @@ def segment_cloud(
     if colors is not None:
         colors = _checked_colors(colors, len(cloud))
     if of_interest is not None:
-        of_interest = np.asarray(of_interest)
-        if of_interest.shape != (len(cloud),) or of_interest.dtype != np.bool_:
-            raise ShapeError(
-                "of_interest",
-                got=f"{of_interest.dtype} {of_interest.shape}",
-                expected=f"True or False for each point, ({len(cloud)},)",
-            )
+        of_interest = checked_mark(of_interest, len(cloud))
     canonical = _canonical_order(cloud)
     if canonical is None:
         return _segmented(

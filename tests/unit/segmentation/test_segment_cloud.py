@@ -16,6 +16,7 @@ from debrisgrasp.segmentation import (
     SegmentationConfig,
     SupportAware,
     segment_cloud,
+    with_mark,
 )
 from debrisgrasp.segmentation.segmentation import measured_segments
 from tests.benchmarks.segmentation_scores import scores
@@ -216,6 +217,23 @@ def test_marks_are_true_or_false_for_each_point(marked):
     cloud = cloud_of([[0.5, 0.0, 0.3], [0.5, 0.1, 0.3]])
     with pytest.raises(ShapeError, match="of_interest"):
         segment_cloud(cloud, of_interest=marked)
+    with pytest.raises(ShapeError, match="of_interest"):
+        with_mark(segment_cloud(cloud), marked)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"cloud": np.eye(3)}, r"cloud: got ndarray.*Capture\.cloud\(\)"),
+        ({"config": LccpConfig()}, "config: got LccpConfig"),
+        ({"region": (0, 1)}, "region: got tuple.*Bounds"),
+    ],
+    ids=["cloud", "config", "region"],
+)
+def test_what_is_no_cloud_is_not_divided(wrong, words):
+    right = {"cloud": cloud_of([[0.5, 0.0, 0.3]])}
+    with pytest.raises(InputError, match=words):
+        segment_cloud(**{**right, **wrong})
 
 
 def test_colours_and_marks_may_be_lists():
