@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
+from debrisgrasp._words import counted
 from debrisgrasp.errors import ShapeError, UnknownNameError
 from debrisgrasp.geometry import Bounds, PointCloud
 
@@ -190,10 +191,9 @@ class Segmentation:
     if it may well be one object, None if nothing was marked."""
 
     def __repr__(self) -> str:
-        n, of = len(self.segments), self.labels.size
-        return (
-            f"<Segmentation of {of} points: {n} objects, ground {self.ground.status}>"
-        )
+        points = counted(self.labels.size, "point")
+        objects = counted(len(self.segments), "object")
+        return f"<Segmentation of {points}: {objects}, ground {self.ground.status}>"
 
     def require_of(self, cloud: PointCloud) -> None:
         """Raise `ShapeError` unless there is one label for each point of a cloud."""

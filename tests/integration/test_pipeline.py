@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from debrisgrasp import plan, segment, select
+from debrisgrasp._words import counted
 from debrisgrasp.errors import (
     CaptureError,
     ConfigError,
@@ -79,7 +80,8 @@ def test_what_a_plan_is_made_of_shows_itself_in_a_line(floating, pipe_result):
     assert repr(pipe_result.plan) in repr(pipe_result)
     assert len(repr(pipe_result)) < 300
     n_objects = len(pipe_result.segmentation.segments)
-    assert f"{n_objects} objects" in repr(pipe_result.segmentation)
+    objects = counted(n_objects, "object")
+    assert f": {objects}, " in repr(pipe_result.segmentation)
     anywhere = replace(pipe_result.plan, object_label=0)
     assert f"<GraspPlan of {len(anywhere.grasps)} in a region," in repr(anywhere)
     empty = replace(pipe_result.plan, grasps=(), why_empty="too far")

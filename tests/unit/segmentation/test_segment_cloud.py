@@ -16,6 +16,7 @@ from debrisgrasp.segmentation import (
     SegmentationConfig,
     SupportAware,
     segment_cloud,
+    segmentation_of_labels,
     with_mark,
 )
 from debrisgrasp.segmentation.segmentation import measured_segments
@@ -234,6 +235,11 @@ def test_what_is_no_cloud_is_not_divided(wrong, words):
     right = {"cloud": cloud_of([[0.5, 0.0, 0.3]])}
     with pytest.raises(InputError, match=words):
         segment_cloud(**{**right, **wrong})
+
+
+def test_one_object_is_not_several():
+    result = segmentation_of_labels(cloud_of([[0.5, 0.0, 0.3]]), [1])
+    assert repr(result) == "<Segmentation of 1 point: 1 object, ground skipped>"
 
 
 def test_colours_and_marks_may_be_lists():
