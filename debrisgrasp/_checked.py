@@ -40,6 +40,7 @@ _MENDS = {
     "Generator": "numpy.random.default_rng(seed) makes one.",
     "GripperModel": "GripperModel.load(name or path) reads one.",
     "Intrinsics": "Intrinsics.from_matrix(K, depth.shape) makes one.",
+    "KinematicChain": "RobotModel.load(name or path).chain(arm) makes one.",
     "LimitSet": "One of a LimitFamily: its .planner to plan, its .controller to move.",
     "Observations": "debrisgrasp.calibrate(path) reads a file of them.",
     "PlanningResult": "debrisgrasp.plan(capture) makes one.",

@@ -20,6 +20,7 @@ from debrisgrasp._arrays import (
     as_floats,
     require_finite,
 )
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import ShapeError
 from debrisgrasp.geometry import SE3, Solid
 
@@ -63,6 +64,7 @@ class ArmCollision:
     """Distance that the parts of the robot keep from one another [m]."""
 
     @classmethod
+    @checked
     def fit(
         cls,
         robot: RobotModel,

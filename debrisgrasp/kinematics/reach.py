@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, Rng, require_trailing
+from debrisgrasp._checked import checked_fields
 from debrisgrasp.geometry import SE3, so3
 
 from .chain import KinematicChain
@@ -31,6 +32,7 @@ _OUTWARDS = 2.5
 """So many deflections from the edge of the map, an arm mostly gives way."""
 
 
+@checked_fields
 @dataclass(frozen=True, eq=False)
 class ArmReach:
     """One arm of a robot, ready to answer for palm poses."""
@@ -43,6 +45,9 @@ class ArmReach:
     """Joints of the arm to hold still, for instance ``{"torso_joint": 0.0}``."""
     present: Mapping[str, float] | None = None
     """Joint values that the arm has now; None for the robot's ``present`` posture."""
+
+    def __post_init__(self) -> None:
+        self.robot.arm(self.name)
 
     @property
     def gripper(self) -> str:
@@ -67,12 +72,9 @@ class ArmReach:
     @cached_property
     def collision(self) -> ArmCollision:
         """Collision tests of the arm, the rest of the robot held."""
+        held, margin = self.locked, self.config.self_margin
         return ArmCollision.fit(
-            self.robot,
-            self.name,
-            self.chain,
-            held=self.locked,
-            self_margin=self.config.self_margin,
+            self.robot, self.name, self.chain, held=held, self_margin=margin
         )
 
     @cached_property

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from debrisgrasp._checked import checked
 from debrisgrasp._files import write_atomic
 from debrisgrasp._unreadable import UNREADABLE_ARRAY, PathLike
 from debrisgrasp.errors import ConfigError, OutputError
@@ -56,6 +57,7 @@ def cache_folder() -> Path | None:
     return home / inner / "debrisgrasp"
 
 
+@checked
 def cached_reach_map(
     chain: KinematicChain, config: ReachMapConfig | None = None
 ) -> ReachMap:
@@ -98,6 +100,7 @@ def cached_reach_map(
     return built
 
 
+@checked
 def save_reach_map(built: ReachMap, path: PathLike) -> None:
     """Write a map, whole or not at all.
 
@@ -121,6 +124,7 @@ def save_reach_map(built: ReachMap, path: PathLike) -> None:
         raise OutputError(path, "there is no such folder") from error
 
 
+@checked
 def load_reach_map(path: PathLike, chain: KinematicChain) -> ReachMap:
     """Read the map of a chain.
 

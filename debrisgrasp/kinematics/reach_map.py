@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, bounded, require_range
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import ConfigError
 
 from .chain import KinematicChain
@@ -107,6 +107,7 @@ class ReachMap:
         return bool(chain.n_joints > 1 and chain.is_revolute[[0, -1]].all())
 
     @classmethod
+    @checked
     def build(
         cls, chain: KinematicChain, config: ReachMapConfig | None = None
     ) -> ReachMap:

@@ -3,9 +3,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import SE3
-from debrisgrasp.kinematics import ArmReach, ReachConfig, RobotModel
+from debrisgrasp.kinematics import (
+    ArmCollision,
+    ArmReach,
+    ReachConfig,
+    ReachMap,
+    RobotModel,
+    cached_reach_map,
+    load_reach_map,
+    save_reach_map,
+)
 
 
 def _nothing(points: np.ndarray) -> np.ndarray:
@@ -192,3 +201,28 @@ def test_settings_out_of_range_are_refused() -> None:
         ReachConfig(n_postures=0)
     with pytest.raises(ConfigError, match="margin"):
         ReachConfig(margin=-0.1)
+
+
+def test_an_arm_that_the_robot_has_not_is_refused_at_once(roman: RobotModel) -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'right'"):
+        ArmReach(roman, "rigth")
+    with pytest.raises(InputError, match=r"robot: got 'roman'.*RobotModel\.load"):
+        ArmReach("roman", "right")  # type: ignore[arg-type]  # refused before use
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (ReachMap.build, "chain: got RobotModel, expected a KinematicChain.*chain"),
+        (cached_reach_map, "chain: got RobotModel"),
+        (lambda robot: load_reach_map("map.npz", robot), "chain: got RobotModel"),
+        (lambda robot: save_reach_map("map.npz", robot), "built: got 'map.npz'"),
+        (lambda robot: ReachMap.build(robot.chain("left"), {}), "config: got dict"),
+        (lambda robot: ArmCollision.fit(robot.name, "left"), "robot: got 'roman'"),
+    ],
+)
+def test_a_robot_is_no_chain_and_its_name_no_robot(
+    roman: RobotModel, call, words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        call(roman)

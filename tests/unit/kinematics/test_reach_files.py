@@ -172,11 +172,13 @@ def _no_home() -> Path:
     raise RuntimeError("no home")
 
 
-def test_a_missing_folder_is_named(small: ReachMap, tmp_path: Path) -> None:
+def test_a_missing_folder_is_named(
+    small: ReachMap, roman: RobotModel, tmp_path: Path
+) -> None:
     with pytest.raises(OutputError, match="none"):
         save_reach_map(small, tmp_path / "none" / "map.npz")
     with pytest.raises(ConfigError, match=r"none\.npz"):
-        load_reach_map(tmp_path / "none.npz", None)
+        load_reach_map(tmp_path / "none.npz", roman.chain("right"))
 
 
 def test_an_arm_takes_its_map_from_the_cache(
