@@ -324,9 +324,8 @@ class KinematicChain:
         """Random postures within the limits, uniform per joint, shape (n, d)."""
         require_generator(rng)
         require_count("number of postures", n)
-        lower = np.where(np.isfinite(self.lower), self.lower, -np.pi)
-        upper = np.where(np.isfinite(self.upper), self.upper, np.pi)
-        return rng.uniform(lower, upper, size=(n, self.n_joints))
+        low, high = np.nan_to_num([self.lower, self.upper], posinf=np.pi, neginf=-np.pi)
+        return rng.uniform(low, high, size=(n, self.n_joints))
 
     def vector(self, values: Mapping[str, float]) -> FloatArray:
         """Joint values (d,) in order; zero where not named; other names don't count."""

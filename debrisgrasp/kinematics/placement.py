@@ -17,7 +17,7 @@ from debrisgrasp._arrays import (
     require_range,
     require_trailing,
 )
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.errors import ConfigError, ShapeError
 from debrisgrasp.geometry import SE3, lattice
 
@@ -97,6 +97,7 @@ class BasePlacement:
         return SE3(_planar(np.array([[self.x, self.y, self.yaw]]))[0])
 
 
+@checked
 def base_placements(
     arms: Sequence[ArmReach],
     T_base_hand: SE3,

@@ -222,8 +222,7 @@ class ReachMap:
     def admits(self, goals: AxisGoals) -> BoolArray:
         """As `may_reach`, of goals (k,) already in the radial frame."""
         radius, height = goals.rows[:2]
-        cell = self._cells(goals.rows)
-        is_open = radius < self.radius
+        cell, is_open = self._cells(goals.rows), radius < self.radius
         is_open &= (height > self.lowest) & (height < self.highest)
         angles = (goals.azimuth, goals.turn)
         for masks, angle, fitting in zip(

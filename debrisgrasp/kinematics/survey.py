@@ -13,9 +13,13 @@ from debrisgrasp._arrays import (
     FloatArray,
     IntArray,
     Rng,
+    as_rows,
     finite,
+    require_count,
+    require_metres,
     require_range,
 )
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3, Bounds, lattice
 
@@ -111,6 +115,7 @@ class ReachSurvey:
         )
 
 
+@checked
 def survey_reach(
     arm: ArmReach,
     places: ArrayLike,
@@ -141,8 +146,17 @@ def survey_reach(
         a full circle they make no difference to what is reached.
     rng
         Source of the random seeds.
+
+    Raises
+    ------
+    InputError
+        If places are not (p, 3), not finite or in millimetres, or no direction is to be
+        tried.
     """
     at = finite(places, "places", (None, 3))
+    require_metres("places", at)
+    if not approaches:
+        raise InputError("approaches", got="none", expected="at least one")
     directions = np.concatenate([a.directions for a in approaches])
     counts = [len(a.directions) for a in approaches]
     kind = np.repeat(np.arange(len(approaches)), counts)
@@ -214,7 +228,19 @@ def palm_poses(
 
     The palm's z axis is along the direction; turn zero has its x axis as level as it
     can be, and the turns divide a full one.
+
+    Raises
+    ------
+    InputError
+        If places or directions are of another shape, or a direction has no length.
     """
+    require_count("n_turns", n_turns, 1)
+    places = as_rows(places, "places")
+    directions = as_rows(directions, "directions")
+    if not (np.linalg.norm(directions, axis=-1) > 0.0).all():
+        raise InputError(
+            "directions", got="one without a length", expected="a direction each"
+        )
     z = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     up = np.where(np.abs(z[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[-1.0, 0.0, 0.0]])
     x = np.cross(z, up)
@@ -232,6 +258,7 @@ def palm_poses(
     return SE3(T)
 
 
+@checked
 def grid_places(bounds: Bounds, step: float) -> FloatArray:
     """Evenly spaced places that fill a box, at most ``step`` [m] apart; (p, 3).
 

@@ -167,3 +167,35 @@ def test_what_a_plan_reaches_is_gripped_from_where_the_base_stands(
     found = base_placements([right_reach], T, config=config, rng=rng)
     (here,) = (p for p in found if p.travel == 0.0)
     assert here.share == 1.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"places": [[800.0, -200.0, 200.0]]}, "places: got .*800.*millimetres"),
+        ({"places": [0.8, -0.2, 0.2]}, r"places: got \(3,\), expected \(n, 3\)"),
+        ({"approaches": ()}, "approaches: got none"),
+        ({"approaches": [Approach("none", np.zeros((1, 3)))]}, "without a length"),
+        ({"n_turns": 0}, "n_turns: got 0"),
+        ({"arm": "right"}, "arm: got 'right'"),
+    ],
+    ids=str,
+)
+def test_what_no_arm_could_grip_is_refused(
+    right_reach: ArmReach, rng: np.random.Generator, wrong, words: str
+) -> None:
+    right = {"arm": right_reach, "places": [[0.8, -0.2, 0.2]], "rng": rng}
+    with pytest.raises(InputError, match=words):
+        survey_reach(**{**right, **wrong})
+
+
+def test_a_base_is_placed_for_arms_and_poses(
+    right_reach: ArmReach, rng: np.random.Generator
+) -> None:
+    T = right_reach.chain.fk(np.zeros((1, 8)))
+    with pytest.raises(InputError, match="arms: got ArmReach, expected a sequence"):
+        base_placements(right_reach, T, rng=rng)  # type: ignore[arg-type]  # refused
+    with pytest.raises(InputError, match=r"T_base_hand: got ndarray.*from_matrix"):
+        base_placements([right_reach], T.matrix, rng=rng)  # type: ignore[arg-type]  # refused
+    with pytest.raises(InputError, match=r"bounds: got tuple.*Bounds\("):
+        grid_places((0, 1), 0.1)  # type: ignore[arg-type]  # refused before use
