@@ -159,7 +159,7 @@ class PlannerConfig:
                 )
         require_range("PlannerConfig.doubtful_sweeps", self.doubtful_sweeps, 0, _MOST)
         require_range("PlannerConfig.doubtful_share", self.doubtful_share, 1, 100)
-        require_range("PlannerConfig.region_size", self.region_size, 0.0)
+        require_range("PlannerConfig.region_size [m]", self.region_size, 0.0, 10.0)
         require_range("PlannerConfig.starts", self.starts, self.walkers, _MOST)
         require_range("PlannerConfig.alignments", self.alignments, 0, 100)
         require_range("PlannerConfig.survivors", self.survivors, 0.01, 1.0)
@@ -169,7 +169,7 @@ class PlannerConfig:
             require_range("PlannerConfig.global_share", share, 0.0, 1.0)
         require_range("PlannerConfig.minimum_score", self.minimum_score, 0.0, 1.0)
         require_range("PlannerConfig.minimum_evidence", self.minimum_evidence, 0.0, 1.0)
-        require_range("PlannerConfig.mode_distance", self.mode_distance, 0.0)
+        require_range("PlannerConfig.mode_distance [m]", self.mode_distance, 0.0, 10.0)
         require_range("PlannerConfig.mode_angle", self.mode_angle, 0.0, 3.2)
 
     @property

@@ -91,8 +91,10 @@ class LoadConfig:
                     got=(low, high),
                     expected="0 < least <= greatest",
                 )
-        for name in ("shell", "wall_density", "thin", "inward", "patch", "gravity"):
+        for name in ("shell", "wall_density", "inward", "gravity"):
             require_range(f"LoadConfig.{name}", getattr(self, name), 1e-6, 1e6)
+        for name in ("thin", "patch"):
+            require_range(f"LoadConfig.{name} [m]", getattr(self, name), 1e-6, 1.0)
 
     @property
     def expected_friction(self) -> float:

@@ -74,7 +74,9 @@ class SceneConfig:
         most = MAX_REACH * self.spacing + _ROUNDING
         require_range("SceneConfig.truncation", self.truncation, least, most)
         require_range("SceneConfig.hand_reach", self.hand_reach, 0.0, 2.0)
-        require_range("SceneConfig.tangent_radius", self.tangent_radius, self.spacing)
+        require_range(
+            "SceneConfig.tangent_radius [m]", self.tangent_radius, self.spacing, 1.0
+        )
         require_range("SceneConfig.ground_roughness", self.ground_roughness, 0.0, 1.0)
         require_range("SceneConfig.max_target_points", self.max_target_points, 1)
 

@@ -84,7 +84,9 @@ class SimilarityConfig:
             )
         require_range("SimilarityConfig.sigma", self.sigma, 1e-4, 0.1)
         require_range("SimilarityConfig.normal_sigma", self.normal_sigma, 0.01, 10.0)
-        require_range("SimilarityConfig.tangential_gate", self.tangential_gate, 0.0)
+        require_range(
+            "SimilarityConfig.tangential_gate [m]", self.tangential_gate, 0.0, 1.0
+        )
         require_range("SimilarityConfig.full_coverage", self.full_coverage, 0.01, 1.0)
         require_range("SimilarityConfig.minimum_seen", self.minimum_seen, 1)
 

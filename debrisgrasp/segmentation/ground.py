@@ -74,8 +74,7 @@ class GroundConfig:
     def __post_init__(self) -> None:
         require_range("max_tilt [rad]", self.max_tilt, 1e-6, np.pi)
         for name in ("max_height", "clearance"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ConfigError(name, got=getattr(self, name), expected="above 0")
+            require_range(f"{name} [m]", getattr(self, name), 1e-6, 5.0)
         for name in ("min_inlier_share", "max_removed_share"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(name, got=getattr(self, name), expected="in [0, 1]")

@@ -66,10 +66,10 @@ class SupportAware:
         object.__setattr__(self, "point", require_point(self.point))
         for name in ("encumbrance", "load", "blocked", "too_wide", "distance"):
             require_range(name, getattr(self, name), 0.0, _MOST)
-        if not self.openings or not all(0 < width < np.inf for width in self.openings):
-            raise ConfigError(
-                "openings", got=self.openings, expected="at least one, each above 0 m"
-            )
+        for width in self.openings:
+            require_range("openings [m]", width, 1e-6, 5.0)
+        if not self.openings:
+            raise ConfigError("openings", got=self.openings, expected="at least one")
 
     def order(
         self, segmentation: Segmentation, cloud: PointCloud

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
@@ -63,8 +63,8 @@ class SurroundingsConfig:
 
     def __post_init__(self) -> None:
         for name in ("min_wall", "min_side"):
-            if not all(0 < value < np.inf for value in getattr(self, name)):
-                raise ConfigError(name, got=getattr(self, name), expected="above 0")
+            for value in getattr(self, name):
+                require_range(f"{name} [m]", value, 1e-6, 50.0)
         for name in ("max_wall_lean", "max_side_lean"):
             if not 0 < getattr(self, name) < np.pi / 2:
                 raise ConfigError(

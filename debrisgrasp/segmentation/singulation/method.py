@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, require_range
 from debrisgrasp._checked import checked_fields
-from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import PointCloud
 from debrisgrasp.segmentation.marked import covered_shares
 from debrisgrasp.segmentation.segmentation import PatchGraph
@@ -71,9 +70,8 @@ class SingulationConfig:
     given; larger trusts paint more than shape."""
 
     def __post_init__(self) -> None:
-        for name in ("max_gap", "max_increase"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ConfigError(name, got=getattr(self, name), expected="above 0")
+        require_range("max_gap [m]", self.max_gap, 1e-6, 1.0)
+        require_range("max_increase", self.max_increase, 1e-9)
         require_range("sweeps", self.sweeps, 0)
         require_range("min_patch", self.min_patch, 0, _LARGEST_MIN_PATCH)
         require_range("min_score", self.min_score, 0.0, 1.0)
