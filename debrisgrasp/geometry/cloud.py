@@ -19,6 +19,7 @@ from debrisgrasp._arrays import (
     sealed,
     shared,
 )
+from debrisgrasp._checked import checked
 from debrisgrasp.errors import FrameMismatchError, InputError, ShapeError
 
 from .se3 import SE3
@@ -134,8 +135,11 @@ class PointCloud:
         if not is_sealed(self.normals):
             _require_unit(normals)
         require_finite(viewpoint, "viewpoint")
+        if viewpoint.ndim != 1:
+            raise ShapeError("viewpoint", got=viewpoint.shape, expected="(3,)")
         if self.pixels is not None:
-            object.__setattr__(self, "pixels", _own_pixels(self.pixels, len(points)))
+            pixels = _own_pixels(self.pixels, len(points), self.image_shape)
+            object.__setattr__(self, "pixels", pixels)
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "normals", normals)
         object.__setattr__(self, "viewpoint", viewpoint)
@@ -158,6 +162,7 @@ class PointCloud:
             pixels=pixels,
         )
 
+    @checked
     def cropped(self, bounds: Bounds) -> PointCloud:
         """Keep the points inside ``bounds``, which are in the same frame."""
         return self.selected(bounds.contains(self.points))
@@ -186,6 +191,7 @@ class PointCloud:
                 at_rim |= is_first & (place < size * _FRAME)
         return at_rim
 
+    @checked
     def in_frame(self, T_frame_own: SE3, frame: str) -> PointCloud:
         """Express the same cloud in another frame."""
         return replace(
@@ -205,13 +211,20 @@ class PointCloud:
             )
 
 
-def _own_pixels(pixels: ArrayLike, n: int) -> IntArray:
-    """Freeze the pixels of n points, or raise if they are none."""
+def _own_pixels(
+    pixels: ArrayLike, n: int, image_shape: tuple[int, int] | None
+) -> IntArray:
+    """Freeze the pixels of n points, or raise if they are none of the image."""
     given = np.asarray(pixels)
     if given.shape != (n,):
         raise ShapeError("pixels", got=given.shape, expected=f"({n},)")
     if not np.issubdtype(given.dtype, np.integer):
         raise InputError("pixels", got=given.dtype, expected="integers")
+    if n and image_shape is not None and not is_sealed(pixels):
+        first, last, end = given.min(), given.max(), image_shape[0] * image_shape[1]
+        if first < 0 or last >= end:
+            got = f"{first} to {last}"
+            raise InputError("pixels", got=got, expected=f"0 to {end - 1}")
     return frozen(pixels, "pixels", (n,), np.int64)
 
 

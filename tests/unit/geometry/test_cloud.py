@@ -161,3 +161,33 @@ def test_clouds_that_cannot_be_are_refused(field, value, message):
     PointCloud(**good)
     with pytest.raises(InputError, match=f"(?s){message}"):
         PointCloud(**{**good, field: value})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"viewpoint": np.zeros((2, 3))}, r"viewpoint: got \(2, 3\), expected \(3,\)"),
+        ({"pixels": np.arange(50) + 1}, "pixels: got 1 to 50, expected 0 to 49"),
+        ({"pixels": np.arange(50) - 1}, "pixels: got -1 to 48"),
+    ],
+    ids=["viewpoints", "beyond", "before"],
+)
+def test_a_cloud_has_one_viewpoint_and_pixels_of_its_image(cloud, wrong, words):
+    with pytest.raises(InputError, match=words):
+        replace(cloud, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda cloud: cloud.cropped((0, 1)), r"bounds: got tuple.*Bounds\("),
+        (lambda cloud: cloud.in_frame(np.eye(4), "base"), r"T_frame_own.*from_matrix"),
+        (
+            lambda cloud: cloud.in_frame("base", SE3.identity()),
+            "T_frame_own: got",
+        ),
+    ],
+)
+def test_no_box_and_no_pose_is_refused_in_words(cloud, call, words):
+    with pytest.raises(InputError, match=words):
+        call(cloud)
