@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from debrisgrasp._checked import checked
 from debrisgrasp._stopwatch import Stopwatch
 from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ConfigError
@@ -38,6 +39,7 @@ _EVEN = 1e-4
 """Margins of a region are equal within this [m]."""
 
 
+@checked
 def recall_plan(
     path: str | os.PathLike[str],
     capture: Capture,

@@ -19,6 +19,7 @@ from debrisgrasp.errors import InputError
 from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
 from debrisgrasp.executive.simulated import injections_of, simulate
 from debrisgrasp.io import Capture, data_path
+from debrisgrasp.pipeline import recall_plan
 from debrisgrasp.prototypes import GripperModel, check
 from debrisgrasp.segmentation import support_graph
 from debrisgrasp.settings import Settings
@@ -173,6 +174,7 @@ CALLS = {
     "segments": lambda c: segmentation_png("a.png", c, c.cloud(), c.labels),
     "order": lambda c: selection_png("order.png", c),
     "order page": lambda c: selection_html("order.html", c),
+    "plan that was saved": lambda c: recall_plan("grasps.json", c, "none"),
     "sheet": lambda _: prototype_png("a.png", [], GripperModel.load("camhand")),
     "dictionary": lambda _: prototypes_html("a.html", [], ["camhand"]),
 }
