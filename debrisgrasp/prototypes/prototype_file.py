@@ -12,8 +12,9 @@ import numpy as np
 import yaml
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp._fields import MAX_LENGTH, Fields
-from debrisgrasp._files import read_yaml, write_atomic
+from debrisgrasp._files import read_yaml, require_suffix, write_atomic
 from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
 
 from .gripper import FURTHER_HANDS, GripperModel
@@ -172,6 +173,7 @@ def write_prototype(
     write_atomic(path, prototype_text(definition))
 
 
+@checked
 def write_new_prototype(
     definition: PrototypeDefinition, path: str | os.PathLike[str], *, force: bool
 ) -> tuple[Path, ...]:
@@ -184,10 +186,13 @@ def write_new_prototype(
 
     Raises
     ------
+    ConfigError
+        If the name of the file does not end in .yaml: no dictionary would read it.
     OutputError
         If a file is in the way and ``force`` is not given, or it can't be written.
     """
     target = Path(path)
+    require_suffix(target, (".yaml", ".yml"), "a prototype's file")
     files = [target]
     if isinstance(definition.shape, SurfaceShape):
         files.append(target.parent / _surface_name(definition))

@@ -317,3 +317,24 @@ def test_what_is_no_mesh_is_refused(tmp_path, name, content, said):
         surface_from_mesh(tmp_path / name)
     with pytest.raises(ConfigError, match="no such file"):
         surface_from_mesh(tmp_path / "absent.stl")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"path": "mine"}, r"name of a prototype's file: got .*mine.*\.yaml"),
+        ({"path": "mine.ply"}, "mine.ply"),
+        ({"definition": LIBRARY["bar_4x4"]}, "definition: got GraspPrototype"),
+        ({"force": 1}, "force: got 1"),
+    ],
+    ids=["none", "other", "prototype", "force"],
+)
+def test_what_no_dictionary_would_read_is_not_written(
+    tmp_path, monkeypatch, wrong, words
+):
+    monkeypatch.chdir(tmp_path)
+    definition = LIBRARY["bar_4x4"].definition
+    right = {"definition": definition, "path": "mine.yaml", "force": False}
+    with pytest.raises(InputError, match=words):
+        write_new_prototype(**{**right, **wrong})
+    assert not list(tmp_path.iterdir())
