@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp.control import Preview, Rehearsal
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import LimitSet
@@ -43,6 +44,7 @@ class Outline:
     is_filled: bool = False
 
 
+@checked
 def leg_png(
     path: str | os.PathLike[str],
     title: str,
@@ -192,6 +194,7 @@ def _draw_turn(axes: Axes, traces: Sequence[LegTrace]) -> None:
     twin.set_ylim(0, max(1.0, twin.get_ylim()[1]))
 
 
+@checked
 def preview_png(path: str | os.PathLike[str], shown: Preview) -> None:
     """Write a picture of what pushes and turns would do to the hand.
 

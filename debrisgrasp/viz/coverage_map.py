@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.patches import Rectangle
 
+from debrisgrasp._checked import checked
 from debrisgrasp.prototypes import CoverageMap
 
 from .colors import INK, MUTED_INK, hex_color, mixed
@@ -28,6 +29,7 @@ _DEEPEST = 4
 """So many prototypes for a size, or more, have the darkest colour."""
 
 
+@checked
 def coverage_png(path: str | os.PathLike[str], coverage: CoverageMap) -> None:
     """Write the map: a row for each hand and approach, a column for each size.
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._checked import checked
-from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.prototypes import GraspPrototype, GripperModel, half_turns
 
@@ -18,6 +17,7 @@ from .colors import CHOSEN_COLOR, HAND_COLORS
 from .html import filled_page, write_page
 from .payload import packed_bytes, packed_points
 from .scene import merged, point_spacing
+from .sheets import drawable
 
 __all__ = ["prototypes_html"]
 
@@ -48,13 +48,11 @@ def prototypes_html(
     Raises
     ------
     InputError
-        If there is no prototype.
+        If there is no prototype, or not its hand.
     ConfigError, OutputError
         If the file has another suffix, or can't be written.
     """
-    shown = tuple(prototypes)
-    if not shown:
-        raise InputError("prototypes to draw", got="none", expected="at least one")
+    shown = drawable(prototypes, grippers)
     said = findings or {}
     content = {
         "title": f"{len(shown)} prototype{'s' * (len(shown) != 1)}",

@@ -16,6 +16,7 @@ from matplotlib.transforms import Bbox
 from scipy.spatial import ConvexHull
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._checked import checked
 from debrisgrasp._words import arm_called
 from debrisgrasp.geometry import Bounds
 from debrisgrasp.kinematics import ReachSurvey, RobotModel
@@ -59,6 +60,7 @@ class ReachPicture:
     """Table of words, its first row the header."""
 
 
+@checked
 def reach_png(path: str | os.PathLike[str], picture: ReachPicture) -> None:
     """Write the picture as a PNG of 1800 x 1160 pixels.
 
@@ -73,6 +75,7 @@ def reach_png(path: str | os.PathLike[str], picture: ReachPicture) -> None:
     _drawn(picture).write(path)
 
 
+@checked
 def reach_html(path: str | os.PathLike[str], picture: ReachPicture) -> None:
     """Write a page with the picture and the table, which needs nothing but itself.
 

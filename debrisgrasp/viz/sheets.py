@@ -10,7 +10,7 @@ import numpy as np
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._checked import checked
 from debrisgrasp._words import counted
-from debrisgrasp.errors import InputError
+from debrisgrasp.errors import InputError, UnknownNameError
 from debrisgrasp.geometry import SE3, PointCloud
 from debrisgrasp.prototypes import GraspPrototype, GripperModel
 from debrisgrasp.segmentation import Candidate, Segmentation
@@ -41,7 +41,7 @@ from .scene import merged, point_spacing
 from .view import View
 from .words import doubt_line
 
-__all__ = ["prototype_png", "segmentation_png"]
+__all__ = ["drawable", "prototype_png", "segmentation_png"]
 
 _BY = {"singulation": "", "lccp": " by LCCP", "given": " as given"}
 """How segments came about, where it isn't as usual."""
@@ -143,13 +143,11 @@ def prototype_png(
     Raises
     ------
     InputError
-        If there is no prototype.
+        If there is no prototype, or not its hand.
     ConfigError, OutputError
         If the file has another suffix, or can't be written.
     """
-    shown = tuple(prototypes)
-    if not shown:
-        raise InputError("prototypes to draw", got="none", expected="at least one")
+    shown = drawable(prototypes, grippers)
     columns, side = (6, 280) if len(shown) > 6 else (3, 400)
     columns = min(columns, len(shown))
     step_x, step_y = side + 16, side + 62
@@ -169,6 +167,31 @@ def prototype_png(
         colors = _drawn_prototype(prototype, grippers[prototype.gripper], slot)
         draw_picture(page.panel(slot), colors, slot)
     page.write(path)
+
+
+def drawable(
+    prototypes: Iterable[GraspPrototype], grippers: Mapping[str, GripperModel]
+) -> tuple[GraspPrototype, ...]:
+    """List what is to be drawn.
+
+    Raises
+    ------
+    InputError
+        If it is nothing, or something else than prototypes.
+    UnknownNameError
+        If the hand of one is not there.
+    """
+    shown = tuple(prototypes)
+    if not shown:
+        raise InputError("prototypes to draw", got="none", expected="at least one")
+    for each in shown:
+        if not isinstance(each, GraspPrototype):
+            got = type(each).__name__
+            mend = "PrototypeLibrary.load() has some, by name."
+            raise InputError("prototypes to draw", got=got, expected="them", mend=mend)
+        if each.gripper not in grippers:
+            raise UnknownNameError("gripper", each.gripper, grippers)
+    return shown
 
 
 def _drawn_prototype(

@@ -20,12 +20,17 @@ from debrisgrasp.executive import Executive, SimulatedTask, TaskSettings
 from debrisgrasp.executive.simulated import injections_of, simulate
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.pipeline import recall_plan
-from debrisgrasp.prototypes import GripperModel, check
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, check
 from debrisgrasp.segmentation import support_graph
 from debrisgrasp.settings import Settings
 from debrisgrasp.viz import (
+    coverage_png,
+    leg_png,
+    preview_png,
     prototype_png,
     prototypes_html,
+    reach_html,
+    reach_png,
     report_html,
     report_png,
     segmentation_png,
@@ -33,6 +38,8 @@ from debrisgrasp.viz import (
     selection_png,
 )
 from debrisgrasp.workbench import record
+
+LIBRARY = PrototypeLibrary.load()
 
 
 class Orders(Protocol):
@@ -175,6 +182,15 @@ CALLS = {
     "order": lambda c: selection_png("order.png", c),
     "order page": lambda c: selection_html("order.html", c),
     "plan that was saved": lambda c: recall_plan("grasps.json", c, "none"),
+    "coverage": lambda _: coverage_png("a.png", LIBRARY),
+    "reach": lambda _: reach_png("a.png", LIBRARY),
+    "reach page": lambda _: reach_html("a.html", LIBRARY),
+    "leg": lambda _: leg_png("a.png", "leg", [], 150.0, nominal=np.zeros((2, 3))),
+    "preview": lambda _: preview_png("a.png", LIBRARY),
+    "names on a sheet": lambda _: prototype_png("a.png", ["brick_102"], {}),
+    "names on a page": lambda _: prototypes_html("a.html", ["brick_102"], {}),
+    "sheet without hands": lambda _: prototype_png("a.png", LIBRARY, {}),
+    "page without hands": lambda _: prototypes_html("a.html", LIBRARY, {}),
     "sheet": lambda _: prototype_png("a.png", [], GripperModel.load("camhand")),
     "dictionary": lambda _: prototypes_html("a.html", [], ["camhand"]),
 }
