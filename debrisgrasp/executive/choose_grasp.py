@@ -85,16 +85,16 @@ def _is_put_off(context: Context, grasps: Sequence[Grasp]) -> bool:
 
     Its grasps, the best first, are kept for its turn.
     """
-    cycle, n_changes, best = context.cycle, context.n_changes, grasps[0]
+    cycle, n_changes, kept = context.cycle, context.n_changes, _kept(grasps[0])
     assert cycle.seen is not None
     assert cycle.triage is not None
     is_only = cycle.seen.is_marked is not None or cycle.triage.way is Way.DRAG
-    if is_only or cycle.centroid is None or best.rank >= _LIKELY:
+    if is_only or cycle.centroid is None or kept >= _LIKELY:
         return False
     if context.marks.promise(cycle.centroid, n_changes) is not None:
         return False
-    context.marks.put_off(cycle.centroid, best.rank, n_changes).offered[cycle.seen] = (
-        list(grasps)
+    context.marks.put_off(cycle.centroid, kept, n_changes).offered[cycle.seen] = list(
+        grasps
     )
     return True
 
@@ -133,8 +133,6 @@ def _ordered(
 ) -> tuple[Grasp, ...]:
     """Put the preferred hand first among grasps that are about as good.
 
-    What is only hooked can't be felt, so it is no better than it is squeezed.
-
     What failed on the object once is likely to fail elsewhere on it: a grip with
     another prototype comes before.
     """
@@ -143,10 +141,18 @@ def _ordered(
 
     def worth(grasp: Grasp) -> float:
         liked = _PREFERRED if grasp.arm == preferred else 0.0
-        felt = 1.0 if grasp.success is None else grasp.success.squeezed
-        return min(grasp.rank, felt) + liked - _REPEATED * n_failed[grasp.prototype]
+        return _kept(grasp) + liked - _REPEATED * n_failed[grasp.prototype]
 
     return tuple(sorted(grasps, key=worth, reverse=True))
+
+
+def _kept(grasp: Grasp) -> float:
+    """How likely a grasp is to hold an object all the way to where it is put down.
+
+    Below zero for what is overloaded.
+    """
+    steady = 1.0 if grasp.success is None else grasp.success.steady
+    return grasp.rank * steady
 
 
 def _grasp_facts(grasp: Grasp) -> dict[str, object]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from debrisgrasp._files import data_path
 from debrisgrasp.errors import ConfigError, InputError
-from debrisgrasp.planning import SUCCESS_TERMS, SuccessModel
+from debrisgrasp.planning import SUCCESS_TERMS, SuccessForecast, SuccessModel
 from debrisgrasp.planning.success import success_terms
 
 MODEL = SuccessModel.load()
@@ -127,3 +127,12 @@ def test_what_is_only_hooked_holds_as_likely_and_is_told(squeezed, is_told):
     assert found.probability == pytest.approx(float(MODEL.probability(terms)))
     assert found.squeezed == squeezed
     assert ("hooked" in found.in_words) == is_told
+
+
+@pytest.mark.parametrize(
+    ("margin", "least", "most"), [(0.3, 0.0, 0.2), (0.7, 0.6, 0.85), (2.0, 0.99, 1.0)]
+)
+def test_what_is_loaded_to_its_limits_turns_in_the_hand(margin, least, most):
+    terms = terms_of(demand=1.0 / margin)
+    assert least <= MODEL.forecast(terms).steady <= most
+    assert SuccessForecast(probability=0.5).steady == 1.0  # of an old file
