@@ -51,6 +51,8 @@ _PART = -0.05
 """With less of it in sight an object is said to be a part."""
 _HOOKED = 0.5
 """Squeezed with a smaller probability, it is said to be hooked."""
+_UNSTEADY = 0.5
+"""Likely to stay as it was gripped with a smaller probability, it is said to turn."""
 _BLIND = -0.35
 """With less view than this the hand is said to go where nothing was seen."""
 _TURNS, _TURNS_SPREAD = 0.52, 0.45
@@ -164,6 +166,8 @@ class SuccessForecast:
             said += ", of what may be part of something larger"
         if self.squeezed < _HOOKED:
             said += ", hooked rather than squeezed"
+        if self.steady < _UNSTEADY:
+            said += ", likely to turn in the hand as it is carried"
         if self.outside:
             said += f", extrapolated in {' and '.join(self.outside)}"
         return said

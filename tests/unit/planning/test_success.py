@@ -134,5 +134,7 @@ def test_what_is_only_hooked_holds_as_likely_and_is_told(squeezed, is_told):
 )
 def test_what_is_loaded_to_its_limits_turns_in_the_hand(margin, least, most):
     terms = terms_of(demand=1.0 / margin)
-    assert least <= MODEL.forecast(terms).steady <= most
+    found = MODEL.forecast(terms)
+    assert least <= found.steady <= most
+    assert ("likely to turn" in found.in_words) == (margin < 0.5)
     assert SuccessForecast(probability=0.5).steady == 1.0  # of an old file
