@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from debrisgrasp._words import arm_called
 from debrisgrasp.geometry import SE3, Bounds
 
 from .advice import Advice
@@ -78,7 +79,7 @@ class Grasp:
 
     def __repr__(self) -> str:
         x, y, z = self.T_base_hand.p.tolist()
-        arm = "" if self.arm is None else f", {self.arm} arm"
+        arm = "" if self.arm is None else f", {arm_called(self.arm)}"
         words = (
             f"{self.prototype} by {self.gripper}{arm}, at ({x:.2f}, {y:.2f}, {z:.2f})"
         )

@@ -76,6 +76,7 @@ def test_what_a_plan_is_made_of_shows_itself_in_a_line(floating, pipe_result):
     grasp = pipe_result.plan.grasps[0]
     assert repr(floating).startswith("<Pipeline for a floating hand; hands ")
     assert f"{grasp.prototype} by {grasp.gripper}" in repr(grasp)
+    assert ", arm, at (" in repr(replace(grasp, arm="arm"))  # not "arm arm"
     assert repr(grasp) in repr(pipe_result.plan)
     assert repr(pipe_result.plan) in repr(pipe_result)
     assert len(repr(pipe_result)) < 300
