@@ -269,7 +269,13 @@ class Executive:
             if is_lost:
                 event = noted
             elif context.held is not None and not answer.is_cleared_up:
-                answer = replace(answer, is_cleared_up=True, resume=State.CAPTURE)
+                # What slips while it is to calm down never will.
+                answer = replace(
+                    answer,
+                    action=Action.RETRY,
+                    is_cleared_up=True,
+                    resume=State.CAPTURE,
+                )
         return answer
 
     def _stopped(self) -> RunEnd:

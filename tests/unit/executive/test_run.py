@@ -207,8 +207,9 @@ def test_a_device_that_is_lost_for_a_moment_in_a_recovery_is_asked_again(
     assert result.end is RunEnd.FINISHED
 
 
-def test_what_slips_as_the_hand_goes_on_with_it_is_put_down(run, monkeypatch):
-    answers, touches = [], failing("plan_collision", 1)
+@pytest.mark.parametrize("fault", ["plan_collision", "object_swings"])
+def test_what_slips_as_the_hand_goes_on_with_it_is_put_down(run, monkeypatch, fault):
+    answers, touches = [], failing(fault, 1)
 
     def touching(context):
         context.held = holding()
@@ -224,9 +225,11 @@ def test_what_slips_as_the_hand_goes_on_with_it_is_put_down(run, monkeypatch):
     monkeypatch.setattr(module, "recover", slipping)
     result, record = run({State.TRANSPORT: touching}, TaskSettings(max_removals=1))
     first, second = answers
-    assert first.resume is State.LIFT
-    assert second == replace(first, is_cleared_up=True, resume=State.CAPTURE)
-    assert [event.fault for event in result.faults] == ["plan_collision", "slip"]
+    assert first.resume in (State.LIFT, State.TRANSPORT)
+    assert second == replace(
+        first, action=Action.RETRY, is_cleared_up=True, resume=State.CAPTURE
+    )
+    assert [event.fault for event in result.faults] == [fault, "slip"]
     assert not result.attempts[0].is_removed
     (resumed,) = [e["resume"] for e in record.events if e["event"] == "recovered"]
     assert resumed == "capture"
