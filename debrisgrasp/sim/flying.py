@@ -16,7 +16,7 @@ from debrisgrasp.worlds import World
 from ._mujoco import mujoco
 from .flight import Flight, FlightConfig, FlownGrasp, Moment, Verdict
 from .hands import Grip, add_hand
-from .model import compiled, pose_of, world_tree
+from .model import compiled, for_grips, pose_of, world_tree
 from .touch import Touch, touches, touches_others
 from .wrist import Wrist
 from .yielding import Yielding
@@ -35,9 +35,6 @@ _BURIED = 0.005
 """Depth at which a hand that starts in something has collided [m]."""
 _DISTURBED = 0.02
 """A body that moved so far was disturbed [m]."""
-_FRICTION_STIFFNESS = 100.0
-"""Of friction over pressure. At 10 what is held between slanted pads creeps by 1 mm/s
-and is lost within seconds; at 100 by a twentieth of that, at no cost."""
 _LEAST_SHARE = 0.06
 """Of the grip force: less doesn't overcome the springs of the fingers."""
 _MOST_OF_WAY = 0.8
@@ -93,6 +90,7 @@ class _Flight:
         start = SE3.from_parts(goal.R, grasp.T_base_pregrasp.p)
         self.way = goal.p - start.p
         root = world_tree(world, config.physics)
+        for_grips(root)
         drives = add_hand(
             root,
             hand,
@@ -105,11 +103,6 @@ class _Flight:
         )
         self.mj, self.n = mujoco(), len(world.bodies)
         self.model: Any = compiled(root, world)
-        self.model.opt.impratio = _FRICTION_STIFFNESS
-        # The native collider of 4.0 takes the end face of a fingertip for the normal
-        # where its edge meets something round, and pops the hand off.
-        exact = self.mj.mjtDisableBit.mjDSBL_NATIVECCD
-        self.model.opt.disableflags |= int(exact)
         self.data: Any = self.mj.MjData(self.model)
         for drive in drives:
             for joint, value in drive.joints.items():

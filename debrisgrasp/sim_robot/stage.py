@@ -16,7 +16,13 @@ from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.robot import FakeConfig
 from debrisgrasp.robot.drives import Drives
 from debrisgrasp.sim._mujoco import mujoco
-from debrisgrasp.sim.model import compiled, placement, pose_of, world_tree
+from debrisgrasp.sim.model import (
+    compiled,
+    for_grips,
+    placement,
+    pose_of,
+    world_tree,
+)
 from debrisgrasp.worlds import World
 
 from .arm import SimArm, SimForceSensor
@@ -35,8 +41,6 @@ _OVERLAP = 0.005
 """How deep a body may begin in the robot, as what lies against it does [m]."""
 _BEGIN = 0.2
 """Before the clock starts [s]."""
-_FRICTION_STIFFNESS = "100"
-"""Of friction over pressure; at less what is held creeps out, see docs/physics.md."""
 
 
 class SimStage:
@@ -176,13 +180,7 @@ class SimStage:
     def _compile(self, world: World) -> None:
         """Make the model of world, links, and hands in their present shapes."""
         root = world_tree(world, self._physics.physics)
-        option = root.find("option")
-        assert option is not None
-        option.set("impratio", _FRICTION_STIFFNESS)
-        flag = option.find("flag")
-        assert flag is not None
-        # The native collider of 4.0 takes wrong normals at the edges of fingertips.
-        flag.set("nativeccd", "disable")
+        for_grips(root)
         palms = self._tree.add(root)
         for arm, palm in palms.items():
             self._hands[arm].add(root, palm, self._step)
