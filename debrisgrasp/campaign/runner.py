@@ -228,7 +228,8 @@ class Campaign:
                 else:
                     pending[future] = spec
             done, _ = wait(pending, return_when=FIRST_COMPLETED)
-            for future in done:
+            # In the order of the specs: where one can't be written, those before are.
+            for future in [future for future in pending if future in done]:
                 spec = pending.pop(future)
                 try:
                     record = future.result()

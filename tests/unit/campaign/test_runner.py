@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -342,6 +342,27 @@ def test_a_folder_in_which_another_is_at_work_is_refused(tmp_path, marks):
     assert refused == [0, 1, 2]
     assert begun(marks) == ["000", "001"]
     campaign.run(THREADS)  # when it has ended, anyone may go on
+
+
+class AtOnce(Executor):
+    """Does everything as it is asked for."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def test_what_is_done_at_the_same_time_is_kept_in_the_order_of_the_specs(
+    tmp_path, marks
+):
+    kept = []
+    campaign = Campaign(specs=told(9, marks), run_one=do, folder=tmp_path / "out")
+    campaign.run(
+        OwnWorkers(AtOnce, 9),
+        on_progress=lambda at: kept.append(at.latest and at.latest.name),
+    )
+    assert kept == [None, *(f"{i:03d}" for i in range(9))]
 
 
 def test_a_full_disk_ends_a_campaign_whose_records_stay_whole(
