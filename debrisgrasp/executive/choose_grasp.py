@@ -35,6 +35,9 @@ _REPEATED = 0.2
 """By so much likelier must a prototype be that failed on an object, each time."""
 _LIKELY = 0.5
 """What is less likely to hold is put off."""
+_FELT = 0.2
+"""What fingers squeeze with a smaller probability lies loosely in their hook: nobody
+feels it, and it is taken for an empty hand."""
 _SEARCHES = 3
 """So often at most grasps are sought on an object that was not got the last time."""
 _KNOWN = 40
@@ -151,8 +154,11 @@ def _kept(grasp: Grasp) -> float:
 
     Below zero for what is overloaded.
     """
-    steady = 1.0 if grasp.success is None else grasp.success.steady
-    return grasp.rank * steady
+    success = grasp.success
+    if success is None:
+        return grasp.rank
+    kept = grasp.rank * success.steady
+    return kept if success.squeezed >= _FELT else min(kept, success.squeezed)
 
 
 def _grasp_facts(grasp: Grasp) -> dict[str, object]:

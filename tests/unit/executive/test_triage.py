@@ -279,8 +279,8 @@ def test_settings_of_another_type_are_refused(name, value):
 
 
 def test_what_failed_on_an_object_comes_after_other_prototypes_about_as_likely():
-    def grasp(prototype, rank, arm="left", steady=1.0):
-        success = SimpleNamespace(steady=steady)
+    def grasp(prototype, rank, arm="left", steady=1.0, squeezed=1.0):
+        success = SimpleNamespace(steady=steady, squeezed=squeezed)
         return SimpleNamespace(prototype=prototype, rank=rank, arm=arm, success=success)
 
     span, rim, other = grasp("span", 0.6), grasp("rim", 0.5), grasp("other", 0.1)
@@ -293,6 +293,11 @@ def test_what_failed_on_an_object_comes_after_other_prototypes_about_as_likely()
     # What turns in the hand is lost on the way.
     rod = grasp("rod", 0.9, steady=0.5)
     assert _ordered([rod, span, other], triage) == (span, rod, other)
+    # What nobody can feel is taken for an empty hand.
+    hook = grasp("hook", 0.9, squeezed=0.15)
+    assert _ordered([hook, span, other], triage) == (span, hook, other)
+    claw = grasp("claw", 0.9, squeezed=0.3)
+    assert _ordered([span, other, claw], triage) == (claw, span, other)
 
 
 class Look:
