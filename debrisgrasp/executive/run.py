@@ -269,13 +269,7 @@ class Executive:
             if is_lost:
                 event = noted
             elif context.held is not None and not answer.is_cleared_up:
-                # What slips while it is to calm down never will.
-                answer = replace(
-                    answer,
-                    action=Action.RETRY,
-                    is_cleared_up=True,
-                    resume=State.CAPTURE,
-                )
+                answer = answer.putting_down()  # what slips will not calm down, either
         return answer
 
     def _stopped(self) -> RunEnd:

@@ -54,6 +54,12 @@ class Answer:
     is_cleared_up: bool = False
     """Whether the hand first puts down what it has, backs out and goes to rest."""
 
+    def putting_down(self) -> Answer:
+        """Put down what is held instead, at once, and look anew."""
+        return replace(
+            self, action=Action.RETRY, is_cleared_up=True, resume=State.CAPTURE
+        )
+
 
 def _default_resume(state: State, action: Action) -> State:
     """Where to go on if nothing else is said."""
