@@ -28,9 +28,6 @@ from .scene import GraspScene
 
 __all__ = ["ClearanceConfig", "HandClearance"]
 
-_ALL = slice(None)
-_FEW = 4
-"""Every so many of the spheres are looked at first."""
 _UNKNOWN = np.uint8(Space.UNKNOWN)
 
 
@@ -100,22 +97,21 @@ class HandClearance:
             C in [0, 1], shape (k,); 0 where it is provably below what is needed.
         """
         Ts = Ts_base_hand.astype(np.float32)
-        clearance, alive = np.ones(len(Ts)), np.arange(len(Ts))
-        # A few spheres find most collisions; every further stage sees fewer poses.
-        few = slice(None, None, _FEW)
-        depth = self._depth(self._placed(Ts, prototype, few), prototype, few)
-        kept = self._passing(clearance, alive, depth, needed)
-        alive, which = alive[kept], prototype[alive[kept]]
-        placed = self._placed(Ts[alive], which)
-        kept = self._passing(clearance, alive, self._depth(placed, which), needed)
-        alive, which, placed = alive[kept], which[kept], placed[kept]
-        retreats = np.multiply.outer(self._retreats, Ts[alive, :3, 2])
-        on_the_way = (placed + retreats[..., None]).reshape(-1, *placed.shape[1:])
-        depths = self._depth(on_the_way, np.tile(which, len(retreats)))
-        depth = depths.reshape(len(retreats), -1).max(axis=0, initial=-np.inf)
-        kept = self._passing(clearance, alive, depth, needed)
-        alive, which, placed = alive[kept], which[kept], placed[kept]
-        unseen = self._unseen(placed, which)
+        clearance, everyone = np.ones(len(Ts)), np.arange(len(Ts))
+        placed = self._placed(Ts, prototype)
+        cells = self._cell(placed)
+        depth = self._depth(cells, prototype)
+        # The way in, several times the work, is looked at only where the hand fits.
+        fits = self._passing(clearance, everyone, depth, needed)
+        which, placed = prototype[fits], placed[fits]
+        depth = np.full(len(fits), -np.inf, dtype=np.float32)
+        for step in self._retreats:
+            on_the_way = placed + (step * Ts[fits, :3, 2])[..., None]
+            met = self._depth(self._cell(on_the_way), which)
+            np.maximum(depth, met, out=depth)
+        kept = self._passing(clearance, fits, depth, needed)
+        alive, which = fits[kept], which[kept]
+        unseen = self._unseen(cells[alive], which)
         clearance[alive] *= 1.0 - self._config.unknown_cost * unseen
         return clearance
 
@@ -141,32 +137,29 @@ class HandClearance:
         """
         if self._config.unknown_cost == 0.0:
             return np.zeros(len(prototype))
-        Ts = Ts_base_hand.astype(np.float32)
-        return self._unseen(self._placed(Ts, prototype), prototype)
+        placed = self._placed(Ts_base_hand.astype(np.float32), prototype)
+        return self._unseen(self._cell(placed), prototype)
 
     def is_blind(self, Ts_base_hand: FloatArray, prototype: IntArray) -> BoolArray:
         """Whether a finger ends where the camera saw nothing, shape (k,)."""
         ends = self._hands.ends.take(prototype, axis=0)
         placed = self._in_grid(Ts_base_hand.astype(np.float32), ends)
-        return np.asarray(self._is_unknown(placed).any(axis=1))
+        return np.asarray(self._is_unknown(self._cell(placed)).any(axis=1))
 
-    def _unseen(self, placed: Float32Array, prototype: IntArray) -> FloatArray:
-        """See `unseen`, for spheres that are placed already."""
-        is_unknown = self._is_unknown(placed).astype(np.float32)
+    def _unseen(self, cells: IntArray, prototype: IntArray) -> FloatArray:
+        """See `unseen`, for spheres whose cells (k, s) are known."""
+        is_unknown = self._is_unknown(cells).astype(np.float32)
         shares = is_unknown[:, None] @ self._shares.take(prototype, axis=0)
         worst: FloatArray = shares[:, 0].max(axis=1).astype(np.float64)
         return worst
 
-    def _is_unknown(self, placed: Float32Array) -> BoolArray:
-        """Which spheres' centres lie in space that was never seen, shape (k, s)."""
-        return np.asarray(self._scene.field.space.take(self._cell(placed)) == _UNKNOWN)
+    def _is_unknown(self, cells: IntArray) -> BoolArray:
+        """Which cells (k, s) lie in space that was never seen."""
+        return np.asarray(self._scene.field.space.take(cells) == _UNKNOWN)
 
-    def _placed(
-        self, Ts: Float32Array, prototype: IntArray, spheres: slice = _ALL
-    ) -> Float32Array:
+    def _placed(self, Ts: Float32Array, prototype: IntArray) -> Float32Array:
         """Centres of spheres as coordinates in the grid [cells], shape (k, 3, s)."""
-        centers = self._hands.centers[:, :, spheres].take(prototype, axis=0)
-        return self._in_grid(Ts, centers)
+        return self._in_grid(Ts, self._hands.centers.take(prototype, axis=0))
 
     def _in_grid(self, Ts: Float32Array, centers: Float32Array) -> Float32Array:
         """Places of the hand (k, 3, s) as coordinates in the grid [cells]."""
@@ -187,11 +180,9 @@ class HandClearance:
         index += cell[:, 2]
         return index
 
-    def _depth(
-        self, placed: Float32Array, prototype: IntArray, spheres: slice = _ALL
-    ) -> Float32Array:
-        """Deepest intrusion of any sphere into a point [m], shape (k,)."""
-        depth = self._hands.radii[:, spheres].take(prototype, axis=0)
-        depth -= self._scene.clearance.take(self._cell(placed))
+    def _depth(self, cells: IntArray, prototype: IntArray) -> Float32Array:
+        """Deepest intrusion of a sphere, by its cell (k, s), into a point [m], (k,)."""
+        depth = self._hands.radii.take(prototype, axis=0)
+        depth -= self._scene.clearance.take(cells)
         deepest: Float32Array = depth.max(axis=1)
         return deepest
