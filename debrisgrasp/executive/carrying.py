@@ -160,8 +160,11 @@ def verify_hold(context: Context) -> StepResult:
         words = f"{payload.mass:.1f} kg, over the {settings.max_mass:g} kg allowed"
         return FaultFound("too_heavy", words, held.arm, values)
     held.payload = payload
-    # What lay on it during the lift is gone: from now on a loss is one of this weight.
-    held.state = held.state._replace(most_carried=weight, slipping=0.0)
+    # What lay on it during the lift is gone, and the fingers have found their hold: a
+    # loss is one of this weight, with fingers that close from here.
+    held.state = held.state.held_from(tuple(drive.fingers().openings))._replace(
+        most_carried=weight, slipping=0.0
+    )
     facts: dict[str, object] = {"mass": round(payload.mass, 3), "points": n_seen}
     if n_seen:
         facts["size"] = np.round(box_around(held.points_hand).size, 2).tolist()

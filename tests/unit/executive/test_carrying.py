@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from debrisgrasp.control import Body, FingerReading, GripPhase
 from debrisgrasp.executive import carrying as carriage
 from debrisgrasp.executive.drive import Drive
 from debrisgrasp.executive.faults import Action
 from debrisgrasp.executive.loaded import carrying
 from debrisgrasp.executive.obstacles import box_around
-from debrisgrasp.executive.result import FaultFound
+from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
 from debrisgrasp.geometry import SE3, so3
@@ -164,3 +165,28 @@ def test_what_is_carried_on_a_planned_way_should_touch_nothing(
     drive = Drive(task.context, "right")
     supervisor, _ = drive.supervised(is_planned=is_planned)
     assert supervisor.config.motion_force == force
+
+
+def test_fingers_that_closed_during_the_lift_have_lost_nothing_by_that(
+    pipeline, monkeypatch
+):
+    """They curl around what they lift; weight that goes later is borne by something."""
+    _, task = before_a_brick(pipeline)
+    context, weighed = task.context, Body(2.5)
+    held = context.held = holding(points_hand=POINTS, is_lifted=True)
+    before, now = (0.06,) * 3, (0.05,) * 3
+    held.state = held.state._replace(
+        phase=GripPhase.HOLDING, held_openings=before, most_carried=30.0
+    )
+    monkeypatch.setattr(carriage, "looked_at", lambda *_: 0)
+    monkeypatch.setattr(carriage, "identify_payload", lambda *_, **__: (weighed, 0.0))
+    monkeypatch.setattr(
+        Drive, "fingers", lambda _: FingerReading(now, (40.0, 20.0, 20.0))
+    )
+    context.state = State.VERIFY_HOLD
+    assert isinstance(carriage.verify_hold(context), Done)
+    context.state = State.TRANSPORT
+    drive = Drive(context, held.arm)
+    monkeypatch.setattr(drive, "carried", lambda _load: 10.0)
+    found = [drive._watched_fingers((0.0,) * 6) for _ in range(60)]
+    assert {f.fault for f in found if f is not None} == {"plan_collision"}
