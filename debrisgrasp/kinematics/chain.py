@@ -95,7 +95,7 @@ class KinematicChain:
         Parameters
         ----------
         path
-            URDF file.
+            URDF file, or ``package://NAME/...``.
         base, tip
             Names of the links at both ends; base need not be the root, nor above tip.
         locked

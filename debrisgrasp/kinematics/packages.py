@@ -9,13 +9,13 @@ from pathlib import Path
 
 from debrisgrasp.errors import ConfigError
 
-__all__ = ["PACKAGE_SCHEME", "package_file", "package_folders"]
+__all__ = ["PACKAGE_SCHEME", "file_at", "package_folders"]
 
 PACKAGE_SCHEME = "package://"
 
 
-def package_file(uri: str) -> Path:
-    """Path of ``package://NAME/rest``.
+def file_at(name: str | Path, folder: Path = Path()) -> Path:
+    """Path of ``package://NAME/rest``, or of another file as seen from a folder.
 
     Packages are sought in ``$ROS_PACKAGE_PATH``, in the ``share`` folders of
     ``$AMENT_PREFIX_PATH``, and among the robots of the Python package
@@ -26,13 +26,17 @@ def package_file(uri: str) -> Path:
     ConfigError
         If there is no such file; names the folders that were searched.
     """
-    inside = uri.removeprefix(PACKAGE_SCHEME)
+    # A path has lost one of the slashes.
+    scheme, _, inside = str(name).partition(":/")
+    if scheme != "package":
+        return folder / name
+    inside = inside.lstrip("/")
     folders = tuple(package_folders())
-    for folder in folders:
-        if (folder / inside).is_file():
-            return folder / inside
+    for share in folders:
+        if (share / inside).is_file():
+            return share / inside
     raise ConfigError(
-        f"file {uri}",
+        f"file {PACKAGE_SCHEME}{inside}",
         got="no such file in " + (", ".join(map(str, folders)) or "any folder"),
         expected="a package in $ROS_PACKAGE_PATH or $AMENT_PREFIX_PATH",
         mend="Robots of example-robot-data come with the extra 'robots': "

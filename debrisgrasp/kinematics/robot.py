@@ -16,7 +16,7 @@ from debrisgrasp.geometry import SE3, Solid
 from .chain import KinematicChain
 from .frames import with_frames
 from .limits import LimitFamily, LimitSet
-from .packages import PACKAGE_SCHEME, package_file
+from .packages import file_at
 from .robot_file import ArmSpec, RobotFile, robot_path
 from .solids import solids_of_shape
 from .urdf import UrdfTree
@@ -68,8 +68,7 @@ class RobotModel:
         """
         path = robot_path(name_or_path)
         file = RobotFile.parse(read_yaml(path), path)
-        is_packed = file.urdf.startswith(PACKAGE_SCHEME)
-        urdf = package_file(file.urdf) if is_packed else path.parent / file.urdf
+        urdf = file_at(file.urdf, path.parent)
         model = cls(
             name=file.name,
             tree=with_frames(UrdfTree.load(urdf), file.frames),

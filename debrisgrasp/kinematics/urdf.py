@@ -19,6 +19,8 @@ from debrisgrasp._fields import require_distinct
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
+from .packages import file_at
+
 __all__ = ["MOVABLE_KINDS", "UrdfJoint", "UrdfShape", "UrdfTree"]
 
 MOVABLE_KINDS = ("revolute", "continuous", "prismatic")
@@ -103,14 +105,14 @@ class UrdfTree:
 
     @classmethod
     def load(cls, path: str | Path) -> UrdfTree:
-        """Read a URDF file.
+        """Read a URDF file; ``package://NAME/...`` is sought as ROS does.
 
         Raises
         ------
         ConfigError
             If it can't be read, isn't a URDF, or its links don't form one tree.
         """
-        path = Path(path)
+        path = file_at(path)
         try:
             content = path.read_bytes()
         except OSError as error:

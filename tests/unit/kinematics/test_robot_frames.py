@@ -12,7 +12,7 @@ from debrisgrasp._files import data_path
 from debrisgrasp._site_limits import SiteLimits
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
-from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.kinematics import KinematicChain, RobotModel
 
 from .robots import JointText, row_robot, urdf_text, written
 
@@ -264,6 +264,12 @@ def test_urdf_and_meshes_of_a_package_are_found(
         described(frames(), urdf="package://row_description/row.urdf")
     )
     assert len(robot.links_solids()) == 7
+    for path in (
+        "package://row_description/row.urdf",
+        Path("package://row_description/row.urdf"),
+    ):
+        chain = KinematicChain.from_urdf(path, "link0", "link6")
+        assert chain.n_joints == 6
 
 
 def test_a_package_that_is_not_there_is_named_with_the_folders(described, monkeypatch):
@@ -271,6 +277,8 @@ def test_a_package_that_is_not_there_is_named_with_the_folders(described, monkey
     path = described(frames(), urdf="package://row_description/row.urdf")
     with pytest.raises(ConfigError, match="/nowhere/at/all"):
         RobotModel.load(path)
+    with pytest.raises(ConfigError, match=r"package://none/a\.urdf.*/nowhere"):
+        KinematicChain.from_urdf("package://none/a.urdf", "link0", "link6")
 
 
 def _facet(*corners: tuple[int, int, int]) -> str:
