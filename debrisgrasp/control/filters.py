@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, log
+from numbers import Real
 
 from numpy.typing import ArrayLike
 
@@ -50,9 +51,9 @@ class WrenchFilter:
         Raises
         ------
         ConfigError
-            If that is not below 1.
+            If that is no number, or not below 1.
         """
-        if not 0.0 <= share < 1.0:
+        if not (isinstance(share, Real) and 0.0 <= share < 1.0):
             raise ConfigError(
                 "share of a step that has passed",
                 got=share,

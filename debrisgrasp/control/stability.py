@@ -14,12 +14,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi, sqrt
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import (
     FloatArray,
+    as_floats,
     require_finite,
     require_metres,
     require_range,
@@ -160,14 +162,15 @@ class StabilityBound:
         Raises
         ------
         ConfigError
-            If one is below zero, of which every bound would be kept.
+            If one is no number, or below zero, of which every bound would be kept.
         """
         mass_gain = gain if mass_gain is None else mass_gain
         for name, value in (("gain [m/N]", gain), ("mass_gain [m/N]", mass_gain)):
-            if value < -_ROUNDING:
+            is_number = isinstance(value, Real)
+            if not is_number or value < -_ROUNDING:
                 raise ConfigError(
                     name,
-                    got=f"{value:g}",
+                    got=f"{value:g}" if is_number else repr(value),
                     expected="0 or more",
                     mend="`contact_gain` of a compliance is.",
                 )
@@ -269,9 +272,10 @@ def contact_gain(tensor: ArrayLike, lever: ArrayLike = (0.0, 0.0, 0.0)) -> float
     Raises
     ------
     InputError
-        If any of the numbers is not finite.
+        If one of these has another shape, or any of the numbers is not finite.
     """
-    C, r = np.asarray(tensor, dtype=np.float64), np.asarray(lever, dtype=np.float64)
+    C = as_floats(tensor, "compliance at the hand", (6, 6))
+    r = as_floats(lever, "lever of a contact [m]", (3,))
     require_finite(C, "compliance at the hand")
     require_finite(r, "lever of a contact [m]")
     J = np.concatenate([np.broadcast_to(np.eye(3), (*r.shape, 3)), -so3.hat(r)], -1)

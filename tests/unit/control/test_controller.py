@@ -223,6 +223,14 @@ def test_a_compliance_or_a_lever_that_is_no_number_is_refused():
             contact_gain(np.eye(6), (0.0, 0.0, bad))
         with pytest.raises(InputError, match="compliance at the hand"):
             contact_gain(np.full((6, 6), bad))
+    with pytest.raises(ConfigError, match=r"^gain \[m/N\]: got 'a'"):
+        bound.verdict("a", Contact())
+    with pytest.raises(ConfigError, match=r"mass_gain \[m/N\]: got 'a'"):
+        bound.verdict(1e-9, Contact(), "a")
+    with pytest.raises(InputError, match=r"shape of compliance.*\(6, 6\)"):
+        contact_gain(np.eye(3))
+    with pytest.raises(InputError, match="lever of a contact"):
+        contact_gain(np.eye(6), "a")
     with pytest.raises(InputError, match="delay"):
         ArmResponse(delay=2.5)
 

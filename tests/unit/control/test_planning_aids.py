@@ -240,7 +240,7 @@ def test_a_guarded_approach_has_a_speed(speed):
         ContactGuard().require_speed(speed, LIMITS)
 
 
-@pytest.mark.parametrize("share", [1.0, 2.0, -0.5, np.nan])
+@pytest.mark.parametrize("share", [1.0, 2.0, -0.5, np.nan, "a"])
 def test_a_filter_never_lets_all_of_a_step_pass(share):
     with pytest.raises(ConfigError, match="share of a step"):
         WrenchFilter().settling_time(share)
