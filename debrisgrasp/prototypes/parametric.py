@@ -65,7 +65,7 @@ def prototype_of_shape(
         "shape": dict(shape),
         "kind": kind,
         "tags": list(tags),
-        "description": description or "-",
+        **({"description": description} if description else {}),
     }
     if shape.get("type") == "surface":
         raise ConfigError(

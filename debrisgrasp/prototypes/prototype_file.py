@@ -124,7 +124,7 @@ def definition_from(
         has_shape_symmetry=fields.choice("symmetry", ("shape", "none"), "shape")
         == "shape",
         tags=_read_tags(fields),
-        description=fields.text("description", "-"),
+        description=fields.text("description", ""),
     )
     shape_fields.finish()
     fields.finish()
@@ -148,8 +148,9 @@ def prototype_text(definition: PrototypeDefinition) -> str:
         "kind": definition.kind,
         "symmetry": "shape" if definition.has_shape_symmetry else "none",
         "tags": list(definition.tags),
-        "description": definition.description or "-",
     }
+    if description := definition.description.strip():
+        content["description"] = description
     return HEADER + yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, default_flow_style=None
     )

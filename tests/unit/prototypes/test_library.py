@@ -18,9 +18,10 @@ from debrisgrasp.errors import (
     OutputError,
     UnknownNameError,
 )
-from debrisgrasp.prototypes import GripperModel, PrototypeLibrary
+from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, prototype_of_shape
 from debrisgrasp.prototypes import gripper as gripper_module
 from debrisgrasp.prototypes import library as library_module
+from debrisgrasp.prototypes.prototype_file import write_prototype
 
 SOUND = """\
 name: pipe
@@ -80,6 +81,16 @@ def test_thin_prototypes_show_more_than_one_plane(library: PrototypeLibrary) -> 
         if prototype.definition.shape.__class__.__name__ != "CylinderShape":
             normals = np.unique(prototype.normals.round(3), axis=0)
             assert len(normals) >= 3, prototype.name
+
+
+@pytest.mark.parametrize("text", ["", "a pipe"])
+def test_a_description_or_none_comes_back_as_it_was(tmp_path: Path, text: str) -> None:
+    shape = {"type": "cylinder", "diameter": 0.05, "length": 0.14}
+    gripper = GripperModel.load("robotiq_3f")
+    pipe = prototype_of_shape("pipe", shape, gripper, "basic", description=text)
+    assert pipe.description == text
+    write_prototype(pipe, tmp_path / "pipe.yaml")
+    assert PrototypeLibrary.load(tmp_path)["pipe"].definition.description == text
 
 
 def test_saved_dictionary_loads_back_the_same(
