@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, Rng, require_trailing
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp.geometry import SE3
 
 from .chain import KinematicChain
@@ -115,6 +115,7 @@ class ArmReach:
         share: FloatArray = np.abs(torque / most).max(axis=1, initial=0.0)
         return share
 
+    @checked
     def may_reach(self, T_base_hand: SE3) -> BoolArray:
         """Tell quickly which palm poses (...) the map doesn't rule out, shape (...)."""
         batch, T = T_base_hand.batch, T_base_hand.matrix.reshape(-1, 4, 4)
@@ -123,6 +124,7 @@ class ArmReach:
         goals = Goals.from_matrices(self.chain.form, T)
         return self.reach_map.may_reach(goals).reshape(batch)
 
+    @checked
     def may_yield(self, T_base_hand: SE3) -> BoolArray:
         """Tell quickly which palm poses (...) may leave room to give way, shape (...).
 
@@ -164,6 +166,7 @@ class ArmReach:
         )
         return np.where(found.is_solved[:, None], found.q, np.nan)
 
+    @checked
     def leeway(
         self, joints: FloatArray, T_base_hand: SE3, Ts_base_away: SE3, *, rng: Rng
     ) -> FloatArray:
@@ -185,6 +188,7 @@ class ArmReach:
             config=self.config.ik,
         )
 
+    @checked
     def yielding(
         self,
         T_base_hand: SE3,
@@ -209,6 +213,7 @@ class ArmReach:
         found = q[np.arange(len(q)), choice]
         return np.where(choice[:, None] >= 0, found, np.nan)
 
+    @checked
     def reach(
         self,
         T_base_hand: SE3,

@@ -44,6 +44,24 @@ def test_poses_of_free_postures_are_reached_freely(
     assert np.isnan(found.joints[~found.is_reached]).all()
 
 
+def test_a_matrix_is_no_pose_and_a_seed_no_generator(
+    right_reach: ArmReach, rng: np.random.Generator
+) -> None:
+    matrix = np.eye(4)[None]
+    for ask in (
+        right_reach.may_reach,
+        right_reach.may_yield,
+        lambda T: right_reach.solves(T, rng=rng),
+        lambda T: right_reach.reach(T, _nothing, rng=rng),
+        lambda T: right_reach.yielding(T, T, _nothing, 0.5, rng=rng),
+        lambda T: right_reach.leeway(np.zeros((1, 8)), T, T, rng=rng),
+    ):
+        with pytest.raises(InputError, match=r"got ndarray.*SE3\.from_matrix"):
+            ask(matrix)
+    with pytest.raises(InputError, match="default_rng"):
+        right_reach.reach(SE3(matrix), _nothing, rng=0)
+
+
 def test_every_pose_without_posture_has_its_reason(
     right_reach: ArmReach, rng: np.random.Generator
 ) -> None:
