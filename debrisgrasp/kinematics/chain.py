@@ -23,19 +23,18 @@ from debrisgrasp._arrays import (
     require_generator,
 )
 from debrisgrasp._words import counted
-from debrisgrasp.errors import ConfigError, ShapeError, UnknownNameError
+from debrisgrasp.errors import ShapeError
 from debrisgrasp.geometry import SE3, so3
 
+from .between import joints_between
 from .formulas import ChainFormulas
 from .ik_types import Freedom
 from .ranges import require_ranges
 from .serial import LaneFrames, SerialForm, cross
-from .urdf import MOVABLE_KINDS, UrdfJoint, UrdfTree
+from .urdf import UrdfTree
 
 __all__ = ["KinematicChain"]
 
-_ROUNDING = 1e-9
-"""A locked value may be so far outside its limits [rad or m]."""
 _FULL_TURN = 2.0 * np.pi - 1e-3
 """A revolute joint whose range [rad] reaches this can take any direction."""
 
@@ -126,22 +125,7 @@ class KinematicChain:
         ConfigError, UnknownNameError
             If nothing moves between the links, or a joint to lock is not known.
         """
-        locked = dict(locked or {})
-        tree.require_link(base, "base link")
-        tree.require_link(tip, "tip link")
-        for name in locked:
-            if name not in tree.joints:
-                raise UnknownNameError(
-                    f"locked joint of {tree.name}", name, tree.joints
-                )
-            _require_possible(tree.joints[name], locked[name])
-        moving, T_base_tip = _walked(tree, base, tip, locked)
-        if not moving:
-            raise ConfigError(
-                f"chain from {base!r} to {tip!r}",
-                got="no joint that moves",
-                expected="at least one",
-            )
+        moving, T_base_tip = joints_between(tree, base, tip, locked or {})
         joints = [joint for joint, _, _ in moving]
         return cls(
             base=base,
@@ -348,53 +332,3 @@ class KinematicChain:
     def _tip(self, frames: LaneFrames) -> FloatArray:
         form = self.form
         return form.T_base_first @ frames.matrices() @ form.T_last_tip
-
-
-def _walked(
-    tree: UrdfTree, base: str, tip: str, locked: Mapping[str, float]
-) -> tuple[list[tuple[UrdfJoint, FloatArray, FloatArray]], SE3]:
-    """Return moving joints with axis and origin in base, and the pose of the tip."""
-    up, down = tree.joints_above(base), tree.joints_above(tip)
-    while up and down and up[-1] is down[-1]:
-        up.pop()
-        down.pop()
-    T, moving = SE3.identity(), []
-    for joint, goes_down in [(j, False) for j in up] + [(j, True) for j in down[::-1]]:
-        step = joint.T_parent_child(locked.get(joint.name, 0.0))
-        # Walked from child to parent, the same joint turns the other way.
-        axis = joint.axis if goes_down else -joint.axis
-        T_base_joint = T @ joint.T_parent_joint if goes_down else T
-        if joint.kind != "fixed" and joint.name not in locked:
-            _require_supported(joint, tree)
-            moving.append((joint, T_base_joint.rotate(axis), T_base_joint.p))
-        T = T @ (step if goes_down else step.inverse())
-    return moving, T
-
-
-def _require_possible(joint: UrdfJoint, value: float) -> None:
-    """Raise `ConfigError` unless a joint can stand at a value; NaN never does."""
-    lower, upper = joint.lower, joint.upper
-    if joint.kind not in MOVABLE_KINDS:
-        lower, upper = -np.inf, np.inf
-    is_number = isinstance(value, (int, float, np.number)) and np.isfinite(value)
-    if not is_number or not lower - _ROUNDING <= value <= upper + _ROUNDING:
-        raise ConfigError(
-            f"value of locked joint {joint.name!r}",
-            got=value,
-            expected=f"a finite number from {lower:g} to {upper:g} rad or m",
-        )
-
-
-def _require_supported(joint: UrdfJoint, tree: UrdfTree) -> None:
-    if joint.mimics is not None:
-        got = f"a mimic joint, driven by {joint.mimics!r}"
-    elif joint.kind not in MOVABLE_KINDS:
-        got = f"a {joint.kind} joint"
-    else:
-        return
-    raise ConfigError(
-        f"joint {joint.name!r} in a chain of {tree.name}",
-        got=got,
-        expected="one of " + ", ".join(MOVABLE_KINDS) + ", fixed",
-        mend="Choose base and tip so that it lies outside, or lock it at a value.",
-    )
