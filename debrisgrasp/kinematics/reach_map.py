@@ -29,13 +29,13 @@ from .chain import KinematicChain
 from .descent import Goals
 from .formulas import AxisGoals
 from .serial import Lanes
+from .sixteenths import ALL_AROUND, excess_turn, fitting_bits, has_gap, sixteenth
 
 __all__ = ["ReachMap", "ReachMapConfig"]
 
 _SEED = 4_198_273_651
 """An unusual number: poses drawn elsewhere from a usual seed must not coincide with the
 map's own samples, which would flatter every measurement."""
-_ALL = np.uint16(0xFFFF)
 _GOLDEN = 0.6180339887498949
 """Multiples of it fill the unit interval evenly, however many there are."""
 _INWARDS = -0.7
@@ -153,7 +153,7 @@ class ReachMap:
             azimuths=np.zeros(0, dtype=np.uint16),
             turns=np.zeros(0, dtype=np.uint16),
             outer_limits=outer_limits,
-            fitting=np.stack([_fitting(*limits) for limits in outer_limits]),
+            fitting=np.stack([fitting_bits(*limits) for limits in outer_limits]),
             seed_cell=np.zeros(0, dtype=np.intp),
             seeds=np.zeros((0, config.n_seeds, len(q)), dtype=np.float16),
         )
@@ -179,7 +179,7 @@ class ReachMap:
         )
         masks = []
         for angle in (values[0], values[-1]):
-            bits = np.left_shift(np.uint16(1), _sixteenth(angle).astype(np.uint16))
+            bits = np.left_shift(np.uint16(1), sixteenth(angle).astype(np.uint16))
             mask = np.bitwise_or.reduceat(bits[order], first)
             met = np.zeros(n_cells, dtype=np.uint16)
             met[cells] = mask
@@ -187,11 +187,11 @@ class ReachMap:
         azimuths, turns = masks
         # Close to the first axis the azimuth means nothing; the turn does not where
         # the last axis points inwards.
-        azimuths[0] = np.where(is_met[0], _ALL, azimuths[0])
+        azimuths[0] = np.where(is_met[0], ALL_AROUND, azimuths[0])
         rise = (np.arange(shape[2]) + 0.5) * 2.0 / shape[2] - 1.0
         heading = (np.arange(shape[3]) + 0.5) * 2.0 * np.pi / shape[3] - np.pi
         outward = np.sqrt(1.0 - rise * rise)[:, None] * np.cos(heading)
-        turns[is_met & (outward < _INWARDS)] = _ALL
+        turns[is_met & (outward < _INWARDS)] = ALL_AROUND
         return replace(
             self,
             azimuths=_grown(azimuths).reshape(-1),
@@ -228,7 +228,7 @@ class ReachMap:
         for masks, angle, fitting in zip(
             (self.azimuths, self.turns), angles, self.fitting, strict=True
         ):
-            is_open &= (masks[cell] & fitting[_sixteenth(angle)]) != 0
+            is_open &= (masks[cell] & fitting[sixteenth(angle)]) != 0
         return np.asarray(is_open)
 
     def middles(self, goals: AxisGoals, rank: IntArray) -> Lanes:
@@ -319,8 +319,8 @@ class ReachMap:
         """
         total: Lanes | None = None
         for angle, seeds, limits in zip(wanted, ends, self.outer_limits, strict=True):
-            if _has_gap(*limits):
-                excess = _excess(angle[:, None] - seeds, *limits)
+            if has_gap(*limits):
+                excess = excess_turn(angle[:, None] - seeds, *limits)
                 total = excess if total is None else total + excess
         return total
 
@@ -353,37 +353,6 @@ class ReachMap:
             place = ((number - low) * (size / (high - low))).astype(np.intp)
             cell = cell * size + bounded(place, 0, size - 1)
         return cell
-
-
-def _sixteenth(angle: Lanes) -> IntArray:
-    """Which sixteenth of a turn an angle [rad] lies in, counted from -pi."""
-    return np.asarray(np.floor(angle * (8.0 / np.pi)).astype(np.intp) % 16)
-
-
-def _fitting(lower: float, upper: float) -> NDArray[np.uint16]:
-    """Which sixteenths may be met at zero by what is wanted in each, shape (16,).
-
-    Wanted angle minus met angle is the value of the joint, which has limits.
-    """
-    step = np.pi / 8.0
-    value = step * np.subtract.outer(np.arange(16), np.arange(16))
-    # Either angle may lie anywhere in its sixteenth, and a neighbour's is close by.
-    fits = _excess(value, lower, upper) <= 2.0 * step
-    return np.asarray((fits << np.arange(16)).sum(axis=1), dtype=np.uint16)
-
-
-def _has_gap(lower: float, upper: float) -> bool:
-    """Whether the limits [rad] keep a joint from some directions."""
-    return bool(upper - lower < 2.0 * np.pi)
-
-
-def _excess(value: Lanes, lower: float, upper: float) -> Lanes:
-    """How far [rad] a turn must exceed the limits to take the direction of a value."""
-    if not _has_gap(lower, upper):
-        return np.zeros_like(value)
-    middle, half = float(0.5 * (lower + upper)), float(0.5 * (upper - lower))
-    turns = np.round((value - middle) / (2.0 * np.pi))
-    return np.maximum(np.abs(value - middle - 2.0 * np.pi * turns) - half, 0.0)
 
 
 def _grown(bits: NDArray[np.uint16]) -> NDArray[np.uint16]:
