@@ -17,6 +17,7 @@ from .grip import (
     GripPhase,
     GripState,
 )
+from .identification import ToolFit, felt_weight, identify_payload, identify_tool
 from .leg_state import (
     Command,
     ControllerConfig,
@@ -26,14 +27,7 @@ from .leg_state import (
     TarePolicy,
 )
 from .legs import CartesianLeg, LegPlan, LegPlanner, LegStatus
-from .loads import (
-    Body,
-    LoadModel,
-    ToolFit,
-    felt_weight,
-    identify_payload,
-    identify_tool,
-)
+from .loads import Body, LoadModel
 from .oscillation import OscillationGuard, OscillationState
 from .posture import PostureKinematics
 from .preview import Preview, preview
