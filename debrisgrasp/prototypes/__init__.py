@@ -12,7 +12,8 @@ from .gripper import (
     require_hands,
     with_shipped,
 )
-from .hand_poses import HandPose, around_grip, propose_hand_poses, settled
+from .hand_poses import HandPose, propose_hand_poses
+from .in_hand import around_grip, settled
 from .library import PrototypeLibrary
 from .likeness import Likeness, duplicates, half_turns, shape_distance
 from .parametric import prototype_of_shape

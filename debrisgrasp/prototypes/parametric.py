@@ -10,7 +10,7 @@ from debrisgrasp._checked import checked
 from debrisgrasp.errors import ConfigError, UnknownNameError
 
 from .gripper import GripperModel
-from .hand_poses import settled
+from .in_hand import settled
 from .placing import Grip, placed
 from .prototype import PrototypeDefinition
 from .prototype_file import definition_from

@@ -13,7 +13,7 @@ from debrisgrasp.geometry import SE3, fibonacci_sphere
 
 from .check import PENETRATION_TOLERANCE, Finding, check, depth_in
 from .gripper import GripperModel
-from .hand_poses import PALM_GAP, settled
+from .in_hand import PALM_GAP, settled
 from .prototype import GraspPrototype, PrototypeDefinition
 from .surface_shape import SurfaceShape
 
