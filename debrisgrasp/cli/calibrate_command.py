@@ -71,13 +71,10 @@ _ACTIONS = ("solve", "choose", "find", "pick", "watch")
 _MOST_SUGGESTIONS = 6
 
 
-def add(subparsers: Any) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``calibrate OBSERVATIONS`` and its further actions."""
-    parser = subparsers.add_parser(
-        "calibrate",
-        help="find where the camera is, and how well that is known",
-        description="`calibrate OBSERVATIONS` is short for `calibrate solve "
-        "OBSERVATIONS`.",
+    parser.description = (
+        "`calibrate OBSERVATIONS` is short for `calibrate solve OBSERVATIONS`."
     )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     _add_solve(actions)
@@ -94,7 +91,7 @@ def add(subparsers: Any) -> None:
             words = ["solve", *words]
         return parse(words, namespace)
 
-    parser.parse_known_args = parse_known_args
+    setattr(parser, "parse_known_args", parse_known_args)  # noqa: B010 - for mypy
 
 
 def _add_solve(actions: Any) -> None:

@@ -5,20 +5,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .commands import Subparsers
 from .site_arguments import add_site
 from .values import count, seed, some_path
 
 __all__ = ["add"]
 
 
-def add(subparsers: Subparsers) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``campaign``."""
-    parser = subparsers.add_parser(
-        "campaign",
-        help="many seeded runs; outcome tables with intervals",
-        description="Run the task many times, with or without injected faults, and "
-        "count the outcomes. The same command goes on with an interrupted campaign.",
+    parser.description = (
+        "Run the task many times, with or without injected faults, and "
+        "count the outcomes. The same command goes on with an interrupted campaign."
     )
     parser.add_argument(
         "--n", type=count(1, 1_000_000), default=30, help="runs (default: 30)"

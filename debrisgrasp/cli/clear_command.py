@@ -12,7 +12,7 @@ from debrisgrasp._words import arm_called, counted
 from debrisgrasp.errors import OutputError
 from debrisgrasp.settings import Settings
 
-from .commands import Subparsers, version
+from .commands import version
 from .reports import PAGE_FORMS, print_written, require_places
 from .site_arguments import add_site
 from .tables import columns
@@ -27,13 +27,11 @@ if TYPE_CHECKING:
 __all__ = ["add"]
 
 
-def add(subparsers: Subparsers) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``clear``."""
-    parser = subparsers.add_parser(
-        "clear",
-        help="clear a pile with the robot in memory, and record every decision",
-        description="Take objects one after another from a pile and carry them to the "
-        "drop-off, until nothing that can be removed is left.",
+    parser.description = (
+        "Take objects one after another from a pile and carry them to the "
+        "drop-off, until nothing that can be removed is left."
     )
     parser.add_argument(
         "--scene",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import debrisgrasp
 from debrisgrasp._files import require_folder, require_own
@@ -53,7 +53,6 @@ from .values import seed, some_path
 if TYPE_CHECKING:
     from debrisgrasp.pipeline import PlanningResult
 
-Subparsers = Any  # argparse gives its subparsers no public type
 _NOTHING = "no object was found beside the ground and what else was taken away"
 _METHODS = {"singulation": SingulationConfig, "lccp": LccpConfig}
 _LIKELY = 0.5
@@ -65,11 +64,8 @@ def version() -> str:
     return f"debrisgrasp {debrisgrasp.__version__}"
 
 
-def add_demo(subparsers: Subparsers) -> None:
+def add_demo(parser: argparse.ArgumentParser) -> None:
     """Add ``demo``."""
-    parser = subparsers.add_parser(
-        "demo", help="plan on a bundled capture; writes grasps and reports"
-    )
     parser.add_argument(
         "--out-dir",
         type=some_path,
@@ -106,13 +102,9 @@ def run_demo(arguments: argparse.Namespace) -> int:
     return 0 if result.plan.grasps else 1
 
 
-def add_plan(subparsers: Subparsers) -> None:
+def add_plan(parser: argparse.ArgumentParser) -> None:
     """Add ``plan``."""
-    parser = subparsers.add_parser(
-        "plan",
-        help="find grasps on the object that is easiest to take",
-        description="Find grasps on the first object of the order that offers one.",
-    )
+    parser.description = "Find grasps on the first object of the order that offers one."
     add_capture(parser)
     add_planning(parser)
     parser.add_argument(
@@ -161,9 +153,8 @@ def run_plan(arguments: argparse.Namespace) -> int:
     return 0 if result.plan.grasps else 1
 
 
-def add_segment(subparsers: Subparsers) -> None:
+def add_segment(parser: argparse.ArgumentParser) -> None:
     """Add ``segment``."""
-    parser = subparsers.add_parser("segment", help="divide a capture into objects")
     add_capture(parser)
     parser.add_argument(
         "--method",
@@ -259,11 +250,8 @@ def _print_surroundings(ground: GroundReport) -> None:
     print(f"points taken away: {counts or 'none'}")
 
 
-def add_select(subparsers: Subparsers) -> None:
+def add_select(parser: argparse.ArgumentParser) -> None:
     """Add ``select``."""
-    parser = subparsers.add_parser(
-        "select", help="the order in which objects would be taken, and why"
-    )
     add_capture(parser)
     add_reports(parser, "who lies on whom,")
     add_policy(parser)

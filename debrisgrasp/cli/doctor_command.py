@@ -23,13 +23,11 @@ _NARROWEST = 30
 """Texts are not written in lines of fewer characters."""
 
 
-def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``doctor``."""
-    parser = subparsers.add_parser(
-        "doctor",
-        help="check the installation and a site's settings; plan on a shipped capture",
-        description="Exit status: 0 sound, 1 something must be mended, 2 the site's "
-        "file, or one that it names, can't be used.",
+    parser.description = (
+        "Exit status: 0 sound, 1 something must be mended, 2 the site's "
+        "file, or one that it names, can't be used."
     )
     add_site(parser)
     parser.add_argument(

@@ -33,14 +33,12 @@ from .tables import columns, is_number
 __all__ = ["add"]
 
 
-def add(subparsers: Any) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``ik``."""
-    parser = subparsers.add_parser(
-        "ik",
-        help="joints that bring the palm to given poses",
-        description="Solve palm poses in the base frame. The palm's z axis is its "
+    parser.description = (
+        "Solve palm poses in the base frame. The palm's z axis is its "
         "approach. Nothing around the robot is known here; whether it touches itself "
-        "is told. Exit status 1 if no pose is solved.",
+        "is told. Exit status 1 if no pose is solved."
     )
     parser.add_argument(
         "poses",

@@ -23,7 +23,6 @@ from .capture_arguments import (
     progress,
     refuse_planning,
 )
-from .commands import Subparsers
 from .reports import PICTURE_FORMS, print_written, require_places, telling_written
 from .site_arguments import site_of
 from .tables import columns
@@ -41,13 +40,11 @@ _UNKNOWN = {
 }
 
 
-def add(subparsers: Subparsers) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``motion``."""
-    parser = subparsers.add_parser(
-        "motion",
-        help="plan reach, approach and lift for the first grasp that allows them",
-        description="Find grasps, then the first of them for which the arm can reach "
-        "the pre-grasp, approach and lift without touching anything.",
+    parser.description = (
+        "Find grasps, then the first of them for which the arm can reach "
+        "the pre-grasp, approach and lift without touching anything."
     )
     add_capture(parser)
     add_planning(parser)

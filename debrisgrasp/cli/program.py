@@ -27,6 +27,23 @@ from .output import steady_output
 __all__ = ["build_parser", "run"]
 
 _COMMANDS = {
+    "demo": "plan on a bundled capture; writes grasps and reports",
+    "plan": "find grasps on the object that is easiest to take",
+    "segment": "divide a capture into objects",
+    "select": "the order in which objects would be taken, and why",
+    "ik": "joints that bring the palm to given poses",
+    "motion": "plan reach, approach and lift for the first grasp that allows them",
+    "reach": "what the arms can grip, from which side, and where the base should go",
+    "prototype": "look at, check and make prototypes",
+    "calibrate": "find where the camera is, and how well that is known",
+    "clear": "clear a pile with the robot in memory, and record every decision",
+    "replay": "do a recorded run again, and compare decision by decision",
+    "campaign": "many seeded runs; outcome tables with intervals",
+    "doctor": "check the installation and a site's settings; plan on a shipped capture",
+    "view": "look at a capture, plan, prototype, calibration or run in the browser",
+}
+"""What each command does."""
+_HOMES = {
     "demo": ("commands", "add_demo"),
     "plan": ("commands", "add_plan"),
     "segment": ("commands", "add_segment"),
@@ -42,7 +59,7 @@ _COMMANDS = {
     "doctor": ("doctor_command", "add"),
     "view": ("view_command", "add"),
 }
-"""Where each command is described."""
+"""Where the arguments of each command are described."""
 _UNTOLD = (
     "The work was done, and other files that were asked for are written; make room, "
     "or print elsewhere."
@@ -76,9 +93,8 @@ def _with_home(word: str) -> str:
 
 def _answered(given: Sequence[str]) -> int:
     """Run one command; what is wrong is told in one line."""
-    only = given[0] if given and given[0] in (*_COMMANDS, "--version") else None
     try:
-        arguments = build_parser(only).parse_args(given)
+        arguments = build_parser(given).parse_args(given)
         with _warnings_shown():
             status: int = arguments.run(arguments)
     except DebrisGraspError as error:
@@ -170,8 +186,11 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}. {more}.")
 
 
-def build_parser(only: str | None = None) -> argparse.ArgumentParser:
-    """Describe the commands and their arguments; those of one alone load faster."""
+def build_parser(given: Sequence[str]) -> argparse.ArgumentParser:
+    """Describe the commands, and the arguments of the one that is given.
+
+    Those of all would take a second to load.
+    """
     parser = _Parser(
         prog="debrisgrasp",
         description="From one depth image of a pile of debris to ranked grasps.",
@@ -182,8 +201,12 @@ def build_parser(only: str | None = None) -> argparse.ArgumentParser:
         "--version", action="version", version=f"debrisgrasp {__version__}"
     )
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    wanted = [home for name, home in _COMMANDS.items() if only in (None, name)]
-    with signals_wait():
-        for module, function in dict.fromkeys(wanted):
-            getattr(import_module(f".{module}", __package__), function)(subparsers)
+    wanted = next((word for word in given if word in _COMMANDS), None)
+    for name, told in _COMMANDS.items():
+        command = subparsers.add_parser(name, help=told)
+        if name == wanted:
+            module, function = _HOMES[name]
+            with signals_wait():
+                home = import_module(f".{module}", __package__)
+            getattr(home, function)(command)
     return parser

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Any
 
 from debrisgrasp._words import counted
 from debrisgrasp.prototypes import (
@@ -35,11 +34,8 @@ from .values import some_path
 __all__ = ["add"]
 
 
-def add(subparsers: Any) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``prototype`` and its actions."""
-    parser = subparsers.add_parser(
-        "prototype", help="look at, check and make prototypes"
-    )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
 
     listing = actions.add_parser("list", help="names and sizes")

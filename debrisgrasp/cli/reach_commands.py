@@ -39,14 +39,12 @@ _N_PLACEMENTS = 6
 _MAP_STEP = 0.1
 
 
-def add(subparsers: Any) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``reach``."""
-    parser = subparsers.add_parser(
-        "reach",
-        help="what the arms can grip, from which side, and where the base should go",
-        description="Tell which part of a region each arm can grip from above, at 45 "
+    parser.description = (
+        "Tell which part of a region each arm can grip from above, at 45 "
         "degrees and frontally, and rank places for the base. Nothing around the robot "
-        "is known here. Exit status 1 if no arm can grip anything of the region.",
+        "is known here. Exit status 1 if no arm can grip anything of the region."
     )
     add_arm(parser)
     add_region(parser, "box that is asked for (default: all around)")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from debrisgrasp._words import counted
 from debrisgrasp.errors import ConfigError, InputError
 
-from .commands import Subparsers, version
+from .commands import version
 from .task_files import contents_of
 from .values import some_path
 
@@ -23,13 +23,11 @@ if TYPE_CHECKING:
 __all__ = ["add"]
 
 
-def add(subparsers: Subparsers) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``replay``."""
-    parser = subparsers.add_parser(
-        "replay",
-        help="do a recorded run again, and compare decision by decision",
-        description="Do a recorded run, or the run of a campaign, again with this "
-        "version, or compare it with another record, and say where they differ.",
+    parser.description = (
+        "Do a recorded run, or the run of a campaign, again with this "
+        "version, or compare it with another record, and say where they differ."
     )
     parser.add_argument(
         "run_record",

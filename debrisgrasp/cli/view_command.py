@@ -24,14 +24,12 @@ from .values import some_path, whole
 __all__ = ["add"]
 
 
-def add(subparsers: Any) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
     """Add ``view``."""
-    parser = subparsers.add_parser(
-        "view",
-        help="look at a capture, plan, prototype, calibration or run in the browser",
-        description="Serve a page with the scene in three dimensions until Ctrl-C. A "
+    parser.description = (
+        "Serve a page with the scene in three dimensions until Ctrl-C. A "
         "plan read from a file knows how many poses were ruled out; with --plan it is "
-        "made anew and shows each of them, and what it would hit.",
+        "made anew and shows each of them, and what it would hit."
     )
     add_capture(
         parser,

@@ -47,6 +47,19 @@ def test_version_is_that_of_the_package(run):
     assert debrisgrasp.__version__ in ended.out
 
 
+@pytest.mark.parametrize("words", [["--help"], ["--help", "plan"]])
+def test_all_commands_are_listed(run, words):
+    ended = run(*words)
+    assert ended.status == 0
+    for command in ("plan", "view"):
+        assert re.search(rf"\n    {command} +\w", ended.out)
+    assert "invalid choice: 'x' (choose from " in run("x", "plan").err
+
+
+def test_an_option_before_the_command_is_what_is_refused(run):
+    assert "unrecognized arguments: --json (" in run("--json", "plan", "x.npz").err
+
+
 @pytest.mark.parametrize("command", ["demo", "plan", "segment", "select", "prototype"])
 def test_every_command_explains_itself(run, command):
     ended = run(command, "--help")

@@ -102,7 +102,7 @@ def test_python_runs(source, prelude):
 
 @pytest.mark.parametrize("arguments", commands())
 def test_command_parses(arguments):
-    assert build_parser().parse_args(arguments).run
+    assert build_parser(arguments).parse_args(arguments).run
 
 
 def test_there_are_commands_and_code_to_test():

@@ -117,17 +117,21 @@ def test_import_prints_nothing_and_loads_nothing_heavy():
     assert fresh(code) == "[]"
 
 
-def test_the_version_is_told_at_once():
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [(["--version"], "debrisgrasp "), (["--help"], "usage: debrisgrasp ")],
+)
+def test_the_version_and_the_commands_are_told_at_once(words, told):
     code = (
         "import sys\n"
         "from debrisgrasp.cli import main\n"
         "try:\n"
-        "    main(['--version'])\n"
+        f"    main({words})\n"
         "except SystemExit as end:\n"
         "    print(end.code, {'numpy', 'scipy'} & set(sys.modules))"
     )
-    told, rest = fresh(code).splitlines()
-    assert told.startswith("debrisgrasp ")
+    *lines, rest = fresh(code).splitlines()
+    assert lines[0].startswith(told)
     assert rest == "0 set()"
 
 
