@@ -168,6 +168,8 @@ def pipeline_notes(
         if (ways := mobility(arm.chain)) < 6
     )
     if config.success is None:
+        if config.similarity.measure == "distance":
+            notes += ("scores are no probabilities: they were fitted to another S",)
         return notes
     told = ", ".join(filter(None, (config.success.date, config.success.campaign)))
     told = shortened(told, most=300) or "they don't say of when, nor fitted to what"

@@ -22,7 +22,12 @@ from debrisgrasp.pipeline.notes import (
     warning_notes,
 )
 from debrisgrasp.pipeline.second_look import BestSoFar
-from debrisgrasp.planning import PlannerConfig, SearchResult, SuccessModel
+from debrisgrasp.planning import (
+    PlannerConfig,
+    SearchResult,
+    SimilarityConfig,
+    SuccessModel,
+)
 from debrisgrasp.segmentation import Candidate
 
 BOX = Bounds(np.zeros(3), np.ones(3))
@@ -163,3 +168,9 @@ def test_a_mask_over_the_ground_is_told_of(pile):
     capture, labels = pile
     (note,) = told(capture, labels == 0)
     assert "100% of the mask" in note
+
+
+def test_scores_by_the_distance_of_the_paper_are_told_to_be_no_probabilities():
+    by_distance = PlannerConfig(similarity=SimilarityConfig(measure="distance"))
+    (note,) = pipeline_notes([], [], by_distance)
+    assert "no probabilities" in note
