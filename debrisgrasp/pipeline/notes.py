@@ -168,7 +168,7 @@ def pipeline_notes(
         if (ways := mobility(arm.chain)) < 6
     )
     if config.success is None:
-        if config.similarity.measure == "distance":
+        if config.similarity.measure != "evidence":
             notes += ("scores are no probabilities: they were fitted to another S",)
         return notes
     told = ", ".join(filter(None, (config.success.date, config.success.campaign)))

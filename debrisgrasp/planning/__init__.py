@@ -9,6 +9,7 @@ from .inspection import InspectionConfig
 from .ledger import Rejections
 from .load_forecast import LoadForecast
 from .mass import LoadConfig, ObjectMass
+from .matching import Match
 from .obstacles import ObstacleMap
 from .plan import Grasp, GraspPlan, PassedOver, Retreat
 from .planner import GraspPlanner
@@ -18,7 +19,7 @@ from .robustness import PoseUncertainty
 from .scene import GraspScene, SceneConfig
 from .scene_search import Watch
 from .search_result import SearchResult
-from .similarity import SimilarityConfig
+from .similarity import Measure, SimilarityConfig
 from .success import SUCCESS_TERMS, SuccessForecast, SuccessModel
 
 __all__ = [
@@ -36,6 +37,8 @@ __all__ = [
     "LoadConfig",
     "LoadForecast",
     "LocalMove",
+    "Match",
+    "Measure",
     "ObjectMass",
     "ObstacleMap",
     "PassedOver",

@@ -21,17 +21,17 @@ class Match(NamedTuple):
     point: tuple[Float32Array, Float32Array, Float32Array]
     """Coordinates x, y, z of the prototype's points, base frame [m]."""
     normal: tuple[Float32Array, Float32Array, Float32Array]
-    """Normal of the measured point next to each, base frame."""
+    """Normal of the measured point next to each, base frame, three of shape (k, m)."""
     along: Float32Array
     """Offset from that point along its normal [m]."""
     beside: Float32Array
     """Offset from it at right angles to the normal [m]."""
     cosine: Float32Array
-    """Of the angle between the normals of both."""
+    """Of the angle between the normals of both, shape (k, m)."""
     is_target: Float32Array
-    """1 where the measured point belongs to the object, else 0."""
+    """1 where the measured point belongs to the object, else 0, shape (k, m)."""
     is_known: BoolArray
-    """Whether the camera saw this place, or through it."""
+    """Whether the camera saw this place, or through it, shape (k, m)."""
 
     def kernel(self, sigma: float, normal_sigma: float, gate: float) -> Float32Array:
         """Likeness of every point in [0, 1], zero off the object, shape (k, m).

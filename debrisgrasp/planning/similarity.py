@@ -17,6 +17,7 @@ their mean and that of all points: a board's top on a thick pipe won't do.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -27,17 +28,22 @@ from debrisgrasp._arrays import (
     Float32Array,
     FloatArray,
     IntArray,
+    finite,
     require_range,
 )
 from debrisgrasp._checked import checked_fields
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, InputError
 from debrisgrasp.geometry import so3
 
 from .matching import Match, match_surface
 from .scene import GraspScene
 from .surfaces import VisibleSurfaces
 
-__all__ = ["ShapeSimilarity", "SimilarityConfig"]
+__all__ = ["Measure", "ShapeSimilarity", "SimilarityConfig"]
+
+Measure = Callable[[Match, BoolArray, float], FloatArray]
+"""Gives S in [0, 1] of k poses, shape (k,): from what was measured next to their points
+(k, m), which of these the camera would see, and the width of the kernel [m]."""
 
 _PULL = 2.0
 """Alignment feels the surface from so many times farther away than S does."""
@@ -69,18 +75,18 @@ class SimilarityConfig:
     """Share of the visible points that must have been seen for full marks."""
     minimum_seen: int = 6
     """Fewer seen points than this can't support a match."""
-    measure: Literal["evidence", "distance"] = "evidence"
+    measure: Literal["evidence", "distance"] | Measure = "evidence"
     """``"evidence"``: S as in docs/planner.md. ``"distance"``: the paper's (Eq. 5), the
     mean distance d of the visible points to the object, as exp(-d^2 / (2 sigma^2)), to
-    compare with: it knows neither normals nor free or unseen space, and ``score`` is no
-    probability then."""
+    compare with: it knows neither normals nor free or unseen space. Or a `Measure` of
+    your own. ``score`` is a probability with the first only."""
 
     def __post_init__(self) -> None:
-        if self.measure not in ("evidence", "distance"):
+        if self.measure not in ("evidence", "distance") and not callable(self.measure):
             raise ConfigError(
                 "SimilarityConfig.measure",
                 got=repr(self.measure),
-                expected="evidence or distance",
+                expected="evidence or distance, or a function",
             )
         require_range("SimilarityConfig.sigma", self.sigma, 1e-4, 0.1)
         require_range("SimilarityConfig.normal_sigma", self.normal_sigma, 0.01, 10.0)
@@ -145,9 +151,12 @@ class ShapeSimilarity:
         coverage = seen / np.maximum(self._surfaces.count[row], 1)
         trust = np.minimum(coverage / self._config.full_coverage, 1.0)
         similarity = np.where(seen >= least, trust * similarity, 0.0)
-        if self._config.measure == "distance":
-            far = self._mean_distance(look, row) / self._config.sigma
-            similarity = np.exp(-0.5 * far**2)
+        measure, sigma = self._config.measure, self._config.sigma
+        if measure == "distance":
+            similarity = np.exp(-0.5 * (self._mean_distance(look, row) / sigma) ** 2)
+        elif callable(measure):
+            is_visible = self._surfaces.is_used.take(row, axis=0)
+            similarity = _shares(measure(look, is_visible, sigma), len(row))
         return similarity.astype(np.float32), coverage.astype(np.float32)
 
     def mean_distance(
@@ -237,6 +246,15 @@ class ShapeSimilarity:
 
 _BATCH = 512
 """Poses scored together."""
+
+
+def _shares(S: FloatArray, k: int) -> FloatArray:
+    """Pass on what a measure of the user's gives of k poses, if it may be S."""
+    S = finite(S, "S of the measure", (k,))
+    if not ((S >= 0.0) & (S <= 1.0)).all():
+        got = f"{S.min():g} to {S.max():g}"
+        raise InputError("S of the measure", got=got, expected="numbers in [0, 1]")
+    return S
 
 
 def _mean(match: Float32Array, is_counted: BoolArray) -> tuple[IntArray, FloatArray]:

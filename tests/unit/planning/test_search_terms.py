@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from debrisgrasp.errors import CaptureError, ConfigError, FrameMismatchError, ShapeError
+from debrisgrasp.errors import (
+    CaptureError,
+    ConfigError,
+    FrameMismatchError,
+    InputError,
+    ShapeError,
+)
 from debrisgrasp.geometry import SE3, Bounds, Box, DepthSight, PointCloud, so3
 from debrisgrasp.io import Capture
 from debrisgrasp.planning import PlannerConfig
@@ -19,6 +25,7 @@ from debrisgrasp.planning.inspection import InspectionConfig, Inspector
 from debrisgrasp.planning.scene import GraspScene, SceneConfig
 from debrisgrasp.planning.similarity import ShapeSimilarity, SimilarityConfig
 from debrisgrasp.planning.surfaces import VisibleSurfaces
+from debrisgrasp.planning.tools import blurred
 from debrisgrasp.prototypes import PrototypeLibrary
 from tests.scenes import CAMERA, LOOKING_DOWN_AND_AHEAD, capture_of, lying_pipe
 
@@ -413,6 +420,43 @@ def test_equation_five_may_stand_for_the_evidence(scene, library):
     assert (np.diff(S) < 0).all()
     evidence = ShapeSimilarity(scene, surfaces, SimilarityConfig(sigma=0.01))
     np.testing.assert_array_equal(coverage, evidence(Ts, which)[1])
+
+
+def test_a_measure_of_ones_own_may_stand_for_the_evidence(scene, library):
+    def on_surface(match, is_visible, sigma):
+        is_on = (np.abs(match.along) < sigma) & (match.is_target > 0) & is_visible
+        return is_on.sum(axis=1) / is_visible.sum(axis=1).clip(1)
+
+    surfaces = VisibleSurfaces.pack(library.packed(), 80)
+    good = good_pose(library)
+    away = SE3.from_parts(good.R, good.p + np.array([0, 0, 0.5]))
+    Ts, which = np.stack([good.matrix, away.matrix]), np.zeros(2, dtype=int)
+    config = SimilarityConfig(measure=on_surface, sigma=0.01)
+    S, coverage = ShapeSimilarity(scene, surfaces, config)(Ts, which)
+    assert S[0] > 0.7
+    assert S[1] == 0.0
+    evidence = ShapeSimilarity(scene, surfaces, SimilarityConfig(sigma=0.01))
+    np.testing.assert_array_equal(coverage, evidence(Ts, which)[1])
+    wider, _ = blurred(PlannerConfig(similarity=config))
+    assert wider.measure is on_surface
+    assert wider.sigma > config.sigma
+
+
+@pytest.mark.parametrize(
+    ("S", "told"),
+    [
+        ([0.5, 1.5], r"0\.5 to 1\.5, expected numbers in \[0, 1\]"),
+        ([0.5, np.nan], "1 of 2 values NaN"),
+        ([0.5], r"shape of S of the measure: got \(1,\)"),
+    ],
+)
+def test_a_measure_that_gives_no_share_of_each_pose_is_refused(scene, library, S, told):
+    surfaces = VisibleSurfaces.pack(library.packed(), 80)
+    config = SimilarityConfig(measure=lambda *_: S)
+    with pytest.raises(InputError, match=told):
+        ShapeSimilarity(scene, surfaces, config)(
+            np.stack([good_pose(library).matrix] * 2), np.zeros(2, dtype=int)
+        )
 
 
 def test_a_measure_that_is_not_known_is_refused():
