@@ -194,7 +194,7 @@ class Advisor:
         self, situation: Situation, similarity: ShapeSimilarity
     ) -> tuple[FloatArray, IntArray]:
         """Poses that are good but for the arms, the most promising few."""
-        rows = situation.ruled_out.because(*_REACH)[:_FEW]
+        rows = situation.ruled_out.rows_with(*_REACH)[:_FEW]
         Ts, prototype = _unique(situation.ruled_out, rows)
         # Poses that no arm could reach were never looked at closely.
         fits = self._is_free(situation.scene, self._hands, Ts, prototype)
@@ -326,9 +326,9 @@ class Advisor:
         self, situation: Situation, similarity: ShapeSimilarity
     ) -> Iterator[Advice]:
         """Trust what was not seen."""
-        thick = situation.ruled_out.because("may be thicker")
+        thick = situation.ruled_out.rows_with("may be thicker")
         Ts, prototype = _unique(situation.ruled_out, thick)
-        poor = situation.ruled_out.because("fits too poorly")
+        poor = situation.ruled_out.rows_with("fits too poorly")
         Ts_poor, prototype_poor = _unique(situation.ruled_out, poor)
         S, _ = similarity(
             np.concatenate([Ts, Ts_poor]), np.concatenate([prototype, prototype_poor])
@@ -364,7 +364,7 @@ class Advisor:
 
 def _mass(situation: Situation) -> Iterator[Advice]:
     """Lift something lighter: loads are proportional to the mass."""
-    heavy = situation.ruled_out.because("too heavy")
+    heavy = situation.ruled_out.rows_with("too heavy")
     if not len(heavy):
         return
     over = np.sort(situation.ruled_out.amount[heavy])
@@ -382,7 +382,7 @@ def _mass(situation: Situation) -> Iterator[Advice]:
 
 def _picked(ruled_out: Rejections, *words: str) -> tuple[FloatArray, IntArray]:
     """Return a few poses (k, 4, 4) and their prototypes (k,) by their reasons."""
-    return _unique(ruled_out, ruled_out.because(*words)[:_FEW])
+    return _unique(ruled_out, ruled_out.rows_with(*words)[:_FEW])
 
 
 def _unique(ruled_out: Rejections, rows: IntArray) -> tuple[FloatArray, IntArray]:

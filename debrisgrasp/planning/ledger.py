@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 
 import numpy as np
 
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
 from debrisgrasp._words import counted
+from debrisgrasp.errors import UnknownNameError
 
 __all__ = ["Ledger", "Rejections"]
+
+_NEARLY = 0.85
+"""So like each other are words of which one is misspelt."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,7 +22,7 @@ class Rejections:
     """Poses that were ruled out, one row each."""
 
     reasons: tuple[str, ...] = ()
-    """The different reasons."""
+    """Those that ruled out poses, then those that were looked for and did not."""
     code: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """Which of them ruled a pose out, shape (n,)."""
     Ts: FloatArray = field(default_factory=lambda: np.zeros((0, 4, 4)))
@@ -45,7 +50,21 @@ class Rejections:
         }
 
     def because(self, *words: str) -> IntArray:
-        """Rows, shape (m,), whose reason contains any of some words."""
+        """Rows, shape (m,), whose reason contains any of some words.
+
+        Raises
+        ------
+        UnknownNameError
+            If one of them is nearly a part of a reason: then it is misspelt.
+        """
+        for word in words:
+            if meant := self._nearly(word):
+                mend = f"Did you mean {meant[0]!r}?"
+                raise UnknownNameError("reason", word, self.reasons, mend=mend)
+        return self.rows_with(*words)
+
+    def rows_with(self, *words: str) -> IntArray:
+        """Find the same rows (m,) for words that are known to be right."""
         codes = [
             i
             for i, reason in enumerate(self.reasons)
@@ -53,6 +72,19 @@ class Rejections:
         ]
         rows: IntArray = np.flatnonzero(np.isin(self.code, codes))
         return rows
+
+    def _nearly(self, word: str) -> list[str]:
+        """Part of a reason that is nearly a word which no reason has, or nothing.
+
+        Arms give reasons of their own: what is like none may be another of theirs.
+        """
+        if any(word in reason for reason in self.reasons):
+            return []
+        # Before a colon stands the name of an arm, which may be like another's.
+        told = [reason.rpartition(": ")[2].split() for reason in self.reasons]
+        n = len(word.split())
+        parts = [" ".join(t[i : i + n]) for t in told for i in range(len(t) - n + 1)]
+        return get_close_matches(word, parts, n=1, cutoff=_NEARLY)
 
 
 class Ledger:
@@ -77,8 +109,6 @@ class Ledger:
             By how much each of them fails, shape (k,); None if that is no number.
         """
         Ts, prototype = Ts[rejected], prototype[rejected]
-        if not len(Ts):
-            return
         by = np.full(len(Ts), np.nan)
         if amount is not None:
             by = np.asarray(amount, dtype=np.float64)[rejected]
@@ -89,7 +119,8 @@ class Ledger:
         if not self._entries:
             return Rejections()
         names, Ts, prototype, amount = zip(*self._entries, strict=True)
-        reasons = tuple(dict.fromkeys(names))
+        given = [name for name, T in zip(names, Ts, strict=True) if len(T)]
+        reasons = tuple(dict.fromkeys((*given, *names)))
         return Rejections(
             reasons,
             np.repeat([reasons.index(n) for n in names], [len(T) for T in Ts]),

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, Bounds, PointCloud, so3
 from debrisgrasp.geometry.sight import PanoramicSight
 from debrisgrasp.planning.approach import ApproachConfig, Ways
@@ -214,6 +214,25 @@ def test_settings_out_of_range_are_refused():
         ApproachConfig(slants=(0.2, 2.0))
 
 
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("too hevy", "too heavy"), ("Palm would", "palm would"), ("nevr", "never")],
+)
+def test_a_misspelt_reason_is_no_empty_answer(word, meant):
+    ledger, one = Ledger(), np.ones(1, dtype=bool)
+    Ts, which = np.eye(4)[None], np.zeros(1, dtype=int)
+    ledger.add("the palm would hit something", Ts, which, one)
+    ledger.add("right_arm: too heavy", Ts, which, one)
+    ledger.add("never", Ts, which, ~one)
+    found = ledger.closed()
+    with pytest.raises(UnknownNameError, match=f"'{word}'.*palm would.*mean '{meant}'"):
+        found.because(word)
+    # An arm that ruled out nothing, and a reason of an arm of one's own.
+    for other in ("left_arm", "right_arm2", "singular"):
+        assert len(found.because(other)) == 0
+    assert len(Rejections().because(word)) == 0
+
+
 def test_the_ledger_counts_what_was_noted_and_finds_it_again():
     ledger, Ts = Ledger(), np.tile(np.eye(4), (4, 1, 1))
     Ts[:, 0, 3] = range(4)
@@ -228,5 +247,7 @@ def test_the_ledger_counts_what_was_noted_and_finds_it_again():
     assert (found.prototype[row], found.amount[row]) == (7, 21.0)
     assert found.Ts[found.because("palm"), 0, 3].tolist() == [2, 3, 1]
     assert np.isnan(found.amount[found.because("palm")]).all()
+    assert found.reasons[-1] == "never"
+    assert len(found.because("never")) == 0
     assert len(Rejections()) == 0
     assert Ledger().closed().counts() == {}
