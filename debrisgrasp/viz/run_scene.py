@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from debrisgrasp._arrays import BoolArray, FloatArray
-from debrisgrasp.geometry import SE3, voxel_downsample
+from debrisgrasp.geometry import SE3, Solid, voxel_downsample
 from debrisgrasp.prototypes import GripperModel
 
 from .colors import BACKGROUND_COLOR, CHOSEN_COLOR, GROUND_COLOR
@@ -29,6 +29,7 @@ _HAND = (0.22, 0.36, 0.62)
 _WAY = (0.61, 0.52, 0.41)
 _OVER, _THICK = 0.06, 0.008
 """So far over the highest of an object the arrow of a push is, and how thick [m]."""
+_ROUNDED = 1e-4
 
 
 def scene_image(
@@ -54,7 +55,7 @@ def scene_image(
     T = SE3.from_matrix(np.array(hand["pose"]))
     near = np.flatnonzero(np.abs(points - T.p).max(axis=1) < _SHOWN)
     points = points[near[voxel_downsample(points[near], 0.006)]]
-    solids = [s.moved(T) for s in model.solids(hand["preshape"], hand["opening"])]
+    solids = [s.moved(T) for s in _solids(model, hand["preshape"], hand["opening"])]
     meshes = [merged(solids, _HAND)]
     is_own = _about(points, centroid)
     if "way" in hand and is_own.any():
@@ -76,6 +77,14 @@ def scene_image(
     pixels = np.rint(255.0 * np.clip(drawn.colors, 0.0, 1.0)).astype(np.uint8)
     Image.fromarray(pixels).save(stream, format="JPEG", quality=88)
     return base64.b64encode(stream.getvalue()).decode()
+
+
+def _solids(model: GripperModel, preshape: str, opening: float) -> tuple[Solid, ...]:
+    """Solids of a hand, with an opening that a record rounded to 0.1 mm."""
+    shape = model.preshape(preshape)
+    possible = float(np.clip(opening, shape.narrowest, shape.widest))
+    is_rounded = abs(possible - opening) <= _ROUNDED
+    return model.solids(preshape, possible if is_rounded else opening)
 
 
 def _about(points: FloatArray, centroid: Sequence[float] | None) -> BoolArray:

@@ -237,26 +237,43 @@ def test_what_was_pushed_is_shown_from_above_and_counted(tmp_path):
     assert '<circle cx="165" cy="180" r="9"' in above
 
 
-def test_a_hand_that_does_not_ship_is_drawn_if_it_is_given(tmp_path):
-    hand = GripperModel.load(EXAMPLES / "grippers" / "jaw_140.yaml")
+def record_of_a_grasp(hand, opening):
     pose = np.eye(4)
     pose[:3, 3] = [0.9, 0.2, 0.3]
     grasp = {
         "event": "done", "state": "plan_motion", "arm": "arm", "score": 0.7,
         "prototype": "bar_089", "gripper": hand.name, "preshape": "parallel",
-        "opening": 0.1, "pose": pose.tolist(),
+        "opening": opening, "pose": pose.tolist(),
     }  # fmt: skip
     looked = {"event": "done", "state": "capture", "look": 1}
     attempt = {"event": "attempt", "number": 1, "removed": True}
     events = [*states("capture"), looked, grasp, attempt, END]
     record = MemoryRecord({"seed": 3}, events)
     record.keep(Capture.load(data_path("captures", "pile.npz")), "capture_001")
+    return record
+
+
+def test_a_hand_that_does_not_ship_is_drawn_if_it_is_given(tmp_path):
+    hand = GripperModel.load(EXAMPLES / "grippers" / "jaw_140.yaml")
+    record = record_of_a_grasp(hand, 0.1)
     path = tmp_path / "run.html"
     run_html(path, record, grippers={hand.name: hand})
     assert "data:image/jpeg" in path.read_text()
     run_html(path, record)
     assert "data:image/jpeg" not in path.read_text()
     assert "jaw_140 is not known" in path.read_text()
+
+
+def test_a_hand_closed_as_far_as_it_goes_is_drawn_though_that_was_rounded(tmp_path):
+    text = (EXAMPLES / "grippers" / "jaw_140.yaml").read_text()
+    path = tmp_path / "jaw.yaml"
+    path.write_text(text.replace("slide: [0, 0.07]", "slide: [0, 0.06798]"))
+    hand = GripperModel.load(path)
+    closed = hand.preshape("parallel").narrowest
+    assert round(closed, 4) < closed
+    record = record_of_a_grasp(hand, round(closed, 4))
+    run_html(tmp_path / "run.html", record, grippers={hand.name: hand})
+    assert "data:image/jpeg" in (tmp_path / "run.html").read_text()
 
 
 def size_and_circles(page):
