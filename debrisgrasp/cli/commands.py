@@ -214,7 +214,7 @@ def run_segment(arguments: argparse.Namespace) -> int:
             [
                 str(s.label),
                 str(s.n_points),
-                *(f"{v:.2f}" for v in s.centroid),
+                *(f"{v:z.2f}" for v in s.centroid),
                 " x ".join(f"{100 * v:.0f}" for v in s.extents),
             ]
             for s in segmentation.segments

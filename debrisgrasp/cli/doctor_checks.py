@@ -251,9 +251,9 @@ def _watching(robot: RobotModel, arms: Sequence[ArmReach]) -> Iterator[Finding]:
         for posture in (spec.present, spec.idle)
     ]
     if is_held_where_it_rests(*poses):
-        text = f"{spec.present} holds the hand where {spec.idle} has it: `clear` can't "
-        text += "see by it whether the camera has moved. `present` must lead it into "
-        text += "view, `idle` out of it"
+        text = "`idle` holds the hand where `present` does: `clear` can't see by it "
+        text += "whether the camera has moved. `present` must lead it into view, `idle` "
+        text += "out of it"
         what = f"posture {spec.present} of {arm_called(first.name)}"
         yield Finding(what, "note", text)
 

@@ -11,7 +11,10 @@ __all__ = ["columns", "is_number", "plan_summary"]
 
 
 def columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Align cells in columns; numbers to the right, words to the left."""
+    """Align cells in columns; numbers to the right, words to the left.
+
+    Words of the last column may be long: it is ruled no further than its header.
+    """
     table = [list(header), *(list(row) for row in rows)]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
     is_right = [
@@ -25,7 +28,9 @@ def columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         ).rstrip()
         for row in table
     ]
-    lines.insert(1, "  ".join("-" * width for width in widths))
+    if not is_right[-1]:
+        widths[-1] = len(header[-1])
+    lines.insert(1, "  ".join("-" * width for width in widths).rstrip())
     return "\n".join(lines)
 
 
@@ -96,7 +101,7 @@ def _grasp_table(plan: GraspPlan, limit: int) -> str:
             g.prototype,
             g.preshape,
             f"{g.opening:.3f}",
-            *(f"{v:.3f}" for v in g.T_base_hand.p),
+            *(f"{v:z.3f}" for v in g.T_base_hand.p),
             *_load_cells(g.load),
         ]
         for rank, g in enumerate(plan.grasps[:limit], start=1)
