@@ -255,6 +255,7 @@ def test_segment_divides_by_the_method_of_the_paper_on_demand(run):
         facts = run("segment", pile, "--json", *options).json
         return facts["method"], [entry["points"] for entry in facts["objects"]]
 
+    assert "-0.00" not in run("segment", pile).out  # object 5 lies at y = -0.003
     default, paper = labels(), labels("--method", "lccp")
     assert default[0] == "singulation"
     assert paper[0] == "lccp"
