@@ -78,6 +78,8 @@ _KINDS = {
 _NESTED = "too many brackets in one another"
 _DEEPEST = 100
 """More levels in one another no file has; comparing such ones overflows a stack."""
+_MOST = 1_000_000
+"""More values no file has by names (&, *): to write them in a message takes forever."""
 _CUT_SHORT = "It was cut short: restore it, or do without it and begin anew."
 _SHALLOW = 1000
 
@@ -93,6 +95,12 @@ def parse_yaml(text: str, name: str) -> Any:
     try:
         content = yaml.load(text, Loader=_loader(text))  # a safe loader
         _require_shallow(content)
+        if "*" in text and _size(content, {}) > max(_MOST, len(text)):
+            raise ConfigError(
+                name,
+                got="names (&, *) that stand for more and more of each other",
+                expected=f"at most {_MOST} values in all",
+            )
     except yaml.reader.ReaderError as error:
         sign = chr(error.character)
         raise ConfigError(
@@ -189,6 +197,17 @@ def _require_shallow(content: object) -> None:
         if not level:
             return
     raise RecursionError
+
+
+def _size(item: object, known: dict[int, int]) -> int:
+    """Count values with what names of YAML's stand for, as often as they are named."""
+    if not isinstance(item, (Mapping, list)):
+        return 1
+    if id(item) not in known:
+        known[id(item)] = 1  # in itself it is shown as dots
+        inside = item.values() if isinstance(item, Mapping) else item
+        known[id(item)] = 1 + sum(_size(each, known) for each in inside)
+    return known[id(item)]
 
 
 class _OddError(yaml.constructor.ConstructorError):
