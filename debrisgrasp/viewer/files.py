@@ -9,7 +9,7 @@ import numpy as np
 
 from debrisgrasp._files import is_yaml, read_json, yaml_files
 from debrisgrasp._unreadable import why_nothing_there
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.executive.record import load_run
 from debrisgrasp.io import Capture, point_colors
 from debrisgrasp.io.calibration_json import SCHEMA as CALIBRATION
@@ -105,7 +105,7 @@ def _from_json(
             mend="Give it with --capture FILE (capture=...).",
         )
     seen = _seen(path.stem, capture)
-    shown = _robot(robot or plan.robot)
+    shown = _robot_of(plan, robot, path)
     stored = None if motion is None else _motion_of(motion, plan, shown)
     return PlanContent(
         title=seen.title,
@@ -158,6 +158,26 @@ def _seen(title: str, capture: Capture) -> PlanContent:
         segmentation=found,
         order=SupportAware().order(found, cloud),
     )
+
+
+def _robot_of(plan: GraspPlan, given: str | None, path: Path) -> RobotModel | None:
+    """Load the robot of a plan, which knows its name only."""
+    try:
+        robot = _robot(given or plan.robot)
+    except UnknownNameError as error:
+        if given is not None:
+            raise
+        raise ConfigError(
+            "robot",
+            got="none",
+            expected=f"the file of {plan.robot}, for which {path} was made",
+            mend="Give it with --robot FILE (robot=...).",
+        ) from error
+    if robot is not None and plan.robot not in ("none", robot.name):
+        raise ConfigError(
+            "robot", got=robot.name, expected=f"{plan.robot}, for which {path} was made"
+        )
+    return robot
 
 
 def _robot(name: str) -> RobotModel | None:

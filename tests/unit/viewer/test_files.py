@@ -68,6 +68,17 @@ def test_motions_to_another_grasp_are_refused(saved, capture, tmp_path, index, a
         )
 
 
+def test_a_plan_for_a_robot_from_a_file_asks_for_that_file(saved, capture, tmp_path):
+    saved(1, "right")
+    path = tmp_path / "grasps.json"
+    path.write_text(path.read_text().replace('"roman"', '"mine"'))
+    with pytest.raises(ConfigError, match=r"the file of mine, for which .*--robot"):
+        content_of(path, capture=capture)
+    with pytest.raises(ConfigError, match=r"got roman, expected mine, for which"):
+        content_of(path, capture=capture, robot="roman")
+    assert content_of(path, capture=capture, robot="none").robot is None
+
+
 def test_motions_alone_are_told_where_they_are_shown(saved, tmp_path):
     saved(1, "right")
     with pytest.raises(ConfigError, match=r"motion/2.*beside a plan.*--motion"):
