@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 
 from debrisgrasp._words import arm_called
-from debrisgrasp.errors import InputError, UnknownNameError
+from debrisgrasp.errors import ConfigError, InputError, UnknownNameError
 from debrisgrasp.kinematics import ArmReach
 from debrisgrasp.pipeline import with_hands
 from debrisgrasp.prototypes import FURTHER_HANDS, load_grippers
@@ -13,7 +14,7 @@ from debrisgrasp.prototypes import FURTHER_HANDS, load_grippers
 from .capture_arguments import tell
 from .site_arguments import add_grippers, add_site, site_of
 
-__all__ = ["add_arm", "chosen_arms"]
+__all__ = ["add_arm", "chosen_arms", "require_carried"]
 
 
 def add_arm(parser: argparse.ArgumentParser) -> None:
@@ -64,3 +65,18 @@ def chosen_arms(arguments: argparse.Namespace) -> list[ArmReach]:
                 f"gripper of {robot.name}", settings.gripper, carried
             )
     return [ArmReach(robot, name) for name in names]
+
+
+def require_carried(arms: Sequence[ArmReach], grippers: Sequence[str | None]) -> None:
+    """Raise `ConfigError` if no arm carries a hand that some grasps are for.
+
+    A grasp for any hand, as a pose that stands for itself, has None for it.
+    """
+    carried = {arm.gripper for arm in arms}
+    if not {None, *carried} & set(grippers):
+        raise ConfigError(
+            "gripper of the grasps",
+            got=", ".join(sorted({str(gripper) for gripper in grippers})),
+            expected=f"{', '.join(sorted(carried))}, which the arms in question carry",
+            mend="Give the robot that they were planned for.",
+        )

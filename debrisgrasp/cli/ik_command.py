@@ -27,7 +27,7 @@ from debrisgrasp.kinematics import (
     solve_distinct,
 )
 
-from .arm_arguments import add_arm, chosen_arms
+from .arm_arguments import add_arm, chosen_arms, require_carried
 from .tables import columns, is_number
 
 __all__ = ["add"]
@@ -54,6 +54,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     arms = chosen_arms(arguments)
     T, grippers = _poses(arguments.poses)
+    require_carried(arms, grippers)
     answers = []
     for arm in arms:
         mine = [i for i, g in enumerate(grippers) if g in (None, arm.gripper)]
@@ -67,13 +68,6 @@ def _run(arguments: argparse.Namespace) -> int:
                 config=arm.config.ik,
             )
             answers += _answers(arm, mine, _untangled(arm, SE3(T[mine]), found))
-    if not answers:
-        carried = ", ".join(sorted({arm.gripper for arm in arms}))
-        raise ConfigError(
-            "gripper of the grasps",
-            got=", ".join(sorted({str(g) for g in grippers})),
-            expected=f"{carried}, which the arms in question carry",
-        )
     answers.sort(key=lambda answer: answer["pose"])
     if arguments.json:
         print(json.dumps(answers, indent=1, allow_nan=False))
@@ -162,6 +156,8 @@ def _table(answers: Sequence[dict[str, Any]]) -> str:
 
 def _poses(words: Sequence[str]) -> tuple[FloatArray, list[str | None]]:
     """Poses (n, 4, 4) from the command line, and the gripper each is for."""
+    if len(words) == 1 and all(map(is_number, words[0].split(","))):
+        words = words[0].split(",")
     if len(words) == 1 and not is_number(words[0]):
         return _poses_of_file(Path(words[0]))
     if len(words) % 6 or not all(map(is_number, words)):

@@ -26,7 +26,7 @@ from debrisgrasp.kinematics import (
 )
 from debrisgrasp.planning import Grasp
 
-from .arm_arguments import add_arm, chosen_arms
+from .arm_arguments import add_arm, chosen_arms, require_carried
 from .reports import REPORT_FORMS, add_reports, require_places, telling_written
 from .tables import columns
 from .values import add_region, region_of, some_path
@@ -62,6 +62,8 @@ def _run(arguments: argparse.Namespace) -> int:
     arms = chosen_arms(arguments)
     require_places(arguments.report, REPORT_FORMS, source=arguments.grasps)
     region, grasps = region_of(arguments), _grasps(arguments.grasps)
+    if grasps:
+        require_carried(arms, [grasp.gripper for grasp in grasps])
     asked = region or _workspace(arms)
     places = grid_places(asked, _step(asked))
     rng = np.random.default_rng(0)

@@ -49,6 +49,12 @@ def test_ik_says_no_with_status_one_and_a_reason(run):
     assert "right_arm_joint7" in ended.out
 
 
+def test_ik_takes_a_pose_with_commas_as_other_commands_do(run):
+    apart = run("ik", 0.9, 0, 0.4, 3.14, 0, 0, "--arm", "right")
+    assert apart.status == 0
+    assert run("ik", "0.9,0,0.4,3.14,0,0", "--arm", "right").out == apart.out
+
+
 def test_ik_reads_matrices_archives_and_plans(run, tmp_path):
     T = SE3.from_parts(so3.from_rpy([3.1, 0.1, 0.2]), (0.9, -0.3, 0.4)).matrix
     as_json, as_npz = tmp_path / "poses.json", tmp_path / "poses.npz"
@@ -164,6 +170,12 @@ def test_reach_ranks_places_for_the_grasps_of_a_plan(run, tmp_path):
     assert ended.json["base"][0]["share"] == 1.0
     solved = run("ik", path, "--json")
     assert [a["arm"] for a in solved.json] == ["right"]
+    grasp["gripper"] = "jaw_140"
+    path.write_text(json.dumps(plan))
+    for command in (("reach", *REGION, "--grasps", path), ("ik", path)):
+        ended = run(*command)
+        assert ended.status == 2
+        assert "got jaw_140, expected camhand, robotiq_3f" in ended.err
     plan["grasps"] = []
     path.write_text(json.dumps(plan))
     assert run("reach", *REGION, "--grasps", path).status == 2
