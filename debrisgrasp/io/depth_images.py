@@ -178,7 +178,12 @@ def _read_camera(path: Path) -> _CameraFile:
         for meant in get_close_matches(key, _OPTIONAL, cutoff=_CLOSE):
             if key != meant:
                 raise ConfigError(f"key of {path}", got=key, expected=meant)
-    flat = content.get("K", content.get("k"))
+    both = content.get("K"), content.get("k")
+    flat = both[1] if both[0] is None else both[0]
+    if None not in both and both[0] != both[1]:
+        raise ConfigError(
+            f"K and k in {path}", got="two that differ", expected="one of them"
+        )
     if flat is None:
         keys = ", ".join(map(str, content)) or "nothing"
         raise ConfigError(

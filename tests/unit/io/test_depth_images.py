@@ -88,6 +88,7 @@ def test_the_scale_of_the_camera_file_and_lower_case_keys_count(folder, info, de
         ({"K": {"fx": 600.0, "fy": 600.0}}, r"fx, fy.*9 numbers.*\[fx, 0, cx"),
         ({"K": ["a"] * 9}, "numbers"),
         ({"K": [0.0] * 9}, "K"),
+        ({"k": [700.0, 0, 320, 0, 700.0, 240, 0, 0, 1]}, "K and k .*two that differ"),
         ({"D": [0.1, 0, 0, 0, 0]}, "Rectify"),
         ({"D": ["nan"] * 5}, "no distortion"),
         (
