@@ -137,7 +137,8 @@ def _cache() -> Finding:
         write_atomic(probe, b"")
         probe.unlink()
     except OSError as error:
-        text = f"{error}; everything works, but maps are built every time"
+        text = f"{folder}: {error.strerror or error}; everything works, but maps are "
+        text += "built every time"
         return Finding("cache", "note", text)
     return Finding("cache", "ok", f"{folder} can be written")
 
@@ -252,8 +253,7 @@ def _watching(robot: RobotModel, arms: Sequence[ArmReach]) -> Iterator[Finding]:
     ]
     if is_held_where_it_rests(*poses):
         text = "`idle` holds the hand where `present` does: `clear` can't see by it "
-        text += "whether the camera has moved. `present` must lead it into view, `idle` "
-        text += "out of it"
+        text += "whether the camera has moved. Let `present` lead it into view"
         what = f"posture {spec.present} of {arm_called(first.name)}"
         yield Finding(what, "note", text)
 

@@ -460,6 +460,7 @@ def test_a_cache_that_cannot_be_written_is_a_note(monkeypatch, tmp_path):
     monkeypatch.setenv("DEBRISGRASP_CACHE", str(tmp_path / "file" / "cache"))
     found = {finding.what: finding for finding in doctor_checks.installation()}
     assert found["cache"].status == "note"
+    assert "cache: Not a directory; everything works" in found["cache"].text
 
 
 def test_every_extra_has_a_use():
