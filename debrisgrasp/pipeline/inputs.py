@@ -107,7 +107,10 @@ def arms_of(
     carried = {name: spec.gripper for name, spec in robot.arms.items()}
     if gripper is not None and gripper not in carried.values():
         raise UnknownNameError(
-            f"gripper of {robot.name}", gripper, sorted(carried.values())
+            f"gripper of {robot.name}",
+            gripper,
+            sorted(carried.values()),
+            mend="A hand without an arm is planned for with the robot 'none'.",
         )
     if arm is not None and gripper not in (None, carried[arm]):
         raise ChoiceError(

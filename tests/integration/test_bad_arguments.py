@@ -59,6 +59,12 @@ def test_choices_that_mean_nothing_are_refused(refused, pipe_file, dictionary, c
         assert word in message
 
 
+def test_a_hand_that_no_arm_carries_is_told_to_float(refused, pipe_file):
+    message = refused("plan", pipe_file, "--gripper", "jaw_140")
+    assert "unknown gripper of roman: got 'jaw_140'" in message
+    assert "planned for with the robot 'none'" in message
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
