@@ -11,11 +11,12 @@ import logging
 import os
 import re
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from debrisgrasp import __version__
 from debrisgrasp._signals import signals_wait
@@ -123,12 +124,29 @@ def _refused(error: DebrisGraspError, given: Sequence[str]) -> int:
 @contextmanager
 def _warnings_shown() -> Iterator[None]:
     """Print what the library warns of while a command runs as notes on stderr."""
+    show = warnings.showwarning
+
+    def as_note(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if category is UserWarning:  # others are for programmers, who need the line
+            print(f"note: {message}", file=sys.stderr)
+        else:
+            show(message, category, filename, lineno, file, line)
+
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("note: %(message)s"))
     logger = logging.getLogger("debrisgrasp")
     logger.addHandler(handler)
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = as_note
+            yield
     finally:
         logger.removeHandler(handler)
 

@@ -60,6 +60,18 @@ def test_an_option_before_the_command_is_what_is_refused(run):
     assert "unrecognized arguments: --json (" in run("--json", "plan", "x.npz").err
 
 
+def test_what_the_library_warns_of_is_a_note(run, monkeypatch, tmp_path):
+    monkeypatch.setenv("DEBRISGRASP_CACHE", str(tmp_path))
+    words = ("ik", 0.9, 0, 0.4, 3.14, 0, 0, "--arm", "right")
+    first = run(*words)
+    (kept,) = tmp_path.iterdir()
+    kept.write_text("no map")
+    again = run(*words)
+    assert again.out == first.out
+    (note,) = again.err.splitlines()
+    assert note.startswith("note: reachability map ")
+
+
 @pytest.mark.parametrize("command", ["demo", "plan", "segment", "select", "prototype"])
 def test_every_command_explains_itself(run, command):
     ended = run(command, "--help")
