@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._unreadable import why_not_there
 from debrisgrasp.errors import ConfigError, InputError
 
 from .surface_shape import SurfaceShape
@@ -42,6 +43,9 @@ def read_surface(path: str | os.PathLike[str], sides: str) -> SurfaceShape:
         If it can't be read, has no normals, or holds something that isn't a surface in
         metres.
     """
+    why = why_not_there(Path(path), "file")  # a device has no end
+    if why:
+        raise ConfigError(str(path), got=why, expected="a readable file")
     try:
         content = Path(path).read_bytes()
     except OSError as error:

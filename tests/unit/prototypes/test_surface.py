@@ -184,6 +184,12 @@ def test_a_damaged_file_is_refused(tmp_path, damage, said):
         read_surface(path, "seen")
 
 
+@pytest.mark.parametrize("place", ["/dev/zero", "absent.ply", "."])
+def test_what_is_no_file_is_not_read(place):
+    with pytest.raises(ConfigError, match="got no file there, expected a readable"):
+        read_surface(place, "seen")
+
+
 @pytest.mark.parametrize(
     ("points", "normals", "said"),
     [
