@@ -113,6 +113,8 @@ class UrdfTree:
             If it can't be read, isn't a URDF, or its links don't form one tree.
         """
         path = file_at(path)
+        if path.is_char_device() or path.is_block_device():  # some have no end
+            raise ConfigError("URDF", got=f"{path}: a device", expected="a file")
         try:
             content = path.read_bytes()
         except OSError as error:

@@ -323,6 +323,13 @@ def test_a_urdf_that_is_no_text_of_xml_is_refused_with_its_mend(
     assert ("xacro" in str(caught.value)) == (b"xacro" in content)
 
 
+def test_a_device_is_no_urdf_and_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "endless.urdf"
+    path.symlink_to("/dev/zero")
+    with pytest.raises(ConfigError, match=r"endless\.urdf: a device"):
+        UrdfTree.load(path)
+
+
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-16", "utf-8-sig"])
 def test_a_urdf_may_be_in_the_encoding_that_it_names(
     tmp_path: Path, encoding: str
