@@ -185,7 +185,8 @@ class SE3:
         points = as_floats(points, "points", (3,))
         turned = _turned(self.R, points, "points")
         if self.R.ndim == 2:
-            turned += self.p
+            for axis in range(3):  # sums over rows of three are slow
+                turned[..., axis] += self.p[axis]
             return turned
         return turned + self.p
 

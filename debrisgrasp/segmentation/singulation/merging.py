@@ -25,6 +25,9 @@ _SURE = 600.0
 """Log-odds beyond which nothing is surer; their exponential is finite."""
 _CUT_SCORE = 0.4
 """Most that speaks for bars being one object whose common face was cut."""
+_SLIVER, _SLIVER_SCORE = 0.003, 0.6
+"""What shows less surface [m^2] is mostly a part of what it touches, for which a lower
+score is enough."""
 _NOTABLE = 0.05
 """Share of an object from which a part of it is worth a doubt."""
 
@@ -63,20 +66,19 @@ def merged_regions(
     """Merge regions while something speaks for it.
 
     Features are computed anew for regions that grew. What merges is what scores best;
-    regions that don't meet in the image are compared once the surest joins are made.
+    regions that don't meet in the image are compared once the surest joins are made. At
+    last slivers become parts of what they touch.
 
     Parameters
     ----------
     min_score
-        Pairs below are kept apart.
+        Pairs below are kept apart, unless one is a sliver.
     color_weight
         Log-odds that a clear difference in colour takes away, if colours are known.
     """
     state = _State(graph, cells)
-    levels = [level for level in _LEVELS if level > min_score]
-    for number, level in enumerate((*levels, min_score)):
-        if number:
-            state.look_afar()
+
+    def settle(gain: Callable[[], FloatArray], least: float) -> None:
         while len(state.graph.edges):
             stale = np.flatnonzero(np.isnan(state.score))
             if len(stale):
@@ -87,10 +89,17 @@ def merged_regions(
                     state.graph, stale, score(features), color_weight
                 )
             size = state.graph.regions[:, RegionSum.CELLS]
-            into = merged_into(state.graph.edges.T, state.score, size, level)
+            into = merged_into(state.graph.edges.T, gain(), size, least)
             if into is None:
                 break
             state.merge(into)
+
+    levels = [level for level in _LEVELS if level > min_score]
+    for number, level in enumerate((*levels, min_score)):
+        if number:
+            state.look_afar()
+        settle(lambda: state.score, level)
+    settle(state.of_slivers, _SLIVER_SCORE)
     # What a mark keeps apart may be one object all the same, of which it is a part.
     apart = np.flatnonzero(_marks(state.graph, slice(None)) == 1)
     if len(apart):
@@ -159,6 +168,13 @@ class _State:
         score = np.full(len(is_new), np.nan)
         score[~is_new] = self.score
         self.score = score
+
+    def of_slivers(self) -> FloatArray:
+        """Scores of what touches, zero but where one of both is a sliver, (e,)."""
+        area = self.graph.regions[:, RegionSum.AREA]
+        is_sliver = area[self.graph.edges].min(axis=1) < _SLIVER
+        is_sliver &= self.graph.borders[:, BorderSum.TOUCHING] > 0
+        return np.where(is_sliver, self.score, 0.0)
 
     def merge(self, into: IntArray) -> None:
         """Make regions parts of larger ones."""

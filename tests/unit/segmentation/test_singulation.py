@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +12,7 @@ from debrisgrasp.segmentation import (
     SingulationConfig,
     segment_cloud,
 )
-from debrisgrasp.segmentation.singulation import singulate
+from debrisgrasp.segmentation.singulation import method, singulate
 from debrisgrasp.segmentation.singulation.camera import inverse_depth_image
 from tests.scenes import CAMERA, LOOKING_DOWN_AND_AHEAD, capture_of
 
@@ -88,6 +90,24 @@ def test_the_upper_one_of_a_stack_is_known():
     assert result.edges.upper[row] == upper
     assert result.edges.convexity[row] < 0.5
     assert 0.1 < result.edges.contact_length[row] < 0.6
+
+
+def test_a_sliver_is_part_of_what_it_touches_where_larger_things_stay_apart(
+    monkeypatch,
+):
+    knob = box_at(1.0, 0.0, 0.515, (0.035, 0.035, 0.03))
+    solids = (box_at(1.0, 0.0, 0.25, (0.3, 0.3, 0.5)), knob)
+    wide = (solids[0], box_at(1.0, 0.0, 0.55, (0.2, 0.2, 0.1)))
+    evidence = SimpleNamespace(probability=lambda f: np.full(len(f), 0.65))
+    monkeypatch.setattr(method, "fitted_evidence", lambda: evidence)
+
+    def n_objects(solids):
+        cloud = scene_cloud(solids)
+        labels, truth = segment_cloud(cloud).labels, truth_of(cloud, solids)
+        tops = [labels[(truth == k) & (cloud.normals[:, 2] > 0.9)] for k in (1, 2)]
+        return len({np.bincount(top).argmax() for top in tops})
+
+    assert (n_objects(solids), n_objects(wide)) == (1, 2)
 
 
 def test_scores_tell_joined_from_kept_apart():
