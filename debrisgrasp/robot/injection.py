@@ -139,7 +139,7 @@ INJECTABLE: Mapping[str, FaultKind] = {
         _S, "transport", 1.3, "of the arm's torque limit", 3.0, "torque at 1 Hz"
     ),
     "not_released": FaultKind(
-        "world", "release", 1, "", 15.0, "what a hand holds sticks to it"
+        "world", "release", 1, "", 30.0, "what a hand holds sticks to it"
     ),
     "oscillation": FaultKind(
         _S, "lift", 0.3, "of the arm's force limit", 4.0, "force at 6 Hz"
