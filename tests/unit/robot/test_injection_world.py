@@ -124,7 +124,7 @@ def test_what_happens_in_the_world(robot, rng):
     bulky = world_of(robot, "no_grasp", rng).world
     assert all(b.volume == pytest.approx(0.6**3) for b in bulky.bodies)
     assert world_of(robot, "slip", rng).log == [("friction", 0.03)]
-    assert world_of(robot, "not_released", rng).log == [("stick", 15.0)]
+    assert world_of(robot, "not_released", rng).log == [("stick", 30.0)]
     assert world_of(robot, "start_outside_limits", rng, arm="left").log == [
         ("misplace", 0.01, "left")
     ]
