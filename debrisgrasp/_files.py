@@ -14,7 +14,12 @@ from tempfile import TemporaryFile
 from typing import Any
 
 from debrisgrasp._parsing import parse_json, parse_yaml
-from debrisgrasp._unreadable import PathLike, why_not_there, why_nothing_there
+from debrisgrasp._unreadable import (
+    PathLike,
+    is_device,
+    why_not_there,
+    why_nothing_there,
+)
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import ConfigError, InputError, OutputError
 
@@ -291,9 +296,9 @@ def read_text(path: PathLike) -> str:
     """Content of a text file, or `ConfigError` saying why not."""
     path = Path(path)
     try:
-        # Some have no end; a pipe has one, as what a shell gives for `<(...)`.
-        is_device = path.is_char_device() or path.is_block_device()
-        text = "" if is_device else path.read_text(encoding="utf-8-sig")
+        # A pipe has an end, as what a shell gives for `<(...)`.
+        is_endless = is_device(path)
+        text = "" if is_endless else path.read_text(encoding="utf-8-sig")
     except IsADirectoryError as error:
         got, expected = "a folder", "a readable file"
         raise ConfigError(str(path), got=got, expected=expected) from error
@@ -310,7 +315,7 @@ def read_text(path: PathLike) -> str:
         raise ConfigError(
             repr(str(path)), got="a zero byte in its name", expected="a readable file"
         ) from error
-    if is_device:
+    if is_endless:
         raise ConfigError(str(path), got="a device", expected="a text file")
     return text
 

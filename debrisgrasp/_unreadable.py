@@ -15,6 +15,7 @@ __all__ = [
     "PULL",
     "UNREADABLE_ARRAY",
     "PathLike",
+    "is_device",
     "is_pointer",
     "is_there",
     "why_not_there",
@@ -90,6 +91,11 @@ def why_not_there(path: Path, kind: Literal["file", "folder"]) -> str:
     """Say why there is no file or folder at a path; empty if there is one."""
     is_it = path.is_file if kind == "file" else path.is_dir
     return _why_not(is_it, f"no {kind} there")
+
+
+def is_device(path: Path) -> bool:
+    """Whether there is a device at a path: some have no end, and aren't read."""
+    return path.is_char_device() or path.is_block_device()
 
 
 def _why_not(is_it: Callable[[], bool], words: str) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray, require_metres
 from debrisgrasp._fields import require_distinct
+from debrisgrasp._unreadable import is_device
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.geometry import SE3, so3
 
@@ -113,7 +114,7 @@ class UrdfTree:
             If it can't be read, isn't a URDF, or its links don't form one tree.
         """
         path = file_at(path)
-        if path.is_char_device() or path.is_block_device():  # some have no end
+        if is_device(path):
             raise ConfigError("URDF", got=f"{path}: a device", expected="a file")
         try:
             content = path.read_bytes()
