@@ -63,7 +63,8 @@ class SingulationConfig:
     neighbours."""
     min_score: float = 0.75
     """Probability of being one object from which regions are joined. Larger splits
-    objects, smaller joins several; for grasping the second is worse."""
+    objects, smaller joins several; for grasping the second is worse. Slivers become
+    parts of what they touch from 0.6 on."""
 
     color_weight: float = 0.5
     """Log-odds that a clear difference in colour takes from a score, where colours are
