@@ -18,6 +18,7 @@ from debrisgrasp.errors import ConfigError
 from ._rigid import floats_of, number_of
 
 __all__ = [
+    "STILL_FELT",
     "FingerReading",
     "GripCommand",
     "GripConfig",
@@ -47,6 +48,8 @@ _PRESSES, _SHUT = 0.5, 0.8
 """While the weaker side feels so much of the squeeze, or the wrist bears all the
 weight, fingers that close slowly by up to so much of the way to each other have only
 found a better hold: those that curl around something close, too."""
+STILL_FELT = 1.0
+"""Both sides feel at least so much of what is between them [N]."""
 _SLOWLY = 0.4
 """Time constant over which held fingers are followed [s]: those that get ahead of that
 are leaving their object, however hard they press."""
@@ -96,7 +99,8 @@ class GripConfig:
     """Fingers that close so much while holding have lost their object [m]; if they do
     so within some 0.4 s, in any case. More slowly they may close by 0.8 of the way to
     each other while both sides press at least half as hard as they should, or the
-    wrist bears the weight."""
+    wrist bears the weight. Those of a side that have shut, and feel nothing, have lost
+    it at once."""
     slip_load: float = 0.3
     """So does a carried load that falls by this share."""
     slip_time: float = 0.05
@@ -351,7 +355,8 @@ class GripController:
             shut = (0.0,) * len(config.sides)
             way = self.travel(state.held_openings, shut)
             most_travel = max(most_travel, _SHUT * way)
-        is_slipping = travel >= most_travel or has_fallen
+        is_past = self._is_past_a_side(reading)
+        is_slipping = travel >= most_travel or has_fallen or is_past
         slipping = state.slipping + config.period if is_slipping else 0.0
         phase = GripPhase.SLIPPED if slipping > config.slip_time else state.phase
         recent = tuple(
@@ -363,6 +368,17 @@ class GripController:
             slipping=slipping,
             carried=last,
             phase=phase,
+        )
+
+    def _is_past_a_side(self, reading: FingerReading) -> bool:
+        """Whether fingers have shut on nothing: the others hook what they all held."""
+        return any(
+            all(
+                reading.openings[i] <= self.config.tolerance
+                and reading.forces[i] < STILL_FELT
+                for i in side
+            )
+            for side in self._groups
         )
 
 

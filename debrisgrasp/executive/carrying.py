@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
@@ -56,6 +58,9 @@ MET = ("plan_collision", "too_heavy", "ratchet")
 """How a motion ends that meets something."""
 _LOOKS_UP = 0.2
 """Upward part of a palm's axis from which on what it holds lies on it."""
+_HANGS = 0.4
+"""Share of the torque that a hand may bear: what hangs with more bears two or three
+times as much as it turns in the fingers."""
 _IMPOSSIBLE = 30.0
 """Nothing pushes a hand up that it has lifted; a sensor that says so lies [N]."""
 
@@ -160,6 +165,11 @@ def verify_hold(context: Context) -> StepResult:
         words = f"{payload.mass:.1f} kg, over the {settings.max_mass:g} kg allowed"
         return FaultFound("too_heavy", words, held.arm, values)
     held.payload = payload
+    torque, most = hypot(*drive.mean_load(readings)[3:]), limb.limits.controller.torque
+    if torque > _HANGS * most:
+        words = f"{payload.mass:.1f} kg hang beside the hand: {torque:.0f} N m of the "
+        words += f"{most:.0f} that it may bear, too much to be carried"
+        return FaultFound("too_heavy", words, held.arm, {"torque": torque})
     # What lay on it during the lift is gone, and the fingers have found their hold: a
     # loss is one of this weight, with fingers that close from here.
     held.state = held.state.held_from(tuple(drive.fingers().openings))._replace(

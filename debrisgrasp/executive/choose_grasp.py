@@ -53,13 +53,16 @@ def plan_grasp(context: Context) -> StepResult:
     mark = context.marks.of(cycle.centroid or (np.inf,) * 3)
     failed = [] if mark is None else mark.failed
     in_vain = [] if mark is None else mark.in_vain(cycle.seen)
+    mass = None if mark is None else mark.mass
     # A search is drawn: what found nothing good is repeated, and all finds count.
     offered = [] if mark is None else mark.offered.get(cycle.seen, [])
     grasps = [g for g in offered if not any(_is_like(g, other) for other in in_vain)]
     n_before = 0 if mark is None or offered else mark.searches + mark.tries
     for _ in range(min(1 + n_before, _SEARCHES)):
         seed = int(context.rng.integers(2**31))
-        found = context.pipeline.plan(cycle.seen, object_label=label, seed=seed)
+        found = context.pipeline.plan(
+            cycle.seen, object_label=label, seed=seed, mass=mass
+        )
         for grasp in found.plan.grasps:
             known = (*in_vain, *grasps)
             if grasp.arm in context.limbs and not any(

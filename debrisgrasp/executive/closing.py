@@ -15,6 +15,7 @@ from debrisgrasp.control import (
     TarePolicy,
 )
 from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.control.grip import STILL_FELT
 from debrisgrasp.pipeline import GraspMotion
 
 from .context import Context, Held
@@ -24,7 +25,6 @@ from .fingers import run_grip
 from .grasping import STANDING, motion_of, opening_of
 from .limb_state import LimbState
 from .result import Done, FaultFound, StepResult
-from .senses import STILL_FELT
 
 __all__ = ["close", "verify_grasp"]
 

@@ -55,6 +55,8 @@ class Mark:
     """... and why."""
     is_heavy: bool = False
     """Whether it is too heavy to carry: by the scales, or because it never comes."""
+    mass: float | None = None
+    """What it weighs [kg]; None: it was not lifted yet."""
     promise: float | None = None
     """How likely it was to be held when it was put off; None: it never was ..."""
     n_promised: int = 0

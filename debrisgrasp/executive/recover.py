@@ -6,6 +6,7 @@ import numpy as np
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp.control import GripPhase, TarePolicy
+from debrisgrasp.control.grip import STILL_FELT
 from debrisgrasp.errors import DriverError
 from debrisgrasp.geometry import SE3
 
@@ -25,7 +26,6 @@ from .outcome import FaultEvent
 from .relief import doubted, heaviest, relieve, share_of, standing_load, with_room
 from .resting import has_touched, put_away
 from .result import Done, FaultFound, StepResult
-from .senses import STILL_FELT
 from .states import State
 from .stopping import reset_stops, stop_all
 from .table import Answer
@@ -45,6 +45,8 @@ _LOOK = 0.1
 _PUSHED_BACK = 45.0
 """A hand that goes back and is pushed against its way by more has come as far as it
 can [N]: then it opens, and that pushes it, too."""
+_HANGS = 0.7
+"""A hand that bears so much of what hung on it has not lost it."""
 _LOW = 5e-3
 """What hangs no higher than it lay falls no way [m]."""
 _GOES_ON = (*MET, "oscillation", "bias_jump")
@@ -140,10 +142,17 @@ def clear_up(context: Context) -> FaultFound | None:
 
 
 def _has_lost(context: Context, held: Held) -> bool:
-    """Whether nothing is left between the fingers of a hand that held something."""
+    """Whether nothing is left in a hand that held something.
+
+    What fingers of one side feel nothing of may still hang on the others.
+    """
     if held.state.phase is not GripPhase.SLIPPED:
         return False
-    return held.grip.weakest(Drive(context, held.arm).fingers().forces) < STILL_FELT
+    drive = Drive(context, held.arm)
+    hangs = drive.carried(drive.weighed()) > _HANGS * max(
+        held.state.most_carried, context.settings.empty_load
+    )
+    return not hangs and held.grip.weakest(drive.fingers().forces) < STILL_FELT
 
 
 def _gone_back(context: Context, held: Held) -> FaultFound | None:

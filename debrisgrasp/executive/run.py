@@ -34,6 +34,7 @@ from .steady import SteadyClock
 from .steps import STEPS
 from .stopping import reset_stops, stop_all
 from .table import FOLLOWING, Answer, answer_to
+from .tries import remember
 
 __all__ = ["Executive", "Observer"]
 
@@ -210,21 +211,8 @@ class Executive:
             return State.SAFE_STOP
         if answer.action is Action.ABORT:
             return State.ABORT
-        cycle = context.cycle
-        is_tried_on = answer.action in (Action.NEXT, Action.RETRY)
-        if cycle.centroid is not None and is_tried_on:
-            mark = context.marks.add(
-                cycle.centroid, found, context.n_changes,
-                is_search=state in (State.PLAN_GRASP, State.PLAN_MOTION),
-                is_same_try=cycle.is_marked,
-            )  # fmt: skip
-            cycle.is_marked = True
-            # A grasp that held what it can't carry may drag it.
-            has_held = (state, found.fault) == (State.VERIFY_HOLD, "too_heavy")
-            if cycle.motion is not None and not has_held:
-                mark.failed.append(cycle.motion.grasp)
-            elif state is State.PLAN_MOTION and cycle.plan is not None:
-                mark.sought(cycle.seen, cycle.plan.plan.grasps)
+        if answer.action in (Action.NEXT, Action.RETRY):
+            remember(context, state, found)
         if answer.action is Action.SKIP:
             assert answer.resume is not None
             return answer.resume

@@ -22,6 +22,7 @@ from debrisgrasp.control import (
     Supervisor,
 )
 from debrisgrasp.control._rigid import Wrench
+from debrisgrasp.control.grip import STILL_FELT
 from debrisgrasp.errors import InputError
 
 from .context import Context, Held
@@ -29,7 +30,7 @@ from .noticed import cant_start, fault_of_stop
 from .result import FaultFound
 from .states import State
 
-__all__ = ["SAFETY", "STILL_FELT", "Senses", "mean_wrench", "met_from"]
+__all__ = ["SAFETY", "Senses", "mean_wrench", "met_from"]
 
 _ZERO: Wrench = (0.0,) * 6
 SAFETY = SafetyConfig()
@@ -47,8 +48,6 @@ straight way [N s/m]: 3e4 N/m for 30 ms; and the least speed of one [m/s]."""
 _CLOSING = (State.CLOSE, State.VERIFY_GRASP)
 _SLACK = 10.0
 """With which fingers stay where they were stopped [N]."""
-STILL_FELT = 1.0
-"""Both sides feel at least so much of what is between them [N]."""
 _LETS_GO = 0.15
 """Fingers that have lost what they held have closed within so long [s]."""
 

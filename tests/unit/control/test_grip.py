@@ -120,6 +120,26 @@ def test_fingers_that_have_met_each_other_hold_nothing_though_they_press():
         assert state.phase is phase
 
 
+@pytest.mark.parametrize(
+    ("shut", "felt", "phase"),
+    [
+        (0.0, 0.0, GripPhase.SLIPPED),
+        (0.0, 20.0, GripPhase.HOLDING),
+        (0.05, 0.0, GripPhase.HOLDING),
+    ],
+)
+def test_fingers_that_have_shut_on_nothing_have_lost_what_the_others_hook(
+    shut, felt, phase
+):
+    grip = GripController(CONFIG)
+    state, _ = run(Hand(), until=(GripPhase.HOLDING,))
+    openings = (0.15, shut, shut)  # pushed open, as if nothing had closed
+    for _ in range(30):
+        reading = FingerReading(openings, (110.0, felt, felt), 60.0)
+        state, _ = grip.step(state, reading)
+    assert state.phase is phase
+
+
 def test_a_load_that_falls_by_a_third_means_slip_and_noise_does_not():
     hand, state = holding()
     grip = GripController(CONFIG)

@@ -17,6 +17,7 @@ from debrisgrasp.executive.obstacles import box_around
 from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.executive.states import State
 from debrisgrasp.executive.table import answer_to
+from debrisgrasp.executive.tries import remember
 from debrisgrasp.geometry import SE3, so3
 from debrisgrasp.kinematics import ArmReach
 from debrisgrasp.motion import MotionPlanner, MotionSpace
@@ -190,3 +191,30 @@ def test_fingers_that_closed_during_the_lift_have_lost_nothing_by_that(
     monkeypatch.setattr(drive, "carried", lambda _load: 10.0)
     found = [drive._watched_fingers((0.0,) * 6) for _ in range(60)]
     assert {f.fault for f in found if f is not None} == {"plan_collision"}
+
+
+def test_what_hangs_too_far_beside_the_hand_is_not_carried(pipeline, monkeypatch):
+    """The next grasp is sought by its mass, elsewhere; after two it is too heavy."""
+    _, task = before_a_brick(pipeline)
+    context, weighed = task.context, Body(2.5)
+    context.state = State.VERIFY_HOLD
+    context.cycle.centroid = (1.3, 0.0, 0.03)
+    context.cycle.motion = SimpleNamespace(grasp="grasp")
+    context.held = holding(points_hand=POINTS, is_lifted=True)
+    most = context.limbs["right"].limits.controller.torque
+    monkeypatch.setattr(carriage, "looked_at", lambda *_: 0)
+    monkeypatch.setattr(carriage, "identify_payload", lambda *_, **__: (weighed, 0.0))
+    for share, n in ((0.35, 0), (0.45, 1), (0.45, 2)):
+        load = (0.0, 0.0, -25.0, share * most, 0.0, 0.0)
+        monkeypatch.setattr(Drive, "mean_load", lambda *_, load=load: load)
+        found = carriage.verify_hold(context)
+        if not n:
+            assert isinstance(found, Done)
+            continue
+        assert found.fault == "too_heavy"
+        assert "2.5 kg hang beside the hand" in found.message
+        remember(context, State.VERIFY_HOLD, found)
+        mark = context.marks.of(context.cycle.centroid)
+        assert mark.mass == 2.5
+        assert mark.failed == ["grasp"]
+        assert mark.is_heavy == (n == 2)

@@ -129,11 +129,13 @@ def test_what_was_found_on_an_object_that_was_put_off_is_kept_for_its_turn(
     pipeline, monkeypatch
 ):
     context = before_a_chosen_brick(pipeline)
-    context.marks.add(context.cycle.centroid, FaultFound("slip", "it slipped"), 0)
+    slip = FaultFound("slip", "it slipped")
+    context.marks.add(context.cycle.centroid, slip, 0).mass = 3.0
     turned = SE3.from_parts(so3.exp(np.array([0.0, 0.0, 1.0])))
     searches = iter([(0.3, 0.0), (0.4, 0.2), (0.2, 0.4), (0.1, 0.6), (0.05, 0.8)])
 
-    def plan(*_, **__):
+    def plan(*_, mass, **__):
+        assert mass == 3.0
         rank, x = next(searches)
         found = grasp(rank)
         found.T_base_hand = SE3.from_parts(p=[x, 0.0, 0.0]) @ turned

@@ -124,17 +124,27 @@ def test_a_hand_whose_lift_came_to_nothing_goes_back_before_it_opens(
     assert opened == [pytest.approx(height, abs=2e-3)]
 
 
+@pytest.mark.parametrize(
+    ("borne", "expected"), [(0.0, ["let_go"]), (50.0, ["taken_back", "put_down"])]
+)
 def test_a_hand_that_lost_what_it_carried_is_not_lowered_on_to_it(
-    pipeline, monkeypatch
+    pipeline, monkeypatch, borne, expected
 ):
+    """What one side of it still bears is put down; let go, it would fall."""
     _, task = before_a_brick(pipeline)
     context, done = task.context, []
     context.held, context.is_in_pile = holding(is_lifted=True), "right"
-    context.held.state = context.held.state._replace(phase=GripPhase.SLIPPED)
-    for name in ("let_go", "put_down", "taken_back", "back_out", "put_away"):
+    context.held.state = context.held.state._replace(
+        phase=GripPhase.SLIPPED, most_carried=60.0
+    )
+    monkeypatch.setattr(Drive, "carried", lambda *_: borne)
+    monkeypatch.setattr(recovery, "relieve", lambda *_: None)
+    for name in ("let_go", "put_down", "back_out", "put_away"):
         monkeypatch.setattr(recovery, name, lambda *_, name=name: done.append(name))
+    monkeypatch.setattr(recovery, "taken_back", lambda _: done.append("taken_back"))
+    monkeypatch.setattr(recovery, "_hanging", lambda *_: None)
     assert recovery.clear_up(context) is None
-    assert done == ["let_go", "back_out", "put_away", "put_away"]
+    assert done == [*expected, "back_out", "put_away", "put_away"]
 
 
 def test_a_hand_that_goes_back_presses_on_nothing(pipeline, monkeypatch):
