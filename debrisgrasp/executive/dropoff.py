@@ -33,6 +33,8 @@ _ALONG = (0.0, -0.15, 0.15, -0.3, 0.3, -0.45)
 """Places around a drop-off, ahead of it ..."""
 _OUTWARD = (0.0, 0.12, -0.1, 0.24, 0.36)
 """... and away from the robot [m]: the nearer ones first, as long as they are empty."""
+_CLEAR = 0.1
+"""Nearer to the way what is put down may be taken for something in it [m]."""
 _BESIDE = 0.03
 """So far from the base [m]."""
 _FROM_REST, _FEW = 0.03, 200
@@ -341,7 +343,7 @@ def _poses(
 ) -> SE3:
     """Poses of the palm that hold an object over the drop-off, the emptiest first.
 
-    Those in which it reaches into the way come last.
+    Those in which it reaches into the way, or almost lies in it, come last.
 
     Parameters
     ----------
@@ -367,6 +369,8 @@ def _poses(
     raised = np.floor((p[..., 2] + bottom) / _AS_LOW)
     where[..., 2] += p[..., None, 2]
     is_in_way = np.any(context.is_in_way(where), axis=-1)
+    places = np.pad(drop_off + shifts, ((0, 0), (0, 1)))
+    is_in_way |= context.is_in_way(places, _CLEAR)[:, None]
     p[..., 2] += context.settings.drop_height
     poses = np.tile(np.eye(4), (*p.shape[:2], 1, 1))
     poses[..., :3, :3], poses[..., :3, 3] = Rs, p

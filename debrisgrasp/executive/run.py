@@ -153,7 +153,8 @@ class Executive:
         while True:
             if state is State.CAPTURE and self._is_enough():
                 return RunEnd.FINISHED
-            if state in FOLLOWING and self._has_tried_enough():
+            if state in FOLLOWING and self._has_tried_enough(state):
+                self.context.cycle = Cycle(number=self.context.cycle.number)
                 self._note(State.SELECT, _given_up(self.context), Action.ABORT)
                 state = State.ABORT
             self._enter(state)
@@ -178,11 +179,15 @@ class Executive:
         most = self.context.settings.max_removals
         return most is not None and self.context.n_removed >= most
 
-    def _has_tried_enough(self) -> bool:
-        """Whether arms went to objects as often as allowed, or plans led nowhere."""
+    def _has_tried_enough(self, state: State) -> bool:
+        """Whether arms went to objects as often as allowed, or plans led nowhere.
+
+        A look may still tell that the way is clear.
+        """
         n_most, n_tried = self.context.settings.max_attempts, len(self._attempts)
         n_gone = sum(attempt.has_set_out for attempt in self._attempts)
-        return n_gone >= n_most or n_tried - n_gone >= _PLANS * n_most
+        is_next = state in (State.PLAN_GRASP, State.PUSH)
+        return (is_next and n_gone >= n_most) or n_tried - n_gone >= _PLANS * n_most
 
     def _enter(self, state: State) -> None:
         context = self.context

@@ -30,7 +30,7 @@ from debrisgrasp.executive.result import Done, FaultFound
 from debrisgrasp.io import data_path
 from debrisgrasp.kinematics import RobotModel
 from tests.unit.executive.rigs import PERIOD, POINTS, brick_at, holding, task_before
-from tests.unit.executive.stepped import failing
+from tests.unit.executive.stepped import choose, failing
 from tests.unit.robot.broken_robots import with_limb
 
 
@@ -318,6 +318,21 @@ def test_a_run_without_progress_ends(run, state, fault, n):
     assert result.fault_class is FaultClass.PLANNING
     assert len(result.attempts) == n
     assert sum(attempt.has_set_out for attempt in result.attempts) in (0, n)
+
+
+def test_a_last_look_tells_that_the_last_try_allowed_cleared_the_way(run):
+    looks = []
+
+    def select(context):
+        looks.append(context.n_removed)
+        if context.n_removed == 2:
+            return Done({"cleared": True}, State.CLEARED)
+        return choose(context)
+
+    result, _ = run({State.SELECT: select}, TaskSettings(max_attempts=2))
+    assert looks == [0, 1, 2]
+    assert result.end is RunEnd.CLEARED
+    assert len(result.attempts) == 2
 
 
 def test_arms_that_the_robot_has_not_are_refused(fake, pipeline):
