@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from debrisgrasp._locks import locked
 from debrisgrasp.errors import InputError, OutputError
-
-try:
-    import fcntl
-except ImportError:  # on Windows
-    fcntl = None  # type: ignore[assignment]
 
 __all__ = ["alone_in", "make_folder"]
 
@@ -21,41 +16,24 @@ __all__ = ["alone_in", "make_folder"]
 def alone_in(folder: Path) -> Iterator[None]:
     """Keep others out of a folder; one that was made for it and is empty goes again.
 
-    Twice the same runs would only take twice the time. The lock ends with the process,
-    however that ends; where a platform or file system has none, nobody is kept out.
+    Twice the same runs would only take twice the time.
     """
     is_new = not folder.exists()
     make_folder(folder)
     try:
-        with _locked(folder):
+        with locked(folder):
             yield
+    except BlockingIOError as error:
+        raise InputError(
+            f"campaign in {folder}",
+            got="another process that is at work on it",
+            expected="one at a time",
+            mend="Wait for its end, or give another folder.",
+        ) from error
     finally:
         if is_new:
             with suppress(OSError):
                 folder.rmdir()
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    if fcntl is None:
-        yield
-        return
-    place = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise InputError(
-                f"campaign in {folder}",
-                got="another process that is at work on it",
-                expected="one at a time",
-                mend="Wait for its end, or give another folder.",
-            ) from error
-        except OSError:
-            pass  # a file system without locks
-        yield
-    finally:
-        os.close(place)
 
 
 def make_folder(folder: Path) -> None:

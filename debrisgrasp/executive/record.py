@@ -15,11 +15,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 from zipfile import is_zipfile
 
 import numpy as np
 
 from debrisgrasp._files import read_json, read_text, write_atomic
+from debrisgrasp._locks import locked
 from debrisgrasp._parsing import json_content, json_found
 from debrisgrasp._unreadable import is_there, why_not_there
 from debrisgrasp._words import shortened, shown_path
@@ -80,34 +82,48 @@ class RunRecord:
     Raises
     ------
     OutputError
-        If the folder can't be written, or holds a run already.
+        If the folder can't be written, or holds a run already, or is about to.
     """
 
     def __init__(
         self, folder: str | os.PathLike[str], inputs: Mapping[str, object]
     ) -> None:
         self.folder = Path(folder)
-        if _holds_a_run(self.folder / _EVENTS):
-            raise OutputError(self.folder, "it holds the record of another run")
-        if others := _others_in(self.folder):
-            raise OutputError(self.folder, f"it holds other files, as {others[0]}")
         content = {"schema": SCHEMA, **plain(inputs)}
         captures = self.folder / _CAPTURES
         places = (captures, self.folder, *self.folder.parents)
         made = [place for place in places if not is_there(place)]
         try:
-            captures.mkdir(parents=True, exist_ok=True)
-            write_atomic(self.folder / _INPUTS, json.dumps(content, indent=1) + "\n")
-            write_atomic(self.folder / _EVENTS, "")
+            taken = self._taken()
+            if not taken:
+                captures.mkdir(exist_ok=True)
+                text = json.dumps(content, indent=1) + "\n"
+                write_atomic(self.folder / _INPUTS, text)
+                write_atomic(self.folder / _EVENTS, "")
         except OSError as error:
             self._taken_back(made)
             if isinstance(error, OutputError):
                 raise
             reason = error.strerror or str(error)
             raise OutputError(shown_path(folder), reason) from error
+        if taken:
+            raise OutputError(self.folder, taken)
         self._size = 0
         self.fault = ""
         """Why the record ends early, if it does; the run goes on without it."""
+
+    def _taken(self) -> str:
+        """Make the folder this record's own, or say whose it is."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            self._lock = locked(self.folder)
+        except BlockingIOError:
+            return "another run is about to be recorded into it"
+        finalize(self, self._lock.close)
+        if _holds_a_run(self.folder / _EVENTS):
+            return "it holds the record of another run"
+        others = _others_in(self.folder)
+        return f"it holds other files, as {others[0]}" if others else ""
 
     def write(self, kind: str, facts: Mapping[str, object]) -> None:
         """Add a line, or, if the disk is full, keep those before it whole."""
@@ -128,6 +144,7 @@ class RunRecord:
             self._end(error.strerror or str(error))
             return
         self._size += len(data)
+        self._lock.close()  # what is written keeps others out from now on
 
     def keep(self, capture: Capture, name: str) -> None:
         """Store a capture, whole or not at all."""

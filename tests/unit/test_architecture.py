@@ -16,6 +16,7 @@ LAYERS = {
     "errors": 0,
     "_physics": 0,
     "_words": 0,
+    "_locks": 0,
     "_arrays": 1,
     "_memo": 1,
     "_checked": 1,

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from subprocess import PIPE
 
 import numpy as np
 import pytest
@@ -48,6 +51,30 @@ def test_a_folder_with_another_run_is_not_overwritten(tmp_path):
     RunRecord(tmp_path, {}).write("state", {"state": "self_test"})
     with pytest.raises(OutputError, match="another run"):
         RunRecord(tmp_path, {})
+
+
+def test_two_processes_do_not_begin_one_record(tmp_path):
+    code = (
+        "import sys; from debrisgrasp.executive import RunRecord; "
+        "record = RunRecord(sys.argv[1], {}); print('begun', flush=True); input()"
+    )
+    other = [sys.executable, "-c", code, str(tmp_path)]
+    with subprocess.Popen(other, stdin=PIPE, stdout=PIPE, text=True) as begun:
+        assert begun.stdout.readline() == "begun\n"
+        with pytest.raises(OutputError, match="another run is about to"):
+            RunRecord(tmp_path, {})
+        assert (tmp_path / "events.jsonl").exists()
+        begun.kill()
+    RunRecord(tmp_path, {}).write("state", {"state": "self_test"})
+
+
+def test_a_record_that_is_written_and_still_held_is_called_one(tmp_path):
+    record = RunRecord(tmp_path, {})
+    record.write("state", {"state": "self_test"})
+    with pytest.raises(OutputError, match="the record of another run"):
+        RunRecord(tmp_path, {})
+    record.write("end", {"end": "cleared"})
+    assert load_run(tmp_path).is_whole
 
 
 def test_a_record_cut_off_in_a_line_is_read_up_to_it(tmp_path):
