@@ -37,6 +37,11 @@ class SiteLimits:
             require_range(f"limits.{name}", getattr(self, name), 1e-3, 1.0)
         require_range("limits.hand_speed [m/s]", self.hand_speed, 1e-3, 2.0)
 
+    def sets(self, what: str) -> bool:
+        """Whether ``limits.force`` or ``limits.torque`` is this site's own."""
+        own = {"limits.force": self.force, "limits.torque": self.torque}
+        return own.get(what) is not None
+
     def of_robot(self, robot: RobotModel) -> RobotModel:
         """Return a robot that allows no more than this.
 

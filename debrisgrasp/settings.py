@@ -19,6 +19,7 @@ from debrisgrasp._fields import Fields
 from debrisgrasp._files import read_yaml
 from debrisgrasp._site_file import POLICIES, values_of_site
 from debrisgrasp._site_limits import SiteLimits
+from debrisgrasp._words import arm_called
 from debrisgrasp.errors import ChoiceError, ConfigError, InputError, UnknownNameError
 from debrisgrasp.geometry import so3
 from debrisgrasp.io import CameraPose, Capture
@@ -201,6 +202,24 @@ class Settings:
             if self.path is None:
                 raise
             where = f"{self.path}, field {name or error.what}"
+            raise ConfigError.about(where, error) from error
+
+    @contextmanager
+    def in_limits(self, robot: RobotModel, arm: str) -> Iterator[None]:
+        """Say of a complaint about a limit whose it is: this site's, if it sets it.
+
+        Raises
+        ------
+        InputError
+            As `in_field` does; about the robot's own limit, a `ConfigError`.
+        """
+        try:
+            yield
+        except InputError as error:
+            if self.limits.sets(error.what):
+                with self.in_field():
+                    raise
+            where = f"{error.what} of the {arm_called(arm)} of robot {robot.name}"
             raise ConfigError.about(where, error) from error
 
     def pose_of_camera(

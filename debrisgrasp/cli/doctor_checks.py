@@ -320,8 +320,7 @@ def _limits(arm: ArmReach, limits: LimitSet, settings: Settings) -> Finding:
         require_room(limits, TaskSettings().load_share)
     except InputError as error:
         # What the arm itself bears is no mistake: plans and motions need no more.
-        given = settings.limits.force, settings.limits.torque
-        status = "note" if given == (None, None) else "fault"
+        status = "fault" if settings.limits.sets(error.what) else "note"
         return Finding(what, status, f"{text}; `clear` refuses that: {error}")
     return Finding(what, "ok", text)
 

@@ -247,8 +247,8 @@ class SimulatedTask:
             require_own_sides(used, drop_off)
         if pipeline.robot is not None:
             for name in used:
-                limits = pipeline.robot.limits(name).controller
-                with site.in_field():
+                with site.in_limits(pipeline.robot, name):
+                    limits = pipeline.robot.limits(name).controller
                     require_room(limits, usual.load_share)
         return TaskSettings(
             arms=names,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -261,6 +262,25 @@ def test_limits_too_low_to_feel_a_touch_are_no_surprise_to_the_doctor(
     ended = run("doctor", "--site", path)
     assert ended.status == 1
     assert words in ended.out
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("limits", ["", "limits: {torque: 39}\n"])
+def test_a_robot_too_weak_to_feel_a_touch_is_not_held_against_its_site(
+    run, refused, tmp_path, limits
+):
+    own = data_path("robots", "roman.yaml").read_text().replace("150.0", "60.0")
+    (tmp_path / "weak.yaml").write_text(own.replace("name: roman", "name: weak"))
+    shutil.copy(data_path("robots", "roman.urdf"), tmp_path)
+    site = tmp_path / "site.yaml"
+    site.write_text(f"schema: debrisgrasp/site/1\nrobot: weak.yaml\n{limits}")
+    message = refused("clear", "--site", site)
+    assert "limits.force of the right arm of robot weak: got 60 N" in message
+    assert "field" not in message
+    checks = run("doctor", "--site", site, "--json").json["checks"]
+    findings = [finding for some in checks.values() for finding in some]
+    weak = [found["status"] for found in findings if "refuses that" in found["text"]]
+    assert weak == ["note", "note"]
 
 
 @pytest.mark.usefixtures("quick")
