@@ -24,7 +24,14 @@ class FrameSpec:
 
 
 def with_frames(tree: UrdfTree, frames: Sequence[FrameSpec]) -> UrdfTree:
-    """Add frames as links without a body, each on a fixed joint."""
+    """Add frames as links without a body, each on a fixed joint.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such parent, a name is taken, or frames are fixed to each other
+        in a loop.
+    """
     shapes = {**tree.shapes, **{frame.name: () for frame in frames}}
     joints = dict(tree.joints)
     for frame in frames:
@@ -40,4 +47,15 @@ def with_frames(tree: UrdfTree, frames: Sequence[FrameSpec]) -> UrdfTree:
                 expected="a name that no link and no joint has",
             )
         joints[joint.name] = joint
+    parents = {frame.name: frame.parent for frame in frames}
+    for name in parents:
+        loop = [name]
+        while (parent := parents.get(loop[-1])) and parent not in loop:
+            loop.append(parent)
+        if parent:
+            raise ConfigError(
+                f"frames of {tree.name}",
+                got=f"a loop: {' on '.join([*loop, parent])}",
+                expected="frames that lead to a link of the URDF",
+            )
     return replace(tree, shapes=shapes, joints=joints)

@@ -98,6 +98,7 @@ def test_a_frame_has_no_body(described):
         ),
         ({"rpy": [0, 0, 90]}, "rpy in .*frame palm.*radians"),
         ({"xyz": [0, 0, 0]}, "unknown field in .*frame palm: got 'xyz'"),
+        ({"parent": "palm"}, "frames of .*: got a loop: palm on palm"),
     ],
 )
 def test_a_wrong_frame_is_refused(described, change, message):
@@ -105,6 +106,16 @@ def test_a_wrong_frame_is_refused(described, change, message):
     wrong["palm"] = {"parent": "link6"} | change
     with pytest.raises((ConfigError, UnknownNameError), match=message):
         RobotModel.load(described(wrong))
+
+
+def test_a_loop_of_frames_is_named_by_its_frames(described):
+    wrong = frames()
+    wrong["palm"] = {"parent": "wrist"}
+    wrong["wrist"] = {"parent": "thumb"}
+    wrong["thumb"] = {"parent": "palm"}
+    with pytest.raises(ConfigError, match="palm on wrist on thumb on palm") as caught:
+        RobotModel.load(described(wrong))
+    assert caught.value.what.startswith("frames of ")
 
 
 @pytest.mark.parametrize(
