@@ -162,8 +162,16 @@ class StabilityBound:
         Raises
         ------
         ConfigError
-            If one is no number, or below zero, of which every bound would be kept.
+            If one is no number, or below zero, of which every bound would be kept; if
+            the contact is none.
         """
+        if not isinstance(contact, Contact):
+            raise ConfigError(
+                "contact",
+                got=repr(contact),
+                expected="a Contact",
+                mend="Contact(stiffness=3e4), for instance.",
+            )
         mass_gain = gain if mass_gain is None else mass_gain
         for name, value in (("gain [m/N]", gain), ("mass_gain [m/N]", mass_gain)):
             is_number = isinstance(value, Real)

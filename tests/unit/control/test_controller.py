@@ -227,6 +227,8 @@ def test_a_compliance_or_a_lever_that_is_no_number_is_refused():
         bound.verdict("a", Contact())
     with pytest.raises(ConfigError, match=r"mass_gain \[m/N\]: got 'a'"):
         bound.verdict(1e-9, Contact(), "a")
+    with pytest.raises(ConfigError, match=r"^contact: got '3e4', expected a Contact"):
+        bound.verdict(1e-9, "3e4")
     with pytest.raises(InputError, match=r"shape of compliance.*\(6, 6\)"):
         contact_gain(np.eye(3))
     with pytest.raises(InputError, match="lever of a contact"):
