@@ -53,6 +53,8 @@ _IN_WORDS = {
     "number of columns changed": "rows of different lengths",
     "could not convert string": "words rather than numbers",
     "No data left": "nothing",
+    "context manager": "a single array",
+    "not a file in the archive": "other arrays",
 }
 """What people understand, by what NumPy's message has in it."""
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from debrisgrasp._checked import checked
 from debrisgrasp._files import write_atomic
-from debrisgrasp._unreadable import UNREADABLE_ARRAY, PathLike
+from debrisgrasp._unreadable import UNREADABLE_ARRAY, PathLike, why_unreadable
 from debrisgrasp.errors import ConfigError, OutputError
 
 from . import descent, formulas, reach_map, serial
@@ -31,6 +31,7 @@ from .reach_map import ReachMap, ReachMapConfig
 __all__ = ["cache_folder", "cached_reach_map", "load_reach_map", "save_reach_map"]
 
 _SCHEMA = "debrisgrasp/reach-map/1"
+_OTHER = "other content than a map has"
 _VARIABLE = "DEBRISGRASP_CACHE"
 _VERSIONS = 3
 """Of so many versions of the code the cache keeps a map."""
@@ -136,20 +137,23 @@ def load_reach_map(path: PathLike, chain: KinematicChain) -> ReachMap:
     """
     try:
         with np.load(path, allow_pickle=False) as content:
-            facts = json.loads(str(content["facts"]))
-            arrays = {k: content[k] for k in content.files if k != "facts"}
-        schema = facts.pop("schema")
-    except (AttributeError, *UNREADABLE_ARRAY) as error:
-        why = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
-        raise _unusable(path, f"no map, or a part of one ({why})") from error
+            arrays = {name: content[name] for name in content.files}
+    except UNREADABLE_ARRAY as error:
+        why = f"no map, or a part of one ({why_unreadable(error)})"
+        raise _unusable(path, why) from error
+    try:
+        facts = json.loads(str(arrays.pop("facts")))
+        schema, maker = facts.pop("schema"), facts.pop("maker", None)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise _unusable(path, _OTHER) from error
     _require(schema, _SCHEMA, "schema", path)
-    _require(facts.pop("maker", None), _maker(), "version of the code that built", path)
+    _require(maker, _maker(), "version of the code that built", path)
     try:
         found = ReachMap(
             **{**facts, "config": ReachMapConfig(**facts["config"])}, **arrays
         )
     except (TypeError, KeyError) as error:
-        raise _unusable(path, f"other fields than a map has ({error})") from error
+        raise _unusable(path, _OTHER) from error
     _require(
         found.chain_hash, chain.hash, "geometry, limits or tool of the chain in", path
     )

@@ -102,6 +102,18 @@ def test_a_file_without_matrices_is_refused(run, tmp_path, content):
     assert "4x4" in ended.err or "no pose" in ended.err
 
 
+def test_archives_without_poses_are_refused_in_our_words(run, tmp_path):
+    path = tmp_path / "poses.npz"
+    np.savez(path, T_base_camera=np.eye(4))
+    assert (
+        "poses.npz: got other arrays, expected a .npz with T_base"
+        in run("ik", path).err
+    )
+    with path.open("wb") as file:
+        np.save(file, np.eye(4))
+    assert "poses.npz: got a single array, expected" in run("ik", path).err
+
+
 def test_reach_tells_both_arms_the_base_and_draws(run, tmp_path):
     png, page = tmp_path / "reach.png", tmp_path / "reach.html"
     ended = run("reach", *REGION, "--report", png, "--report", page)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import warnings
 from dataclasses import fields, replace
@@ -97,6 +98,31 @@ def test_a_damaged_or_foreign_file_is_replaced_with_a_warning(
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         _assert_equal(cached_reach_map(arm, SMALL), built)
+
+
+def test_what_is_no_map_is_told_in_our_words(
+    arm: KinematicChain, small: ReachMap, tmp_path: Path
+) -> None:
+    path = tmp_path / "map.npz"
+    save_reach_map(small, path)
+    with np.load(path) as content:
+        arrays = dict(content)
+    contents = {
+        "no arrays at all": lambda file: file.write(b"words"),
+        "nothing": lambda _: None,
+        "a single array": lambda file: np.save(file, np.zeros(3)),
+        "objects": lambda file: np.savez(file, facts=np.array([{}])),
+        "other content": lambda file: np.savez(file, T=np.eye(4)),
+        "other content than": lambda file: np.savez(file, facts="{oops"),
+        "other content than a": lambda file: np.savez(file, facts="[1]"),
+        "other content than a map": lambda file: np.savez(file, facts=arrays["facts"]),
+    }
+    for words, write in contents.items():
+        with path.open("wb") as file:
+            write(file)
+        with pytest.raises(ConfigError, match=f"got .*{words}") as caught:
+            load_reach_map(path, arm)
+        assert not re.search("pickle|Error|json|__init__", str(caught.value))
 
 
 def test_a_map_of_another_version_is_refused(
