@@ -228,6 +228,19 @@ def test_a_page_without_grasps_offers_no_next_one(
 
 
 @pytest.mark.skipif(browser.chromium() is None, reason="needs Chromium and playwright")
+def test_a_browser_without_webgl_is_offered_nothing_that_needs_it(
+    report: Report, tmp_path: Path
+) -> None:
+    report_html(tmp_path / "a.html", report)
+    with browser.opened() as view:
+        view.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+        view.goto((tmp_path / "a.html").as_uri())
+        assert view.get_by_text("This browser offers no WebGL 2").is_visible()
+        for name in ("bar", "hint", "canvas"):
+            assert view.locator(f"#{name}").is_hidden()
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="needs Chromium and playwright")
 def test_all_objects_in_the_order_are_printed(report: Report, tmp_path: Path) -> None:
     report_html(tmp_path / "a.html", report)
     with browser.opened() as view:
