@@ -12,7 +12,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from importlib import import_module
@@ -170,6 +170,21 @@ _TOO_FEW = re.compile(r"argument (--[\w-]+): expected \d+ arguments")
 """How an option complains of the number of its values, without saying which."""
 
 
+_MISSPELT = 0.75
+"""Options as alike as this are one misspelt; `--record` and `--report` are less so."""
+
+
+def _near(word: str, options: Iterable[str]) -> str:
+    """Return the option that a word is meant to be, or may be the beginning of."""
+    # Dashes would make all of them alike.
+    names = {option.lstrip("-"): option for option in options}
+    bare = word.lstrip("-")
+    near = get_close_matches(bare, names, n=1, cutoff=_MISSPELT)
+    if bare != word:
+        near += [name for name in names if name.startswith(f"{bare}-")]
+    return names[near[0]] if near else ""
+
+
 class UsageError(DebrisGraspError):
     """Arguments that no command takes."""
 
@@ -187,9 +202,8 @@ class _Parser(argparse.ArgumentParser):
         """Refuse what is unknown here, where it is known what could be meant."""
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            word = unknown[0].partition("=")[0]
-            near = get_close_matches(word, self._option_string_actions, n=1)
-            meant = f" (did you mean {near[0]}?)" if near else ""
+            near = _near(unknown[0].partition("=")[0], self._option_string_actions)
+            meant = f" (did you mean {near}?)" if near else ""
             self.error(f"unrecognized arguments: {' '.join(unknown)}{meant}")
         return found, unknown
 

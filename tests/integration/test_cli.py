@@ -84,6 +84,9 @@ def test_every_command_explains_itself(run, command):
     [
         (["plan", "x.npz", "--see", 3], r"--see 3 \(did you mean --seed\?\).*plan --h"),
         (["prototype", "list", "--gripper", "camhand"], "did you mean --grippers"),
+        (["demo", "--out", "x"], r"--out x \(did you mean --out-dir\?\)"),
+        (["segment", "x", "--seed", 1], r"--seed 1\. `debrisgrasp segment --help` te"),
+        (["campaign", "--record", "x"], r"--record x\. `debrisgrasp campaign --help"),
         (["doctor", "x"], r"arguments: x\. `debrisgrasp doctor --help"),
     ],
 )
