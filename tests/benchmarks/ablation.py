@@ -24,7 +24,7 @@ from debrisgrasp.planning import (
 )
 
 from .piles import fresh_piles
-from .report import arguments, publish
+from .report import arguments, begin, publish
 from .truth import intended, verdict
 
 PILES = range(9000, 9012)
@@ -105,4 +105,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -21,7 +21,7 @@ from debrisgrasp.robot import CHECKS, MOVING_CHECKS, FakeConfig, check_robot
 from debrisgrasp.sim import TIERS, tier_scene
 from debrisgrasp.sim_robot import SimRobot, sim_robot
 from debrisgrasp.worlds import World
-from tests.benchmarks.report import publish
+from tests.benchmarks.report import begin, publish
 from tests.unit.robot.rigs import FAR, GRIPPERS, PERIOD, ROMAN
 
 TARGETS = {
@@ -176,4 +176,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

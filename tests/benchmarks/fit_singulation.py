@@ -40,6 +40,7 @@ from debrisgrasp.segmentation.singulation.patches import planar_patches
 
 from .boosting import Boosting, Cases, write_evidence
 from .piles import FreshPile, fresh_piles, fresh_stack, fresh_strangers
+from .report import begin
 from .segmentation import DATA, reference
 from .strangers import LEARNT
 
@@ -214,4 +215,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

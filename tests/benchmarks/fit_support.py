@@ -35,6 +35,7 @@ from debrisgrasp.segmentation.surface import LabelledSurface
 
 from .boosting import Boosting, Cases, write_evidence
 from .piles import FreshPile, fresh_piles
+from .report import begin
 from .support import Truth, bodies_of, captures, seen_labels, true_segmentation
 
 FIRST_SEED = 31_000
@@ -197,4 +198,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -31,7 +31,7 @@ from debrisgrasp.segmentation import region_of_interest
 from debrisgrasp.sim import TierScene, Verdict, fly, tier_scene
 from debrisgrasp.worlds import look_at, render
 
-from .report import publish
+from .report import begin, publish
 
 AROUND = 8
 """So many looks around, from two heights each, and one from above."""
@@ -149,4 +149,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -25,7 +25,7 @@ from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.sim import TIERS
 from debrisgrasp.trials import TrialRecord, TrialSpec, pipeline_of, trials
 
-from .report import publish
+from .report import begin, publish
 
 TARGETS = {
     "pile": 0.90, "stacked": 0.95, "isolated": 0.95, "handle": 0.98, "encumbered": 0.85,
@@ -137,4 +137,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -29,7 +29,7 @@ from debrisgrasp.segmentation import DEFAULT_POINT, PriorityPoint
 from debrisgrasp.sim import TIERS, SceneConfig
 from debrisgrasp.trials import TrialRecord, TrialSpec, run_trial
 
-from .report import publish
+from .report import begin, publish
 
 ROUGH = SceneConfig(calibration_shift=0.01, calibration_turn=float(np.radians(3.0)))
 
@@ -143,4 +143,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -25,7 +25,7 @@ from debrisgrasp.sim import TierScene, Verdict, fly, seen_again, settle, tier_sc
 from debrisgrasp.trials import capture_of, intended_of
 from debrisgrasp.worlds import World
 
-from .report import publish
+from .report import begin, publish
 
 TARGET = 0.85
 LIFTED = 8.0
@@ -147,4 +147,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -27,7 +27,7 @@ from debrisgrasp.sim import Flight, FlightConfig, FlownGrasp, Verdict, fly, tier
 from debrisgrasp.trials import YIELD, TrialSpec, trial
 from debrisgrasp.worlds import Body, World
 
-from .report import publish
+from .report import begin, publish
 
 LIFT = FlightConfig(lift=(0.0, 0.0, 0.4), lift_time=6.0)
 YIELDING = replace(LIFT, compliance=YIELD)
@@ -155,4 +155,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

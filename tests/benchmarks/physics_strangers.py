@@ -19,7 +19,7 @@ from debrisgrasp.cli.campaign_text import flights_text
 from debrisgrasp.trials import TrialRecord, TrialSpec, trials
 
 from .physics import kept, planner, shares
-from .report import publish
+from .report import begin, publish
 from .strangers import LEARNT, UNKNOWN, stranger_scene
 
 SIZES = {"one": (1, 1), "several": (3, 8)}
@@ -74,4 +74,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -28,7 +28,7 @@ from debrisgrasp.worlds import (
     render,
 )
 
-from .report import arguments, publish
+from .report import arguments, begin, publish
 from .strangers import Kinds, settled_strangers
 
 FEWEST_PIXELS = 60
@@ -176,4 +176,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

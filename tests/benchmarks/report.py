@@ -5,13 +5,15 @@ from __future__ import annotations
 import argparse
 import json
 import platform
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import debrisgrasp
 from debrisgrasp.cli.tables import columns
+from debrisgrasp.errors import MissingExtraError
 
-__all__ = ["arguments", "publish"]
+__all__ = ["arguments", "begin", "publish"]
 
 
 def arguments(description: str) -> argparse.Namespace:
@@ -33,3 +35,12 @@ def publish(figures: Mapping[str, float], json_path: Path | None) -> None:
             "version": debrisgrasp.__version__,
         }
         json_path.write_text(json.dumps(content, indent=1) + "\n")
+
+
+def begin(main: Callable[[], None]) -> None:
+    """Begin a benchmark; an extra that it lacks is told in one line, with status 2."""
+    try:
+        main()
+    except MissingExtraError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)

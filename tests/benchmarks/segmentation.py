@@ -27,7 +27,7 @@ from debrisgrasp.segmentation import LccpConfig, SegmentationConfig, segment_clo
 from debrisgrasp.worlds import render
 
 from .piles import FEWEST_PIXELS, FreshPile, fresh_pile, fresh_piles
-from .report import publish
+from .report import begin, publish
 from .segmentation_scores import Scores, scores
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -321,4 +321,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -30,7 +30,7 @@ from debrisgrasp.cli.tables import columns
 from debrisgrasp.planning import SUCCESS_TERMS, SuccessModel
 from debrisgrasp.planning.success import SCHEMA
 
-from .report import publish
+from .report import begin, publish
 
 EDGES = (0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
 FOLDS = 8
@@ -193,4 +193,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

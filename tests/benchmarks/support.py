@@ -34,7 +34,7 @@ from debrisgrasp.segmentation import (
 from debrisgrasp.segmentation.segmentation import measured_segments
 
 from .piles import FEWEST_PIXELS, FreshPile, fresh_piles
-from .report import arguments, publish
+from .report import arguments, begin, publish
 
 SEEDS = (*range(7_000, 7_200), *range(210_000, 210_200))
 """Nothing was fitted to these piles, or chosen on them."""
@@ -220,4 +220,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -18,7 +18,7 @@ from debrisgrasp.planning import Grasp
 from debrisgrasp.prototypes import GripperModel
 
 from .piles import FreshPile, fresh_piles
-from .report import arguments, publish
+from .report import arguments, begin, publish
 
 FIRST_SEED, PILES = 9000, 16
 TOLERANCE = 0.005
@@ -122,4 +122,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

@@ -24,7 +24,7 @@ from debrisgrasp.io import Capture, data_path
 from debrisgrasp.viewer import show
 from tests import browser
 
-from .report import publish
+from .report import begin, publish
 
 
 def loaded(url: str) -> tuple[float, float, float, float]:
@@ -96,4 +96,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(main)

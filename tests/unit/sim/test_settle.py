@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from subprocess import PIPE
 from types import SimpleNamespace
 
 import numpy as np
@@ -235,3 +237,16 @@ def test_a_simulation_that_diverges_is_refused(tmp_path, monkeypatch):
     run.data.qvel[:] = np.nan
     with pytest.raises(InputError, match="diverged"):
         run.finished()
+
+
+@pytest.mark.parametrize("words", [["piles"], ["segmentation", "--piles", "1"]])
+def test_a_benchmark_names_the_extra_that_is_absent_in_one_line(words):
+    code = (
+        "import runpy, sys\n"
+        f"sys.modules['mujoco'], sys.argv = None, {words}\n"
+        f"runpy.run_module('tests.benchmarks.{words[0]}', run_name='__main__')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], stderr=PIPE, text=True)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("error: physics simulation needs")
+    assert "Traceback" not in done.stderr
