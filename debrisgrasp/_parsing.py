@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -82,6 +83,8 @@ _MOST = 1_000_000
 """More values no file has by names (&, *): to write them in a message takes forever."""
 _CUT_SHORT = "It was cut short: restore it, or do without it and begin anew."
 _SHALLOW = 1000
+_DIGITS = sys.float_info.max_10_exp
+"""Whole numbers of more fit into no other kind of number."""
 
 
 def parse_yaml(text: str, name: str) -> Any:
@@ -156,7 +159,7 @@ def json_content(text: str) -> Any:
         A `json.JSONDecodeError` if it is cut short or malformed.
     """
     try:
-        content = json.loads(text, parse_constant=_refuse_constant)
+        content = json.loads(text, parse_constant=_refuse_constant, parse_int=_whole)
         _require_shallow(content)
     except RecursionError as error:
         raise ValueError(_NESTED) from error
@@ -166,8 +169,7 @@ def json_content(text: str) -> Any:
 def json_found(text: str, error: ValueError) -> str:
     """Say what stands where a text is no JSON any more."""
     if not isinstance(error, json.JSONDecodeError):
-        # Python's own words are about a setting of Python.
-        return "a number of too many digits" if "digits" in str(error) else str(error)
+        return str(error)
     if not text.strip():
         return "nothing"
     rest = text[error.pos :].split("\n")[0].strip()
@@ -178,6 +180,13 @@ def json_found(text: str, error: ValueError) -> str:
 
 def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name}, which JSON does not have")
+
+
+def _whole(digits: str) -> int:
+    """Whole number, if it is one that can be compared with any other number."""
+    if len(digits) > _DIGITS:
+        raise ValueError("a number of too many digits")
+    return int(digits)
 
 
 def _require_shallow(content: object) -> None:

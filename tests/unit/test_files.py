@@ -96,6 +96,7 @@ def test_what_only_has_the_name_of_a_file_is_not_waited_for(tmp_path, make, kind
         ("a.json", "[" * 100_000, "a.json: got too many brackets"),
         ("a.json", "[" * 600 + "]" * 600, "a.json: got too many brackets"),
         ("a.json", "9" * 5000, "a.json: got a number of too many digits"),
+        ("a.json", "9" * 400, "a.json: got a number of too many digits"),
         ("a.json", "", "a.json, line 1"),
     ],
 )
