@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from debrisgrasp._arrays import FloatArray
+from debrisgrasp._files import naming_fields
 from debrisgrasp._words import arm_called, counted
 from debrisgrasp.prototypes import GripperModel, with_shipped
 
@@ -111,14 +112,19 @@ def run_html(
     Raises
     ------
     ConfigError, OutputError
-        If the file has another suffix, or can't be written.
+        If the record is damaged, or the file has another suffix or can't be written.
     """
+    with naming_fields(getattr(run, "folder", "record"), "the record of a run"):
+        page = _page(run, with_shipped(grippers))
+    write_page(path, page)
+
+
+def _page(run: RecordedRun, hands: Mapping[str, GripperModel]) -> str:
     events = since_begun(run.events)
     spans, total = spans_of(events)
     tries = tries_of(events)
     nothing: Mapping[str, Any] = {}
     end = next((e for e in reversed(run.events) if e.get("event") == "end"), nothing)
-    hands = with_shipped(grippers)
     attempts = [_card(item, run, hands) for item in tries]
     body = [
         f"<h1>{escape(_title(run.inputs))}</h1>",
@@ -130,13 +136,12 @@ def run_html(
         *(["<h2>Attempts</h2>", *attempts] if attempts else []),
         _left(end.get("left") or {}),
     ]
-    page = (
+    return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<title>{escape(_title(run.inputs))}</title><style>{_STYLE}</style></head>"
         f"<body><main>{''.join(body)}</main></body></html>\n"
     )
-    write_page(path, page)
 
 
 def _title(inputs: Mapping[str, Any]) -> str:

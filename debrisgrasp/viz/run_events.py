@@ -81,7 +81,8 @@ def tries_of(events: Sequence[Mapping[str, Any]]) -> list[Try]:
         if kind == "fault":
             now.faults.append(event)
         if kind == "trace":
-            now.traces.append(np.array(event.get("rows") or np.empty((0, 3))))
+            rows = np.reshape(event.get("rows") or (), (-1, 3)).astype(np.float64)
+            now.traces.append(rows[np.isfinite(rows).all(axis=1)])
         if kind == "attempt":
             now.facts = event
             found.append(Try(now.number + 1))

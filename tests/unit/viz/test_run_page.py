@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.executive.record import MemoryRecord
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.prototypes import GripperModel
@@ -151,6 +152,35 @@ def test_no_force_is_drawn_where_none_was_read(tmp_path):
     assert len(curves) == 4
     assert curves[0] == "0.0,103.3 56.0,103.3"
     assert curves[1] == "504.0,70.0 560.0,70.0"
+
+
+def test_a_reading_that_was_no_number_is_left_out_of_the_forces(tmp_path):
+    rows = [[0.0, 10.0, 1.0], [0.5, None, None], [1.0, 10.0, 1.0]]
+    page = page_of(
+        tmp_path,
+        *states("capture", "lift"),
+        {"event": "trace", "rows": [[None, None, None]]},
+        {"event": "trace", "rows": rows},
+        {"event": "attempt", "number": 1, "removed": True},
+    )
+    assert "nan" not in page
+    assert '<polyline points="0.0,103.3 560.0,103.3"' in page
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        {"event": "done", "state": "self_test", "left": {"drop_off": "x"}},
+        {"event": "done", "state": "self_test", "left": {"drop_off": ["a", []]}},
+        {"event": "fault", "fault": "slip"},
+        {"event": "state", "state": "lift", "time": None},
+    ],
+)
+def test_a_record_with_odd_values_is_refused_and_named(tmp_path, damaged):
+    attempt = {"event": "attempt", "number": 1, "removed": True}
+    with pytest.raises(ConfigError, match=r"^record: got .* the record of a run"):
+        page_of(tmp_path, *states("capture"), damaged, attempt)
+    assert not list(tmp_path.glob("*.html"))
 
 
 def test_drop_offs_and_what_was_put_down_are_shown_from_above(tmp_path):
