@@ -38,6 +38,7 @@ __all__ = [
 
 _LIVES = 2
 """A run that ends its worker so many times, alone on it, is recorded as such."""
+_WRITTEN = ("runs/*.json", "results.json", "results.csv", "campaign.png")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 
 
@@ -187,10 +188,10 @@ class Campaign:
                 expected="an empty folder, or the same campaign to go on with",
                 mend="Give another folder.",
             )
-        if not path.exists() and any((self.folder / "runs").glob("*.json")):
+        if not path.exists() and (others := _written(self.folder)):
             raise InputError(
                 f"campaign in {self.folder}",
-                got="records of runs, but no campaign.json that says of what",
+                got=f"{others[0]}, but no campaign.json that says of what",
                 expected="an empty folder, or a campaign to go on with",
                 mend="Put the file back, or give another folder.",
             )
@@ -301,6 +302,12 @@ def _present(
     for path in paths:
         if path.stem in names:
             yield path.stem, _loaded(path)
+
+
+def _written(folder: Path) -> list[str]:
+    """Names of what a campaign would write over, and people may have otherwise."""
+    files = (path for each in _WRITTEN for path in folder.glob(each))
+    return [str(path.relative_to(folder)) for path in files]
 
 
 def _loaded(path: Path) -> RunRecord | None:

@@ -94,6 +94,16 @@ def test_the_record_of_a_single_run_is_no_folder_of_a_campaign(tmp_path, marks):
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.parametrize("name", ["results.csv", "results.json", "campaign.png"])
+def test_somebodys_own_results_are_not_written_over(tmp_path, marks, name):
+    (tmp_path / name).write_text("mine")
+    campaign = Campaign(specs=told(1, marks), run_one=do, folder=tmp_path)
+    with pytest.raises(InputError, match=f"got {name}, but no campaign.json"):
+        campaign.run(THREADS)
+    assert begun(marks) == []
+    assert (tmp_path / name).read_text() == "mine"
+
+
 def test_a_folder_that_was_begun_with_other_files_is_refused_by_their_names(
     tmp_path, marks
 ):
