@@ -14,6 +14,7 @@ from tempfile import TemporaryFile
 from typing import Any
 
 from debrisgrasp._parsing import parse_json, parse_yaml
+from debrisgrasp._signals import signals_wait
 from debrisgrasp._unreadable import (
     PathLike,
     is_device,
@@ -40,6 +41,7 @@ __all__ = [
     "require_writable",
     "schema_found",
     "write_atomic",
+    "write_together",
     "yaml_files",
 ]
 
@@ -179,25 +181,51 @@ def write_atomic(path: PathLike, data: bytes | str) -> None:
     OutputError
         If it can't be written; what was there before is untouched.
     """
-    target = _resolved(path)
+    write_together({path: data})
+
+
+def write_together(contents: Mapping[Any, bytes | str]) -> None:
+    """Write files, by their paths, as `write_atomic` does; all of them or none.
+
+    Raises
+    ------
+    OutputError
+        If one can't be written; what was there before is untouched.
+    """
+    targets = {path: _resolved(path) for path in contents}
+    for target in targets.values():
+        _require_replaceable(target)
+    # In the same folder, because a rename is atomic only within one file system.
+    temporaries = {
+        path: target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.tmp")
+        for path, target in targets.items()
+    }
+    path: PathLike = ""
+    try:
+        for path, data in contents.items():
+            _write_new(temporaries[path], data, like=targets[path])
+        with signals_wait():
+            for path, temporary in temporaries.items():
+                temporary.replace(targets[path])
+    except OSError as error:
+        raise OutputError(path, error.strerror or str(error), mend=_KEPT) from error
+    finally:
+        for temporary in temporaries.values():
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def _write_new(path: Path, data: bytes | str, *, like: Path) -> None:
+    """Write a new file, with the permissions of another if that is there."""
     # The names of files, which pages show, may hold bytes that are no text.
     content = data.encode(errors="replace") if isinstance(data, str) else data
-    _require_replaceable(target)
-    # In the same folder, because a rename is atomic only within one file system.
-    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.tmp")
-    try:
-        with temporary.open("xb") as stream:
-            if target.exists():
-                with suppress(OSError):  # some disks know no permissions
-                    shutil.copymode(target, temporary)
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(target)
-    except OSError as error:
-        with suppress(OSError):
-            temporary.unlink()
-        raise OutputError(path, error.strerror or str(error), mend=_KEPT) from error
+    with path.open("xb") as stream:
+        if like.exists():
+            with suppress(OSError):  # some disks know no permissions
+                shutil.copymode(like, path)
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
 
 
 def require_writable(path: PathLike) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from debrisgrasp._arrays import require_range
 from debrisgrasp._fields import require_distinct
-from debrisgrasp._files import data_path, last_changed, yaml_files
+from debrisgrasp._files import data_path, last_changed, write_together, yaml_files
 from debrisgrasp._words import counted
 from debrisgrasp.errors import (
     ChoiceError,
@@ -32,7 +32,7 @@ from .prototype import (
     PackedPrototypes,
     PrototypeDefinition,
 )
-from .prototype_file import read_prototype, write_prototype
+from .prototype_file import prototype_files, read_prototype
 
 __all__ = ["N_VIEWS", "PrototypeLibrary"]
 
@@ -118,8 +118,8 @@ class PrototypeLibrary:
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Write one file for each prototype, named after it.
 
-        A folder that is not there yet comes with all of them or not at all, for half a
-        dictionary looks like a whole one. In one that is there each file is replaced.
+        All of them or none, for half a dictionary looks like a whole one. In a folder
+        that is there they replace what has their names.
 
         Raises
         ------
@@ -150,8 +150,11 @@ class PrototypeLibrary:
             whole.rename(folder)
 
     def _write(self, folder: Path) -> None:
+        files: dict[Path, bytes | str] = {}
         for prototype in self.prototypes:
-            write_prototype(prototype.definition, folder / f"{prototype.name}.yaml")
+            path = folder / f"{prototype.name}.yaml"
+            files |= prototype_files(prototype.definition, path)
+        write_together(files)
 
     def __repr__(self) -> str:
         hands = ", ".join(sorted({prototype.gripper for prototype in self}))

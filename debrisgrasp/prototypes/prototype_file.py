@@ -14,7 +14,7 @@ import yaml
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._checked import checked
 from debrisgrasp._fields import MAX_LENGTH, Fields
-from debrisgrasp._files import read_yaml, require_suffix, write_atomic
+from debrisgrasp._files import read_yaml, require_suffix, write_together
 from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
 
 from .gripper import FURTHER_HANDS, GripperModel
@@ -27,10 +27,10 @@ from .surface_shape import SIDES, SurfaceShape
 __all__ = [
     "HEADER",
     "definition_from",
+    "prototype_files",
     "prototype_text",
     "read_prototype",
     "write_new_prototype",
-    "write_prototype",
 ]
 
 DEFAULT_CLEARANCE = 0.04
@@ -156,22 +156,15 @@ def prototype_text(definition: PrototypeDefinition) -> str:
     )
 
 
-def write_prototype(
-    definition: PrototypeDefinition, path: str | os.PathLike[str]
-) -> None:
-    """Write the file of a prototype, whole or not at all.
-
-    The points of a surface go first, into ``<name>.ply`` beside it.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written.
-    """
+def prototype_files(
+    definition: PrototypeDefinition, path: Path
+) -> dict[Path, bytes | str]:
+    """Give the content of a prototype's file, and of a surface's ``<name>.ply``."""
+    files: dict[Path, bytes | str] = {path: prototype_text(definition)}
     if isinstance(definition.shape, SurfaceShape):
-        beside = Path(path).parent / _surface_name(definition)
-        write_atomic(beside, surface_bytes(definition.shape))
-    write_atomic(path, prototype_text(definition))
+        surface = surface_bytes(definition.shape)
+        files[path.parent / _surface_name(definition)] = surface
+    return files
 
 
 @checked
@@ -194,9 +187,7 @@ def write_new_prototype(
     """
     target = Path(path)
     require_suffix(target, (".yaml", ".yml"), "a prototype's file")
-    files = [target]
-    if isinstance(definition.shape, SurfaceShape):
-        files.append(target.parent / _surface_name(definition))
+    files = prototype_files(definition, target)
     for file in files:
         if file.exists() and not force:
             raise OutputError(file, "it exists; --force (force=True) replaces it")
@@ -204,7 +195,7 @@ def write_new_prototype(
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(target.parent, error.strerror or str(error)) from error
-    write_prototype(definition, target)
+    write_together(files)
     return tuple(files)
 
 

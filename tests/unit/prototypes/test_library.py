@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 import shutil
 from dataclasses import replace
+from errno import ENOSPC
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from debrisgrasp import _files
 from debrisgrasp._files import data_path
 from debrisgrasp.errors import (
     ConfigError,
@@ -18,10 +20,14 @@ from debrisgrasp.errors import (
     OutputError,
     UnknownNameError,
 )
-from debrisgrasp.prototypes import GripperModel, PrototypeLibrary, prototype_of_shape
+from debrisgrasp.prototypes import (
+    GripperModel,
+    PrototypeLibrary,
+    prototype_of_shape,
+    write_new_prototype,
+)
 from debrisgrasp.prototypes import gripper as gripper_module
 from debrisgrasp.prototypes import library as library_module
-from debrisgrasp.prototypes.prototype_file import write_prototype
 
 SOUND = """\
 name: pipe
@@ -89,7 +95,7 @@ def test_a_description_or_none_comes_back_as_it_was(tmp_path: Path, text: str) -
     gripper = GripperModel.load("robotiq_3f")
     pipe = prototype_of_shape("pipe", shape, gripper, "basic", description=text)
     assert pipe.description == text
-    write_prototype(pipe, tmp_path / "pipe.yaml")
+    write_new_prototype(pipe, tmp_path / "pipe.yaml", force=False)
     assert PrototypeLibrary.load(tmp_path)["pipe"].definition.description == text
 
 
@@ -295,17 +301,25 @@ def test_a_new_folder_comes_whole_or_not_at_all(
 ) -> None:
     written = []
 
-    def full_after_one(definition: object, path: Path) -> None:
+    def full_after_one(path: Path, data: str, *, like: Path) -> None:
         if written:
-            raise OutputError(path, "no space left on the disk")
-        written.append(path)
-        path.write_text(str(definition))
+            raise OSError(ENOSPC, "no space left on the disk")
+        written.append(like.name)
+        path.write_text(data)
 
-    monkeypatch.setattr(library_module, "write_prototype", full_after_one)
+    monkeypatch.setattr(_files, "_write_new", full_after_one)
     with pytest.raises(OutputError, match=r"write .*new: no space left"):
         library.save(tmp_path / "deep" / "new")
     assert len(written) == 1
     assert list((tmp_path / "deep").iterdir()) == []
+    first = tmp_path / f"{next(iter(library)).name}.yaml"
+    first.write_text("of somebody")
+    written.clear()
+    with pytest.raises(OutputError, match=r"no space left"):
+        library.save(tmp_path)
+    assert written == [first.name]
+    assert first.read_text() == "of somebody"
+    assert {path.name for path in tmp_path.iterdir()} == {"deep", first.name}
 
 
 def test_prototypes_of_one_name_are_refused_from_python_too(library):

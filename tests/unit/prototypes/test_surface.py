@@ -151,6 +151,18 @@ def test_what_exists_is_replaced_only_by_force(tmp_path):
     assert path.read_text() != before
 
 
+def test_points_stay_as_they_were_if_their_prototype_can_not_be_written(
+    tmp_path,
+):
+    path, points = tmp_path / "measured.yaml", tmp_path / "measured.ply"
+    points.write_bytes(b"of somebody")
+    path.mkdir()
+    with pytest.raises(OutputError, match="it is a folder"):
+        write_new_prototype(as_prototype("bar_4x4").definition, path, force=True)
+    assert points.read_bytes() == b"of somebody"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
 def test_text_and_big_endian_files_are_read_too(tmp_path):
     shape = measured("cylinder_060_tip")
     header = "ply\nformat {} 1.0\nelement vertex {}\n" + "".join(
