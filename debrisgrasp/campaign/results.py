@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from debrisgrasp._files import read_json, schema_found, write_atomic
+from debrisgrasp._files import read_json, schema_found, write_together
 from debrisgrasp.errors import ConfigError
 
 from .accounting import Comparison, Share, Stage, Tables, system_reliability
@@ -53,7 +53,7 @@ def save_results(
     Raises
     ------
     OutputError
-        If one can't be written.
+        If one can't be written; then none is.
     """
     place = Path(folder)
     content: dict[str, Any] = {
@@ -66,9 +66,10 @@ def save_results(
     }
     if flights := [flight for record in records if (flight := flight_of(record))]:
         content["flights"] = flights_to_json(grouped(flights))
-    write_atomic(place / "results.json", json.dumps(content, indent=1) + "\n")
-    write_atomic(place / "results.csv", _csv(records))
-    return place / "results.json", place / "results.csv"
+    paths = place / "results.json", place / "results.csv"
+    texts = json.dumps(content, indent=1) + "\n", _csv(records)
+    write_together(dict(zip(paths, texts, strict=True)))
+    return paths
 
 
 def load_header(path: str | os.PathLike[str]) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from debrisgrasp.campaign import (
     tabulate,
 )
 from debrisgrasp.cli.campaign_text import header_text
-from debrisgrasp.errors import ConfigError
+from debrisgrasp.errors import ConfigError, OutputError
 
 from .records import campaign
 from .runs import do, told
@@ -31,6 +31,16 @@ def test_results_are_read_as_they_were_written(tmp_path):
     path, _ = save_results(tmp_path, records, tables, {"seed": 1})
     assert load_results(path) == records
     assert tabulate(load_results(path)) == tables
+
+
+def test_both_files_of_the_results_are_of_the_same_runs(tmp_path):
+    first, more = campaign(success=1), campaign(success=4)
+    path, table = save_results(tmp_path, first, tabulate(first), {})
+    table.unlink()
+    table.mkdir()
+    with pytest.raises(OutputError, match=r"results.csv: it is a folder"):
+        save_results(tmp_path, more, tabulate(more), {})
+    assert len(load_results(path)) == 1
 
 
 def test_numbers_in_the_file_are_those_of_the_tables(tmp_path):
