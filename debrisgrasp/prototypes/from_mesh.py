@@ -31,6 +31,8 @@ _N_VIEWS = 100
 _VIEWED = 40_000
 _AHEAD = 0.6
 """Cosine within which a view counts: along the surface, rays slip past borders."""
+_INWARDS = 0.02
+"""Share of the area that may be seen from behind alone: at borders of coarse meshes."""
 
 
 def surface_from_mesh(
@@ -42,7 +44,7 @@ def surface_from_mesh(
     ----------
     path
         STL, OBJ or PLY; its faces wound so that normals point outwards. Where they
-        aren't and the mesh is closed, that is mended.
+        aren't and the mesh is closed, that is mended; of an open one it is refused.
     scale
         What one unit of the file is in metres: 0.001 for millimetres.
 
@@ -54,7 +56,8 @@ def surface_from_mesh(
     Raises
     ------
     ConfigError
-        If the file isn't a mesh, or its size can't be that of an object in metres.
+        If the file isn't a mesh, its size can't be that of an object in metres, or
+        some of its faces look inwards.
     """
     if not np.isfinite(scale) or scale <= 0:
         raise ConfigError("scale of the mesh", got=scale, expected="a number above 0")
@@ -74,6 +77,14 @@ def surface_from_mesh(
     points, normals = _sampled(mesh)
     try:
         is_outside = _is_seen(points, normals)
+        inwards = float(np.mean(_is_seen(points, -normals) & ~is_outside))
+        if inwards > _INWARDS:
+            raise ConfigError(
+                f"faces of {path}",
+                got=f"{100 * inwards:.0f}% of their area seen from behind alone",
+                expected="faces wound so that their normals point outwards",
+                mend="Recalculate the normals in a mesh editor, or close the mesh.",
+            )
         return SurfaceShape.thinned(points[is_outside], normals[is_outside], "all")
     except InputError as error:
         raise ConfigError.about(f"{path}: {error.what}", error) from error

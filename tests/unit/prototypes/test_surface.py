@@ -289,6 +289,18 @@ def test_a_mesh_becomes_its_outside(tmp_path):
     assert (np.einsum("ij,ij->i", shape.points, shape.normals) > 0).all()
 
 
+@pytest.mark.parametrize("wrong", [slice(0, 2), slice(4, 6), slice(0, 10)])
+def test_an_open_mesh_with_faces_that_look_inwards_is_refused(tmp_path, wrong):
+    box = trimesh.creation.box((0.2, 0.06, 0.05))
+    faces = box.faces[:10].copy()
+    trimesh.Trimesh(box.vertices, faces).export(tmp_path / "open.stl")
+    surface_from_mesh(tmp_path / "open.stl")
+    faces[wrong] = faces[wrong, ::-1]
+    trimesh.Trimesh(box.vertices, faces).export(tmp_path / "open.stl")
+    with pytest.raises(ConfigError, match=r"open\.stl.*from behind.*outwards"):
+        surface_from_mesh(tmp_path / "open.stl")
+
+
 @pytest.mark.parametrize("length", [1.0, 1.5, 2.0])
 def test_only_the_part_of_a_long_mesh_around_the_hand_is_kept(tmp_path, length):
     path = tmp_path / "plank.stl"
