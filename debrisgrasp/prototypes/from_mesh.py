@@ -102,7 +102,8 @@ def _loaded(path: Path) -> Any:
         raise ConfigError(str(path), got=got, expected="the mesh itself", mend=PULL)
     trimesh = import_module("trimesh")  # slow to load
     try:
-        mesh = trimesh.load(path, force="mesh")
+        # Unprocessed: else vertices that are not finite go, and their faces with them.
+        mesh = trimesh.load(path, force="mesh", process=False)
         n_faces = len(mesh.faces)
     except Exception as error:
         raise ConfigError(
@@ -118,6 +119,7 @@ def _loaded(path: Path) -> Any:
             mend="Is the file whole? A cloud of points, which has no faces, is "
             "recorded from a capture instead: `debrisgrasp prototype record`.",
         )
+    mesh.process()
     if mesh.is_watertight:
         mesh.fix_normals()
     return mesh

@@ -332,6 +332,14 @@ def test_a_mesh_in_millimetres_is_refused_until_it_is_scaled(tmp_path):
     assert radius == pytest.approx(0.03, abs=1e-3)
 
 
+def test_a_mesh_with_a_vertex_that_is_nowhere_is_refused(tmp_path):
+    box = trimesh.creation.box((0.2, 0.06, 0.05))
+    content = box.export(file_type="stl_ascii")
+    (tmp_path / "a.stl").write_text(content.replace("vertex -0.1", "vertex nan", 1))
+    with pytest.raises(ConfigError, match=r"a\.stl.*not finite"):
+        surface_from_mesh(tmp_path / "a.stl")
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
