@@ -78,8 +78,8 @@ class Executive:
     UnknownNameError
         If an arm, its posture of rest, or a joint of the look is not the robot's.
     InputError
-        If the robot has no arm in use, a drop-off is out of reach, or something is not
-        what its annotation says.
+        If the robot has no arm in use, a drop-off is out of reach, the pipeline plans
+        for another robot, or something is not what its annotation says.
     """
 
     def __init__(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from debrisgrasp._words import arm_called
+from debrisgrasp.errors import InputError
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import Pipeline
 from debrisgrasp.robot import Arm, Robot
@@ -48,10 +49,22 @@ def standing(robot: Robot, settings: TaskSettings) -> RobotModel:
 
 
 def planning_around(pipeline: Pipeline, model: RobotModel) -> Pipeline:
-    """Return a pipeline that plans around arms where those of a model of it stand."""
-    if pipeline.robot is None or pipeline.robot.name != model.name:
-        return pipeline
-    planned, values = pipeline.robot.joint_values(), model.joint_values()
+    """Return a pipeline that plans around arms where those of a model of it stand.
+
+    Raises
+    ------
+    InputError
+        If it plans for another robot, whose arm gets elsewhere.
+    """
+    robot = pipeline.robot
+    if robot is None or robot.name != model.name:
+        raise InputError(
+            "pipeline of the task",
+            got="one for " + ("a floating hand" if robot is None else robot.name),
+            expected=f"one for {model.name}, the model of the robot",
+            mend="Pipeline(robot=robot.model, ...) makes one.",
+        )
+    planned, values = robot.joint_values(), model.joint_values()
     joints = {joint for arm in model.arms.values() for joint in arm.joints}
     moved = {k: values[k] for k in joints if planned.get(k, values[k]) != values[k]}
     return pipeline.standing(moved) if moved else pipeline

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -181,6 +182,15 @@ def test_a_robot_without_a_camera_is_refused(fake, pipeline):
     robot = replace(fake.robot, camera=None)
     with pytest.raises(InputError, match="camera of the robot: got none"):
         Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("other", ["none", "a_second"])
+def test_a_pipeline_that_plans_for_another_robot_is_refused(fake, pipeline, other):
+    robot = None if other == "none" else replace(pipeline.robot, name=other)
+    stranger = copy(pipeline)
+    stranger.robot = robot
+    with pytest.raises(InputError, match=r"pipeline of the task.*expected one for rom"):
+        Executive(fake.robot, pipeline=stranger, rng=np.random.default_rng(0))
 
 
 def test_what_the_robot_may_drive_back_to_is_no_drop_off(fake, pipeline):
