@@ -70,6 +70,13 @@ def require_devices(robot: Robot, look: Mapping[str, float]) -> None:
                 expected=", ".join(expected),
                 mend="A driver names the joints of the model, from the base on.",
             )
+        if limb.gripper.name != model.arm(name).gripper:
+            raise InputError(
+                f"gripper of the {arm_called(name)}",
+                got=shortened(repr(limb.gripper.name)),
+                expected=repr(model.arm(name).gripper),
+                mend="A driver has the name of the hand in the file of the robot.",
+            )
     if robot.head is not None:
         turned = robot.head.joint_names
         for name in turned if isinstance(turned, (tuple, list)) else (turned,):

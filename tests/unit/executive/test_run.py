@@ -193,6 +193,14 @@ def test_a_pipeline_that_plans_for_another_robot_is_refused(fake, pipeline, othe
         Executive(fake.robot, pipeline=stranger, rng=np.random.default_rng(0))
 
 
+def test_a_hand_that_is_not_the_one_of_the_model_is_refused(fake, pipeline):
+    limb = fake.robot.limbs["right"]
+    other = replace(limb, gripper=SimpleNamespace(name="camhand"))
+    robot = replace(fake.robot, limbs={**fake.robot.limbs, "right": other})
+    with pytest.raises(InputError, match=r"right arm.*'camhand'.*'robotiq_3f'"):
+        Executive(robot, pipeline=pipeline, rng=np.random.default_rng(0))
+
+
 def test_what_the_robot_may_drive_back_to_is_no_drop_off(fake, pipeline):
     settings = TaskSettings(arms=("right",), drop_off={"right": (-0.8, 0.0)})
     with pytest.raises(InputError, match="where the robot may drive back to"):
