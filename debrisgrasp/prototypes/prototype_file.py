@@ -15,6 +15,7 @@ from debrisgrasp._arrays import FloatArray
 from debrisgrasp._checked import checked
 from debrisgrasp._fields import MAX_LENGTH, Fields
 from debrisgrasp._files import read_yaml, require_suffix, write_together
+from debrisgrasp._unreadable import is_there
 from debrisgrasp.errors import ConfigError, OutputError, UnknownNameError
 
 from .gripper import FURTHER_HANDS, GripperModel
@@ -218,6 +219,13 @@ def _read_shape(fields: Fields, folder: Path) -> Shape:
     kind = fields.text("type")
     if kind == _SURFACE:
         file, sides = fields.text("file"), fields.choice("sides", SIDES, "seen")
+        if not is_there(folder / file):
+            raise ConfigError(
+                fields.where("file"),
+                got=f"{file}, which is not there",
+                expected="a PLY beside this file",
+                mend="What was measured is two files: copy, rename and keep both.",
+            )
         return read_surface(folder / file, sides)
     if kind not in SHAPES:
         known = [*SHAPES, _SURFACE]

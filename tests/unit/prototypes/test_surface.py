@@ -196,6 +196,15 @@ def test_a_damaged_file_is_refused(tmp_path, damage, said):
         read_surface(path, "seen")
 
 
+def test_a_file_without_its_points_says_that_they_are_two(tmp_path):
+    definition = as_prototype("bar_4x4").definition
+    yaml, ply = write_new_prototype(definition, tmp_path / "a.yaml", force=False)
+    ply.unlink()
+    words = r"a\.yaml, field shape\.file: got measured\.ply, which is not.*both"
+    with pytest.raises(ConfigError, match=words):
+        PrototypeLibrary.load(yaml.parent)
+
+
 @pytest.mark.parametrize("place", ["/dev/zero", "absent.ply", "."])
 def test_what_is_no_file_is_not_read(place):
     with pytest.raises(ConfigError, match="got no file there, expected a readable"):
