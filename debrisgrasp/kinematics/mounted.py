@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from debrisgrasp._words import arm_called
+from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Solid, Sphere
 
 from .robot import RobotModel
@@ -17,6 +19,8 @@ __all__ = ["with_hand"]
 
 _OUT = 0.005
 """Fingers stand out in front of the palm by more than this [m]."""
+_BEFORE = 0.03
+"""The link at which a hand begins may have its origin so far ahead of the palm [m]."""
 
 
 def with_hand(robot: RobotModel, arm: str, solids: Sequence[Solid]) -> RobotModel:
@@ -31,12 +35,25 @@ def with_hand(robot: RobotModel, arm: str, solids: Sequence[Solid]) -> RobotMode
         The robot, and which of its arms carries the hand.
     solids
         Palm and fingers, in the frame of the palm.
+
+    Raises
+    ------
+    ConfigError
+        If the arm's palm lies behind the link at which its hand begins.
     """
     spec, tree = robot.arm(arm), robot.tree
+    T_hand_palm = tree.link_pose(spec.hand, {}).inverse() @ tree.link_pose(spec.tip, {})
+    ahead = float(T_hand_palm.inverse().p[2])
+    if ahead > _BEFORE:
+        raise ConfigError(
+            f"tip of {arm_called(arm)} of {robot.name}",
+            got=f"{spec.tip}, {ahead:.3f} m behind {spec.hand}, where the hand begins",
+            expected="one in front of it: z points out of the palm",
+            mend="Look at the sign of its position, and at rpy, in the robot's file.",
+        )
     link = f"{spec.gripper} of {arm}"
     if link not in tree.shapes and _has_hand(tree, spec.hand, spec.tip):
         return robot
-    T_hand_palm = tree.link_pose(spec.hand, {}).inverse() @ tree.link_pose(spec.tip, {})
     joint = UrdfJoint.fixed(spec.hand, link, T_hand_palm)
     mounted = replace(
         tree,

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Sphere
+from debrisgrasp.errors import ConfigError
+from debrisgrasp.geometry import SE3, Box, Capsule, Cylinder, Sphere, so3
 from debrisgrasp.kinematics import ArmCollision, RobotModel, with_hand
+from debrisgrasp.kinematics.urdf import UrdfJoint
 
 from .robots import row_robot
 
@@ -62,3 +65,14 @@ def test_a_hand_mounted_before_is_replaced(bare: RobotModel) -> None:
 
 def test_a_hand_of_the_urdf_stays(roman: RobotModel) -> None:
     assert with_hand(roman, "right", HAND) is roman
+
+
+@pytest.mark.parametrize(("z", "roll"), [(-0.1, 0.0), (0.1, 3.14)])
+def test_a_palm_behind_the_flange_is_refused(
+    bare: RobotModel, z: float, roll: float
+) -> None:
+    T = SE3.from_parts(so3.from_rpy(np.array([roll, 0.0, 0.0])), [0.0, 0.0, z])
+    palm = UrdfJoint.fixed("link6", "palm", T)
+    tree = replace(bare.tree, joints={**bare.tree.joints, palm.name: palm})
+    with pytest.raises(ConfigError, match=r"palm, 0\.100 m behind link6.*sign"):
+        with_hand(replace(bare, tree=tree), "one", HAND)
