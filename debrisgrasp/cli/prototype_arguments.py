@@ -34,15 +34,20 @@ def add_new(actions: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--ends", help="open, closed, one or both, as the shape has them"
     )
-    parser.add_argument(
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
         "--grip",
         choices=get_args(Grip),
         default="tip",
         help="near side between the fingertips, far side level with them, or near the "
         "palm (default: tip)",
     )
-    parser.add_argument(
-        "--position", nargs=3, type=number, metavar=("X", "Y", "Z"), help="in the palm"
+    where.add_argument(
+        "--position",
+        nargs=3,
+        type=number,
+        metavar=("X", "Y", "Z"),
+        help="in the palm, instead",
     )
     parser.add_argument(
         "--rpy-deg", nargs=3, type=number, metavar=("R", "P", "Y"), help="turn of it"

@@ -194,6 +194,10 @@ def test_a_prototype_never_replaces_what_it_is_made_of(capsys, folder, force):
             "new --shape cylinder --diameter 0.05 --length 0.2 --plate 1 --name a",
             "its sizes: --diameter, --ends, --length",
         ),
+        (
+            "new --shape bar --name a --grip deep --position 0 0 0.1",
+            "--position: not allowed with argument --grip",
+        ),
         ("new --shape rim --diameter 0.1 --name a", "--thickness with --shape rim"),
         (
             "record pile.npz --name a --object 6 --pose 500,0,300,0,0,0",
