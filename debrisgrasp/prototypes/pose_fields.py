@@ -28,11 +28,15 @@ def read_pose(fields: Fields) -> SE3:
             expected=f"degrees, at most {_MAX_DEGREES:g}: two turns",
         )
     eighths = degrees / (np.pi / 4)
-    if 0 < largest < 8.5 * np.pi / 4 and np.allclose(eighths, eighths.round(), 0, 3e-3):
+    whole = eighths.round()
+    is_part = np.isclose(eighths, whole, 0, 3e-3)
+    # Nobody turns by 1.57 degrees; 0.79 degrees may be among others.
+    is_turn = is_part & (whole != 0) & ((whole % 2 == 0) | is_part.all())
+    if largest < 8.5 * np.pi / 4 and is_turn.any():
         raise ConfigError(
             fields.where("rpy_deg"),
             got=degrees.tolist(),
-            expected="degrees: these are parts of pi",
+            expected="degrees: parts of pi are among these",
             mend="If these are radians, say rpy instead of rpy_deg.",
         )
     radians = fields.numbers("rpy", 3, np.deg2rad(degrees))

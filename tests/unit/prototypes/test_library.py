@@ -116,15 +116,26 @@ def test_saved_dictionary_loads_back_the_same(
         assert ours.definition.description == theirs.definition.description
 
 
-@pytest.mark.parametrize("rpy", [(20, -40, 170), (90, 90, 0), (0, -90, 30)])
+@pytest.mark.parametrize(
+    "rpy", [(20, -40, 170), (90, 90, 0), (0, -90, 30), (0.001, 0, -2e-4)]
+)
 def test_turned_shapes_are_saved_with_their_turn(
-    tmp_path: Path, rpy: tuple[int, int, int]
+    tmp_path: Path, rpy: tuple[float, float, float]
 ) -> None:
     turned = SOUND.replace("length: 0.14", f"length: 0.14, rpy_deg: {list(rpy)}")
     library = load_text(tmp_path, turned)
     library.save(tmp_path / "new")
     again = PrototypeLibrary.load(tmp_path / "new")
     assert np.allclose(library["pipe"].points, again["pipe"].points, atol=1e-6)
+
+
+@pytest.mark.parametrize("rpy", [(0.785, 0, 0), (3.14, 0.26, -1.71), (0, -1.57, 0.3)])
+def test_radians_where_degrees_are_due_are_refused(
+    tmp_path: Path, rpy: tuple[float, float, float]
+) -> None:
+    turned = SOUND.replace("length: 0.14", f"length: 0.14, rpy_deg: {list(rpy)}")
+    with pytest.raises(ConfigError, match="say rpy instead"):
+        load_text(tmp_path, turned)
 
 
 def test_packed_arrays_hold_every_point_once(library: PrototypeLibrary) -> None:
