@@ -284,11 +284,16 @@ def _preshape(name: str, fields: Fields, fingers: tuple[Finger, ...]) -> Preshap
         )
     largest, least = float(openings[0]), float(openings.min())
     widths = fields.numbers("widths", 2)
-    if least > max(widths[0], 0.0) + 1e-3 or largest - least < 1e-3:
+    is_far = least > max(widths[0], 0.0) + 1e-3
+    if is_far or largest - least < 1e-3:
         raise ConfigError(
             fields.where("closing"),
-            got=f"pads that come no nearer than {least:.3f} m along x",
-            expected=f"{widths[0]:.3f} m, the smallest of its widths",
+            got=f"pads that come no nearer than {least:.3f} m along x"
+            if is_far
+            else f"pads that come no nearer, {abs(least):.3f} m apart along x",
+            expected=f"{widths[0]:.3f} m, the smallest of its widths"
+            if is_far
+            else "pads that come together along it",
             mend="Fingers close along x of the hand: check axis, sign and rpy of each, "
             "and the joint values.",
         )

@@ -87,6 +87,7 @@ def test_round_solids_are_understood(tmp_path: Path) -> None:
         ("[0.001, 0.08]", "[0.001, 0.2]", r"parallel.widths.*0.080 m"),
         (", rpy_deg: [0, 0, 180]", "", r"parallel.closing.*no nearer.*rpy of each"),
         ("[0.04, 0]", "[0.04, 0.01]", r"parallel.closing.*no nearer than 0.020 m"),
+        ("axis: [1, 0, 0]", "axis: [0, 1, 0]", r"no nearer, 0.000 m apart along x"),
         ("rpy_deg", "rpy", r"fingers\[0\].rpy.*radians.*rpy_deg"),
         ("[0, 0, 180]", "[0, 1.57, -3.1416]", r"fingers\[0\].rpy_deg.*say rpy instead"),
         ("[0, 0, 180]", "[0, 0, 900000]", r"rpy_deg.*900000.*degrees, at most 720"),
