@@ -55,6 +55,9 @@ _HIGHER = ("", "_above", "_top")
 _EDGE, _FRAME = 3, 0.1
 """Rows next to the upper end of what is measured [pixels], and how much of a picture a
 camera may not measure there."""
+_DEEP, _GRAIN = 0.3, 0.025
+"""What came into sight goes on so far behind what is seen of it; spacing of the points
+that stand for that [m]."""
 _LOW = 0.03
 """What is no higher lies on the ground [m]."""
 
@@ -111,7 +114,10 @@ def looked_at(context: Context, held: Held) -> int:
 
 
 def looked_around(context: Context, arm: str) -> None:
-    """See anew what is around an empty hand, for it may have moved something there."""
+    """See anew what is around an empty hand, for it may have moved something there.
+
+    What came there has a back that nobody sees: behind it everything is a guess.
+    """
     before, limb = context.cycle.seen, context.limbs[arm]
     if before is None:
         return
@@ -124,15 +130,17 @@ def looked_around(context: Context, arm: str) -> None:
         return
     context.record.keep(taken, taken.name)
     points, sight = _cloud(taken)
-    points = points[_away(points, place) < _BESIDE]
     points = points[voxel_downsample(points, _CELL)]
     opening = limb.opening
     points = points[~_are_own(context, arm, limb.preshape, opening, points)]
+    points = _without_noise(points)
+    came = _without_noise(points[_clearance(before.sight, points) > _MOVED])
+    hidden = _behind(came, sight.T_base_camera.p)
+    hidden = hidden[~_are_own(context, arm, limb.preshape, opening, hidden)]
+    context.memory.fallen.append(hidden)
     around = context.cycle.around
     pile = before.cloud.points if around is None else around
-    is_far = _away(pile, place) >= _BESIDE
-    kept = [pile[is_far], _out_of_sight(sight, pile[~is_far]), _without_noise(points)]
-    context.cycle.around = np.concatenate(kept)
+    context.cycle.around = np.concatenate([_out_of_sight(sight, pile), points])
 
 
 def looked_after(
@@ -245,6 +253,16 @@ def _lying(
 
     context.memory.settle(points, still)
     return points
+
+
+def _behind(points: FloatArray, viewpoint: FloatArray) -> FloatArray:
+    """Where what was seen (n, 3) may go on, out of sight, over the ground, (k, 3)."""
+    ways = points - viewpoint
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    steps = np.arange(_GRAIN, _DEEP, _GRAIN)[:, None, None]
+    hidden = (points + steps * ways).reshape(-1, 3)
+    hidden = hidden[hidden[:, 2] > _LOW]
+    return hidden[voxel_downsample(hidden, _GRAIN)]
 
 
 def _away(points: FloatArray, place: FloatArray) -> FloatArray:

@@ -27,6 +27,7 @@ from .obstacles import space_of
 from .pacing import cubic_time
 from .relief import relieve
 from .result import FaultFound
+from .states import State
 
 __all__ = ["has_touched", "put_away", "to_rest"]
 
@@ -87,6 +88,13 @@ def has_touched(context: Context) -> bool:
     return context.cycle.speed <= _GUARDED
 
 
+def _may_have_moved(context: Context) -> bool:
+    """Whether the hand touched something, or let it fall back into the pile."""
+    cycle = context.cycle
+    is_lost = State.LIFT in cycle.reached and not cycle.is_removed
+    return is_lost or has_touched(context)
+
+
 def to_rest(context: Context, arm: str) -> FaultFound | None:
     """Bring an arm back to its posture of rest."""
     limb, drive = context.limbs[arm], Drive(context, arm)
@@ -98,11 +106,12 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
     push = drive.push(drive.weighed())
     eased = relieve(context, arm, _PRESSED) if limb.trail else None
     if eased is None and has_touched(context):
-        # It touched something: off that, or else over it, and see what it moved.
+        # It touched something: off that, or else over it.
         eased = _drawn_off(drive, push) or _risen(drive)
-        if eased is None:
-            with suppress(DriverError):
-                looked_around(context, arm)
+    is_moved = _may_have_moved(context)
+    if eased is None and is_moved:
+        with suppress(DriverError):
+            looked_around(context, arm)
     eased = eased or _unfolded(drive)
     if eased is not None:
         return eased
@@ -117,7 +126,7 @@ def to_rest(context: Context, arm: str) -> FaultFound | None:
         assert reach is not None
         is_there = np.abs(q - reach.q[-1]).max() < _AT_REST
         is_from_rest = np.abs(reach.q[0] - q_rest).max() < _AT_REST
-        if is_there and is_from_rest:
+        if is_there and is_from_rest and not is_moved:
             return _back(drive, reversed_motion(reach))
     found = _way_to(context, limb, q_rest)
     for _ in range(_RISES):

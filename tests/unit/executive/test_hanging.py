@@ -120,7 +120,6 @@ def test_what_an_empty_hand_moved_is_seen_where_it_is_now(lifted, monkeypatch):
     )
     # It is at rest here; where it touches something it stands in the picture.
     monkeypatch.setattr(hanging, "look_towards", lambda *_: look_of(context))
-    monkeypatch.setattr(hanging, "_BESIDE", 5.0)
     looked_around(context, "right")
     after = context.cycle.around
 
@@ -131,6 +130,13 @@ def test_what_an_empty_hand_moved_is_seen_where_it_is_now(lifted, monkeypatch):
     assert n_standing(before, BEAM.p) > 50
     assert n_standing(after, BEAM.p) < 5
     assert n_standing(after, (aside @ BEAM).p) > 50
+    # Nobody sees its back: whatever is there is a guess.
+    (hidden,) = context.memory.fallen
+    from_camera = (aside @ BEAM).p - context.cycle.seen.cloud.viewpoint
+    behind = (aside @ BEAM).p + 0.1 * from_camera / np.linalg.norm(from_camera)
+    assert np.linalg.norm(hidden - behind, axis=1).min() < 0.03
+    assert np.linalg.norm(hidden - BEAM.p, axis=1).min() > 0.1
+    assert np.linalg.norm(hidden - BLOCK.p, axis=1).min() > 0.1
 
 
 @pytest.mark.parametrize("openings", [(np.nan,) * 3, (-5e-4,) * 3, (np.nan, 0.1, 0.3)])

@@ -66,6 +66,33 @@ def test_an_arm_remembers_its_way_until_it_is_back_at_rest(pipeline):
     assert np.abs(context.posture(limb) - q).max() < 0.01
 
 
+@pytest.mark.parametrize(
+    ("reached", "is_removed", "is_seen"),
+    [(State.LIFT, False, True), (State.LIFT, True, False), (State.CLOSE, False, False)],
+)
+def test_where_something_fell_back_a_hand_looks_around_before_it_goes(
+    pipeline, monkeypatch, reached, is_removed, is_seen
+):
+    """A crate that had come loose lay in the elbow on its way to rest."""
+    _, task = before_a_brick(pipeline)
+    context, looks, reversed_ = task.context, [], []
+    limb = context.limbs["right"]
+    rest, q = context.posture(limb), context.posture(limb) + 0.1
+    monkeypatch.setattr(context, "posture", lambda _: q)
+    reach = SimpleNamespace(trajectory=SimpleNamespace(q=np.array([rest, q])))
+    context.cycle.motion = SimpleNamespace(arm="right", reach=reach)
+    context.cycle.reached.append(reached)
+    context.cycle.is_removed = is_removed
+    nowhere = FaultFound("unreachable", "as asked", "right")
+    monkeypatch.setattr(resting, "looked_around", lambda *_: looks.append(True))
+    monkeypatch.setattr(resting, "reversed_motion", lambda _: reversed_.append(True))
+    monkeypatch.setattr(resting, "_way_to", lambda *_: nowhere)
+    monkeypatch.setattr(resting, "_back", lambda *_: None)
+    assert to_rest(context, "right") is (nowhere if is_seen else None)
+    assert bool(looks) is is_seen
+    assert bool(reversed_) is not is_seen
+
+
 @pytest.mark.parametrize("unfolds", [True, False])
 def test_an_arm_that_was_pushed_onto_itself_goes_back_to_where_it_was_free(
     pipeline, monkeypatch, unfolds
