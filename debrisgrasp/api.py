@@ -27,7 +27,7 @@ from debrisgrasp.calibration import calibrate as calibrate_observations
 from debrisgrasp.errors import InputError
 from debrisgrasp.executive import RunRecord, Simulated, SimulatedTask
 from debrisgrasp.geometry import Bounds
-from debrisgrasp.io import Capture, measured, point_colors
+from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.io.observations_file import ObservationFile, load_observations
 from debrisgrasp.kinematics import RobotModel
@@ -42,6 +42,7 @@ from debrisgrasp.pipeline import (
     Progress,
     first_executable,
     motion_space,
+    segmented,
 )
 from debrisgrasp.pipeline.inputs import require_limits
 from debrisgrasp.prototypes import PrototypeLibrary
@@ -52,7 +53,6 @@ from debrisgrasp.segmentation import (
     SelectionPolicy,
     SupportAware,
     ordered,
-    segment_cloud,
 )
 
 __all__ = ["calibrate", "clear", "looks", "plan", "plan_motion", "segment", "select"]
@@ -67,13 +67,7 @@ def segment(capture: Capture, config: SegmentationConfig | None = None) -> Segme
     CaptureError
         If the capture has no pose in the base frame.
     """
-    is_marked = None if capture.mask is None else capture.mask[measured(capture)]
-    return segment_cloud(
-        capture.cloud(),
-        config,
-        colors=point_colors(capture),
-        of_interest=is_marked,
-    )
+    return segmented(capture, capture.cloud(), config)
 
 
 @checked

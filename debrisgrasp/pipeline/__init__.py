@@ -6,7 +6,7 @@ from .grasp_chain import GraspMotion, MotionsConfig
 from .inputs import with_hands
 from .notes import ground_notes, mask_notes
 from .passage import Passage
-from .perception import Perception, motion_space
+from .perception import Perception, motion_space, segmented
 from .pipeline import Pipeline, Progress
 from .reasons import is_ground, too_small
 from .recall import recall_plan
@@ -32,6 +32,7 @@ __all__ = [
     "mask_notes",
     "motion_space",
     "recall_plan",
+    "segmented",
     "too_small",
     "with_hands",
     "without_robot",

@@ -34,7 +34,7 @@ from debrisgrasp.segmentation import (
 from .notes import ground_notes, mask_notes, part_notes
 from .targets import Target, whole_of, with_crumbs
 
-__all__ = ["Perception", "motion_space"]
+__all__ = ["Perception", "motion_space", "segmented"]
 
 _KEPT_SCENES = 3
 """Scenes of so many objects are remembered; each takes about 20 MB."""
@@ -88,14 +88,9 @@ class Perception:
             cloud = capture.cloud()
             sight = _sight(capture, cloud)
         with watch.stage("segmentation"):
-            marked = None if capture.mask is None else capture.mask[measured(capture)]
+            marked = _marked(capture)
             if given is None:
-                found = segment_cloud(
-                    cloud,
-                    segmentation,
-                    colors=point_colors(capture),
-                    of_interest=marked,
-                )
+                found = segmented(capture, cloud, segmentation)
             elif len(given.labels) == len(cloud):
                 found = with_mark(given, marked)
             else:
@@ -219,6 +214,23 @@ class Perception:
             part[voxel_downsample(points.take(part, axis=0), spacing)] for part in parts
         ]
         return np.sort(np.concatenate(kept))
+
+
+def segmented(
+    capture: Capture, cloud: PointCloud, config: SegmentationConfig | None = None
+) -> Segmentation:
+    """Divide the cloud of a capture into objects, heeding its colours and its mask.
+
+    Whoever speaks of an object by its label has to divide it like this.
+    """
+    return segment_cloud(
+        cloud, config, colors=point_colors(capture), of_interest=_marked(capture)
+    )
+
+
+def _marked(capture: Capture) -> BoolArray | None:
+    """Which points of the cloud the mask of a capture marks, (n,); None without one."""
+    return None if capture.mask is None else capture.mask[measured(capture)]
 
 
 def motion_space(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,20 +12,21 @@ from debrisgrasp._files import is_yaml, read_json, yaml_files
 from debrisgrasp._unreadable import why_nothing_there
 from debrisgrasp.errors import ConfigError, UnknownNameError
 from debrisgrasp.executive.record import load_run
-from debrisgrasp.io import Capture, point_colors
+from debrisgrasp.io import Capture
 from debrisgrasp.io.calibration_json import SCHEMA as CALIBRATION
 from debrisgrasp.io.calibration_json import load_calibration
 from debrisgrasp.io.motion_json import MOTION_SCHEMA, StoredMotion, load_motion
 from debrisgrasp.io.plan_json import SCHEMA as PLAN
 from debrisgrasp.io.plan_json import load_plan
 from debrisgrasp.kinematics import RobotModel
+from debrisgrasp.pipeline import segmented
 from debrisgrasp.planning import GraspPlan
 from debrisgrasp.prototypes import PrototypeLibrary, load_grippers
-from debrisgrasp.segmentation import SupportAware, segment_cloud
+from debrisgrasp.segmentation import SupportAware
 
 from .contents import PlanContent, RunContent, ViewContent
 
-__all__ = ["content_of"]
+__all__ = ["content_of", "seen"]
 
 _THERE = 0.01
 """Nearer to a grasp [m] a motion has come there."""
@@ -73,7 +75,7 @@ def content_of(
         return PrototypeLibrary.load(path, grippers=load_grippers(grippers))
     if path.suffix.lower() == ".json":
         return _from_json(path, capture, robot, motion, grippers)
-    return _seen(path.stem, capture or Capture.load(path))
+    return seen(path.stem, capture or Capture.load(path))
 
 
 def _from_json(
@@ -104,18 +106,14 @@ def _from_json(
             expected="the capture that the plan was made on",
             mend="Give it with --capture FILE (capture=...).",
         )
-    seen = _seen(path.stem, capture)
-    shown = _robot_of(plan, robot, path)
-    stored = None if motion is None else _motion_of(motion, plan, shown)
-    return PlanContent(
-        title=seen.title,
-        capture=seen.capture,
-        cloud=seen.cloud,
-        segmentation=seen.segmentation,
-        order=seen.order,
+    shown = seen(path.stem, capture)
+    model = _robot_of(plan, robot, path)
+    stored = None if motion is None else _motion_of(motion, plan, model)
+    return replace(
+        shown,
         plan=plan,
         grippers=load_grippers(grippers),
-        robot=shown,
+        robot=model,
         motions={} if stored is None else stored.trajectories,
         motion_grasp=0 if stored is None else (stored.rank or 1) - 1,
         motion_arm="" if stored is None else stored.arm or "",
@@ -148,9 +146,10 @@ def _motion_of(
     return stored
 
 
-def _seen(title: str, capture: Capture) -> PlanContent:
+def seen(title: str, capture: Capture) -> PlanContent:
+    """Divide a capture into objects, to show them in their order."""
     cloud = capture.cloud()
-    found = segment_cloud(cloud, colors=point_colors(capture))
+    found = segmented(capture, cloud)
     return PlanContent(
         title=title,
         capture=capture,

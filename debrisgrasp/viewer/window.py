@@ -16,9 +16,9 @@ from debrisgrasp.io.calibration_json import StoredCalibration
 from debrisgrasp.kinematics import RobotModel
 from debrisgrasp.pipeline import GraspMotions, PlanningResult
 from debrisgrasp.prototypes import GraspPrototype, PrototypeLibrary, load_grippers
-from debrisgrasp.segmentation import SupportAware, segment_cloud
 
 from .contents import PlanContent, RunContent, ViewContent
+from .files import seen
 from .other_views import CalibrationView, PrototypesView, RunView
 from .plan_view import PlanView
 from .stage import Stage
@@ -151,15 +151,7 @@ def _content(
             motion_arm="" if chosen is None else chosen.arm,
         )
     if isinstance(thing, Capture):
-        cloud = thing.cloud()
-        found = segment_cloud(cloud)
-        return PlanContent(
-            title=thing.name,
-            capture=thing,
-            cloud=cloud,
-            segmentation=found,
-            order=SupportAware().order(found, cloud),
-        )
+        return seen(thing.name, thing)
     if isinstance(thing, GraspPrototype):
         return PrototypeLibrary((thing,), load_grippers())
     if isinstance(thing, StoredRun):

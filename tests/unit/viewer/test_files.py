@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from debrisgrasp import api
 from debrisgrasp.errors import ConfigError
 from debrisgrasp.geometry import SE3
 from debrisgrasp.io import Capture, data_path
@@ -21,6 +22,14 @@ from tests.grasps import grasp_at
 @pytest.fixture(scope="module")
 def capture() -> Capture:
     return Capture.load(data_path("captures", "pile.npz"))
+
+
+@pytest.fixture(scope="module")
+def marked(capture) -> Capture:
+    """The capture with a mask, which changes the labels of its objects."""
+    both = replace(capture, mask=np.isin(capture.labels, (2, 3)))
+    assert (api.segment(both).labels != api.segment(capture).labels).any()
+    return both
 
 
 @pytest.fixture
@@ -77,6 +86,16 @@ def test_a_plan_for_a_robot_from_a_file_asks_for_that_file(saved, capture, tmp_p
     with pytest.raises(ConfigError, match=r"got roman, expected mine, for which"):
         content_of(path, capture=capture, robot="roman")
     assert content_of(path, capture=capture, robot="none").robot is None
+
+
+def test_labels_are_those_of_the_plan_also_under_a_mask(saved, marked, tmp_path):
+    saved(1, "right")
+    labels = api.segment(marked).labels
+    shown = content_of(tmp_path / "grasps.json", capture=marked)
+    np.testing.assert_array_equal(shown.segmentation.labels, labels)
+    marked.save(tmp_path / "marked.npz")
+    shown = content_of(tmp_path / "marked.npz")
+    np.testing.assert_array_equal(shown.segmentation.labels, labels)
 
 
 def test_motions_alone_are_told_where_they_are_shown(saved, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from urllib.request import urlopen
@@ -202,9 +203,13 @@ def test_a_part_is_recorded_on_the_page(window, tmp_path):
 
 
 def test_a_capture_is_shown_by_its_objects(pile):
-    with show(Capture.load(pile)) as viewer:
+    capture = Capture.load(pile)
+    marked = replace(capture, mask=np.isin(capture.labels, (2, 3)))
+    with show(marked) as viewer:
         assert drawn(viewer, "/cloud") is not None
         assert drawn(viewer, "/hands/1") is None
+        labels = viewer.view.content.segmentation.labels
+        np.testing.assert_array_equal(labels, api.segment(marked).labels)
 
 
 @pytest.mark.parametrize("spacing", [2e-4, 0.04])
