@@ -214,19 +214,18 @@ def _checked_pick(pick: object) -> int | tuple[Any, ...]:
     if isinstance(pick, Integral) and not isinstance(pick, bool):
         return int(pick)
     items = pick.tolist() if isinstance(pick, np.ndarray) else pick
-    if (
-        not isinstance(items, (tuple, list))
-        or len(items) not in (2, 3)
-        or not all(isinstance(item, Real) for item in items)
-    ):
-        raise InputError(
-            "pick",
-            got=shortened(repr(items)),
-            expected="a label, a pixel (column, row), or a point (x, y, z) [m]",
-        )
-    if len(items) == 3:
-        require_point(items, "pick")
-    return tuple(items)
+    if isinstance(items, tuple | list):
+        if len(items) == 2 and all(isinstance(item, Integral) for item in items):
+            return tuple(map(int, items))
+        if len(items) == 3 and all(isinstance(item, Real) for item in items):
+            require_point(items, "pick")
+            return tuple(map(float, items))
+    raise InputError(
+        "pick",
+        got=shortened(repr(items)),
+        expected="a label, a pixel (column, row) in whole numbers, or a point "
+        "(x, y, z) [m]",
+    )
 
 
 def _label_at_pixel(

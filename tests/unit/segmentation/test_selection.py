@@ -158,7 +158,11 @@ def test_a_picked_label_may_be_a_number_of_numpy(scene, label):
 
 
 @pytest.mark.parametrize(
-    "pick", [None, True, "2", 1.5, (1,), (1, 2, 3, 4), ("a", "b"), np.zeros((2, 3))]
+    "pick",
+    [
+        *(None, True, "2", 1.5, (1,), (1, 2, 3, 4), ("a", "b"), np.zeros((2, 3))),
+        *((100, 24.5), (np.nan, 1), np.array([100.0, 24.0])),
+    ],
 )
 def test_a_pick_of_another_kind_is_refused_at_once(pick):
     with pytest.raises(InputError, match=r"pick: got .*a label, a pixel .*a point"):
@@ -191,6 +195,8 @@ def test_a_picked_pixel_takes_what_was_measured_there():
     pixel = int(cloud.pixels[segmentation.points_of(2)[0]])
     row, column = divmod(pixel, cloud.image_shape[1])
     assert picked((cloud, segmentation), (column, row))[0] == 2
+    narrow = (np.int16(column), np.int16(row))
+    assert picked((cloud, segmentation), narrow)[0] == 2
     for pixel, expected in (((0, 0), "no object"), ((9999, 0), "0 to 319")):
         with pytest.raises(InputError, match=expected):
             picked((cloud, segmentation), pixel)
