@@ -331,8 +331,9 @@ def _depth(image: ImageMessage) -> FloatArray:
             expected=f"{height} rows of at least {width * kind.itemsize} bytes",
         )
     rows = data[: height * step].reshape(height, step)[:, : width * kind.itemsize]
-    raw = np.ascontiguousarray(rows).view(kind)
-    return raw.astype(np.float64) * unit
+    raw = np.ascontiguousarray(rows).view(kind).astype(np.float64)
+    raw[np.isneginf(raw)] = np.nan  # too near to be measured, by REP 117
+    return raw * unit
 
 
 def _require_fields(message: Any, protocol: type, kind: str) -> None:

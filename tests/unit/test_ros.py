@@ -131,6 +131,9 @@ def test_pixels_without_a_measurement_stay_so(store, info, depth):
     values[3, 5] = 0
     message = image_message(store, image(values, "16UC1"))
     assert np.isnan(ros.capture_of(message, info, TURNED).depth[3, 5])
+    depth[3, 5:8] = np.nan, np.inf, -np.inf
+    message = image_message(store, image(depth, "32FC1"))
+    assert np.isnan(ros.capture_of(message, info, TURNED).depth[3, 5:8]).all()
 
 
 @pytest.mark.parametrize(
