@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,6 +36,8 @@ _STRAIGHT = 1e-3
 _NEAR, _TURNED = 0.01, 0.05
 """Distance [m] and angle [rad] between a grasp and where its joints take the palm."""
 _TOGETHER = "Pose, pre-grasp and joints of a grasp belong together: plan anew."
+_ROUNDED = 1e-8
+"""Joints [rad or m] in a file are rounded to a tenth of this."""
 _EVEN = 1e-4
 """Margins of a region are equal within this [m]."""
 
@@ -89,11 +92,13 @@ def recall_plan(
             expected=f"the one that {path} was made on",
         )
     hands = load_grippers(grippers)
+    grasps = []
     for i, grasp in enumerate(plan.grasps):
         _require_known(f"{path}, grasps[{i}]", grasp, plan, robot, hands)
-        _require_consistent(f"{path}, grasps[{i}]", grasp, robot)
+        grasps.append(_within_limits(grasp, robot))
+        _require_consistent(f"{path}, grasps[{i}]", grasps[-1], robot)
     return PlanningResult(
-        plan=plan,
+        plan=replace(plan, grasps=tuple(grasps)),
         capture=capture,
         cloud=seen.cloud,
         segmentation=found,
@@ -168,6 +173,17 @@ def _require_known(
             got=grasp.object_label,
             expected=f"{plan.object_label}, which the plan is for",
         )
+
+
+def _within_limits(grasp: Grasp, robot: RobotModel | None) -> Grasp:
+    """Take joints back to a limit that they are beyond by the rounding of the file."""
+    if robot is None or grasp.arm is None or not grasp.joints:
+        return grasp
+    chain = robot.chain(grasp.arm)
+    q = chain.vector(grasp.joints)
+    inner = np.clip(q, chain.lower, chain.upper)
+    is_rounded = np.abs(inner - q) < _ROUNDED
+    return replace(grasp, joints=chain.named(np.where(is_rounded, inner, q)))
 
 
 def _require_consistent(what: str, grasp: Grasp, robot: RobotModel | None) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 import debrisgrasp
 from debrisgrasp.errors import ConfigError, InputError
+from debrisgrasp.geometry import SE3
 from debrisgrasp.io import Capture, data_path
 from debrisgrasp.io.motion_json import load_motion
 from debrisgrasp.kinematics import RobotModel
@@ -233,6 +234,27 @@ def test_a_saved_grasp_that_the_robot_cannot_have_is_refused(
     path.write_text(json.dumps(content))
     with pytest.raises(InputError, match=named):
         recall_plan(path, result.capture, result.robot)
+
+
+def test_joints_at_their_limits_are_recalled_although_a_file_rounds(result, tmp_path):
+    chain = result.robot.chain("right")
+    q = np.where(np.round(chain.upper, 9) > chain.upper, chain.upper, chain.lower)
+    assert (np.round(q, 9) > chain.upper).any()
+    palm = chain.fk(q)
+    grasp = replace(
+        result.plan.grasps[0],
+        T_base_hand=palm,
+        T_base_pregrasp=palm @ SE3.from_parts(p=[0.0, 0.0, -0.1]),
+        joints=chain.named(q),
+    )
+    saved = replace(result, plan=replace(result.plan, grasps=(grasp,)))
+    saved.save(tmp_path / "grasps.json")
+    recalled = recall_plan(tmp_path / "grasps.json", result.capture, result.robot)
+    joints = chain.vector(recalled.plan.grasps[0].joints)
+    assert ((chain.lower <= joints) & (joints <= chain.upper)).all()
+    recalled.save(tmp_path / "again.json")
+    again = (tmp_path / "again.json").read_bytes()
+    assert again == (tmp_path / "grasps.json").read_bytes()
 
 
 def _raised(grasp):
