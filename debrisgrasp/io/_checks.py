@@ -31,8 +31,7 @@ _FEWEST_POINTS = 3
 
 def checked_depth(depth: object, intrinsics: Intrinsics | None) -> FloatArray:
     """Depth in metres, NaN where nothing was measured, or masked; read-only."""
-    array = np.asarray(depth)
-    _require_floats(array, "depth")
+    _require_floats(_array(depth, "depth"), "depth")
     array = np.asarray(unmasked(depth))
     if array.ndim != 2:
         raise CaptureError(
@@ -76,8 +75,7 @@ def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, Float
     Points at the viewpoint become NaN, as a depth of 0 does: nothing was measured. So
     do masked ones.
     """
-    array = np.asarray(points)
-    _require_floats(array, "points")
+    _require_floats(_array(points, "points"), "points")
     array = np.asarray(unmasked(points))
     if array.ndim != 2 or array.shape[1] != 3:
         raise CaptureError("points", got=f"shape {array.shape}", expected="(n, 3)")
@@ -89,7 +87,7 @@ def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, Float
             mend="Give viewpoint=(x, y, z) (--viewpoint X Y Z), or store it: "
             "'viewpoint' in .npz, 'comment viewpoint x y z' in PLY.",
         )
-    sight = np.asarray(viewpoint)
+    sight = _array(viewpoint, "viewpoint")
     if sight.dtype.kind not in "fiu" or sight.shape != (3,):
         raise CaptureError("viewpoint", got=viewpoint, expected="three numbers [m]")
     sight = np.array(sight, dtype=np.float64)
@@ -127,7 +125,7 @@ def checked_image(image: object, name: str, shape: tuple[int, ...]) -> NDArray[A
             expected="one without a mask",
             mend="Fill what is masked: array.filled(0).",
         )
-    array = np.asarray(image)
+    array = _array(image, name)
     wanted = (*shape, 3) if name == "rgb" else shape
     if array.shape != wanted:
         raise CaptureError(
@@ -184,6 +182,17 @@ def checked_pose(pose: SE3 | None, name: str) -> None:
 
 _FARTHEST = 100.0
 """A camera farther away than this from its robot [m] is given in millimetres."""
+
+
+def _array(values: object, name: str) -> NDArray[Any]:
+    try:
+        return np.asarray(values)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise CaptureError(
+            name,
+            got=type(values).__name__ + " that is no array",
+            expected="an array, or lists of equal lengths",
+        ) from error
 
 
 def _require_floats(array: NDArray[Any], name: str) -> None:

@@ -95,6 +95,18 @@ def test_bad_depth_is_refused(depth, camera):
         Capture(depth=depth)
 
 
+def test_lists_of_unequal_lengths_are_refused(depth, camera, points):
+    ragged = [[1.0, 2.0, 3.0], [1.0]]
+    for name in ("depth", "rgb", "mask", "labels"):
+        given = {"depth": depth, "intrinsics": camera, name: ragged}
+        with pytest.raises(CaptureError, match=rf"{name}: .*lists of equal lengths"):
+            Capture(**given)
+    for name in ("points", "viewpoint"):
+        given = {"points": points, "viewpoint": [0.0, 0.0, 2.0], name: ragged}
+        with pytest.raises(CaptureError, match=rf"{name}: .*lists of equal lengths"):
+            Capture(**given)
+
+
 @pytest.mark.parametrize("wrong", [{"cx": 1600.0}, {"fx": 1.0}, {"fy": 6e4}])
 def test_intrinsics_that_a_file_may_not_have_make_no_capture(depth, camera, wrong):
     with pytest.raises(CaptureError, match=r"K: got fx .* Scale K together"):
