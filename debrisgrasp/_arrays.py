@@ -88,6 +88,30 @@ def as_rows(points: ArrayLike, name: str = "points") -> FloatArray:
     return rows
 
 
+def as_given(array: ArrayLike, name: str) -> NDArray[Any]:
+    """Give marks, labels or indices as an array, of whatever type they are.
+
+    Raises
+    ------
+    ShapeError
+        If they are lists of unequal lengths.
+    InputError
+        If one is masked: no NaN could stand for it.
+    """
+    if np.ma.is_masked(array):
+        raise InputError(
+            name,
+            got="a masked array",
+            expected="one without a mask",
+            mend="Fill what is masked: array.filled(0).",
+        )
+    try:
+        return np.asarray(array)
+    except (TypeError, ValueError, OverflowError) as error:
+        got = f"a {type(array).__name__} that is no array"
+        raise ShapeError(name, got=got, expected="lists of equal lengths") from error
+
+
 def unmasked(array: Any) -> Any:
     """Put NaN where an array is masked: NumPy takes what lies behind the mask.
 

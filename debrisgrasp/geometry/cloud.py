@@ -12,6 +12,7 @@ from debrisgrasp._arrays import (
     FloatArray,
     IntArray,
     as_floats,
+    as_given,
     frozen,
     is_sealed,
     require_finite,
@@ -215,7 +216,7 @@ def _own_pixels(
     pixels: ArrayLike, n: int, image_shape: tuple[int, int] | None
 ) -> IntArray:
     """Freeze the pixels of n points, or raise if they are none of the image."""
-    given = np.asarray(pixels)
+    given = as_given(pixels, "pixels")
     if given.shape != (n,):
         raise ShapeError("pixels", got=given.shape, expected=f"({n},)")
     if not np.issubdtype(given.dtype, np.integer):

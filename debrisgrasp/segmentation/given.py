@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import FloatArray, IntArray, frozen
+from debrisgrasp._arrays import FloatArray, IntArray, as_given, frozen
 from debrisgrasp._checked import checked
 from debrisgrasp.errors import InputError, ShapeError
 from debrisgrasp.geometry import PointCloud
@@ -45,7 +45,8 @@ def segmentation_of_labels(
     ShapeError
         If there is not one label for each point or pixel.
     InputError
-        If a label is no integer or less than -1, or the cloud is in another frame.
+        If a label is masked, no integer or less than -1, or the cloud is in another
+        frame.
 
     Examples
     --------
@@ -89,7 +90,7 @@ def segmentation_of_labels(
 
 def _of_points(cloud: PointCloud, labels: ArrayLike) -> IntArray:
     """Labels of the points of a cloud, shape (n,)."""
-    given = np.asarray(labels)
+    given = as_given(labels, "labels")
     if not np.issubdtype(given.dtype, np.integer):
         raise InputError("labels", got=f"{given.dtype}", expected="integers")
     if given.min(initial=0) < -1:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from debrisgrasp._arrays import BoolArray, FloatArray, IntArray
+from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, as_given
 from debrisgrasp._checked import checked
 from debrisgrasp.errors import ShapeError
 
@@ -46,7 +46,7 @@ def covered_shares(
 
 def checked_mark(of_interest: ArrayLike, n: int) -> BoolArray:
     """Give a mark of n points as an array; raise `ShapeError` if it is none."""
-    mark = np.asarray(of_interest)
+    mark = as_given(of_interest, "of_interest")
     if mark.shape != (n,) or mark.dtype != np.bool_:
         raise ShapeError(
             "of_interest",

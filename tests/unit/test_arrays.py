@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from debrisgrasp._arrays import as_floats, finite, frozen, sealed, unmasked
+from debrisgrasp._arrays import as_floats, as_given, finite, frozen, sealed, unmasked
 from debrisgrasp.errors import InputError, ShapeError
 
 
@@ -53,6 +53,16 @@ def test_floats_are_not_copied_and_lists_become_some():
     array = np.ones((4, 3))
     assert as_floats(array, "points", (3,)) is array
     assert as_floats([[1, 2, 3]], "points", (3,)).dtype == np.float64
+
+
+def test_marks_are_taken_as_they_are_unless_masked():
+    assert as_given([True, False], "mark").dtype == np.bool_
+    nothing_masked = np.ma.array([1, 2], mask=False)
+    np.testing.assert_array_equal(as_given(nothing_masked, "labels"), [1, 2])
+    with pytest.raises(InputError, match=r"labels: got a masked array.*filled\(0\)"):
+        as_given(np.ma.array([1, 2], mask=[False, True]), "labels")
+    with pytest.raises(ShapeError, match=r"mark: .*equal lengths"):
+        as_given([[True], [True, False]], "mark")
 
 
 @pytest.mark.parametrize("convert", [as_floats, frozen])

@@ -63,6 +63,12 @@ def test_few_points_are_an_object_too_and_none_are_no_fault(cloud):
     ("change", "kind", "words"),
     [
         (lambda labels: labels[:5], ShapeError, r"\(5, 640\).*\(480, 640\)"),
+        (lambda labels: [labels[0], [1]], ShapeError, "labels: .*equal lengths"),
+        (
+            lambda labels: np.ma.masked_less(labels, 2),
+            InputError,
+            r"labels: got a masked array.*filled\(0\)",
+        ),
         (lambda labels: labels.astype(float), InputError, "float64.*integers"),
         (lambda labels: labels - 1, InputError, "got -2.*0 or -1"),
     ],
