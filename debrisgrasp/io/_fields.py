@@ -15,7 +15,18 @@ from debrisgrasp._words import shown_path
 from debrisgrasp.errors import CaptureError, ConfigError, InputError
 from debrisgrasp.geometry import SE3, Intrinsics
 
-__all__ = ["CaptureFields", "finite_vector", "naming_the_file", "numeric", "read_bytes"]
+__all__ = [
+    "CaptureFields",
+    "finite_vector",
+    "is_count",
+    "naming_the_file",
+    "numeric",
+    "read_bytes",
+]
+
+
+_DIGITS = 16
+"""Of numbers that no file has so many bytes as; Python reads no more than 4300."""
 
 
 class CaptureFields(TypedDict, total=False):
@@ -64,6 +75,11 @@ def finite_vector(values: list[str], name: str) -> FloatArray:
     if not np.isfinite(vector).all():
         raise CaptureError(name, got=" ".join(values), expected="finite numbers")
     return vector
+
+
+def is_count(word: str) -> bool:
+    """Whether a word of a header is a number of things that a file can hold."""
+    return word.isdecimal() and len(word) < _DIGITS
 
 
 def read_bytes(path: Path) -> bytes:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from debrisgrasp.errors import CaptureError
 
-from ._fields import CaptureFields, finite_vector, read_bytes
+from ._fields import CaptureFields, finite_vector, is_count, read_bytes
 from ._table import binary_table, positions, text_table
 
 __all__ = ["read_pcd"]
@@ -87,7 +87,8 @@ def _layout(header: dict[str, list[str]]) -> np.dtype[Any]:
         ):
             # Padding fields all have the name "_".
             unique = f"_{index}" if name == "_" else name
-            shape = () if count == "1" else (int(count),)
+            # What NumPy refuses below: a field of nothing takes no place in the data.
+            shape = () if count == "1" else (int(count) or -1,)
             fields.append((unique, _TYPES[kind, size], shape))
         return np.dtype(fields)
     except (KeyError, ValueError) as error:
@@ -102,7 +103,7 @@ def _point_count(header: dict[str, list[str]]) -> int:
     words = header.get("POINTS")
     if words is None:
         words = header.get("WIDTH", []) + header.get("HEIGHT", [])
-    if not words or not all(word.isdecimal() for word in words):
+    if not words or not all(map(is_count, words)):
         raise CaptureError(
             "PCD header", got=f"POINTS {words}", expected="a number of points"
         )

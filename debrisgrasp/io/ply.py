@@ -10,7 +10,7 @@ import numpy as np
 
 from debrisgrasp.errors import CaptureError
 
-from ._fields import CaptureFields, finite_vector, read_bytes
+from ._fields import CaptureFields, finite_vector, is_count, read_bytes
 from ._table import binary_table, positions, text_table
 
 __all__ = ["read_ply"]
@@ -70,7 +70,7 @@ def _read_header(content: bytes) -> _Header:
                 viewpoint = position
             case ["comment" | "obj_info", *_]:
                 pass
-            case ["element", name, count] if count.isdecimal():
+            case ["element", name, count] if is_count(count):
                 elements.append((name, int(count), []))
             case ["property", "list", *_] if elements:
                 elements[-1][2].append(("list", "list"))

@@ -104,6 +104,8 @@ def written(tmp_path, suffix, content):
 
 
 PLY_ENCODINGS = ("ascii", "binary_little_endian", "binary_big_endian")
+_ONE_OF_NONE = b"SIZE 4 4 4 1 4\nTYPE F F F U F\nCOUNT 1 1 1 0 2"
+"""As many bytes for a point as before, where one of the fields has none."""
 PCD_ENCODINGS = ("ascii", "binary", "binary_compressed")
 
 
@@ -199,6 +201,7 @@ def test_truncated_files_are_refused(tmp_path, points, suffix, encoding, share):
         (b"format ascii", b"format xml"),
         (b"element vertex", b"element face"),
         (b"element vertex 300", b"element vertex many"),
+        (b"element vertex 300", b"element vertex " + 5000 * b"3"),
         (b"property float x\n", b"property float y\n"),
         (b"property float x\n", b"property float q\n"),
         (b"property float x\n", b"property int x\n"),
@@ -231,8 +234,10 @@ def test_malformed_ply_is_refused(tmp_path, points, old, new):
         (b"TYPE F F F", b"TYPE Q F F"),
         (b"TYPE F F F", b"TYPE I I I"),
         (b"COUNT 1 1 1 4", b"COUNT 1 1 1 x"),
+        (b"SIZE 4 4 4 1 4\nTYPE F F F U F\nCOUNT 1 1 1 4 1", _ONE_OF_NONE),
         (b"COUNT 1 1 1 4", b"COUNT 1 1 2 4"),
         (b"POINTS 300", b"POINTS few"),
+        (b"POINTS 300", b"POINTS " + 5000 * b"3"),
         (b"POINTS 300", b"POINTS 400"),
         (b"VIEWPOINT 0.1", b"VIEWPOINT x"),
         (b"VIEWPOINT 0.1 -0.2 2.5 1 0 0 0", b"VIEWPOINT 1 2"),
