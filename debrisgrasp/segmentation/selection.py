@@ -18,7 +18,7 @@ from debrisgrasp._arrays import (
     require_finite,
     require_metres,
 )
-from debrisgrasp._checked import checked_fields
+from debrisgrasp._checked import checked, checked_fields
 from debrisgrasp._words import shortened
 from debrisgrasp.errors import InputError
 from debrisgrasp.geometry import Bounds, PointCloud
@@ -68,6 +68,7 @@ class SelectionPolicy(Protocol):
         ...
 
 
+@checked
 def ordered(
     policy: SelectionPolicy, segmentation: Segmentation, cloud: PointCloud
 ) -> tuple[Candidate, ...]:
@@ -77,7 +78,7 @@ def ordered(
     ------
     InputError
         If it is anything else than candidates, each with a label of its own and a
-        finite cost.
+        finite cost, or the policy has no order at all.
     UnknownNameError
         If a label is not in the segmentation.
     """

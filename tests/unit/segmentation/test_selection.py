@@ -169,6 +169,12 @@ def test_a_pick_of_another_kind_is_refused_at_once(pick):
         OperatorPick(pick, ByLabel())
 
 
+def test_a_pick_before_no_policy_is_told(scene):
+    cloud, segmentation = scene
+    with pytest.raises(InputError, match=r"policy: got None, .*SelectionPolicy"):
+        OperatorPick(1, None).order(segmentation, cloud)
+
+
 def test_a_picked_point_in_millimetres_is_refused_at_once():
     with pytest.raises(ConfigError, match=r"pick.*900.*millimetres"):
         OperatorPick((900.0, 100.0, 300.0), ByLabel())
