@@ -108,7 +108,7 @@ def read_folder(folder: Path, camera_file: Path | None) -> CaptureFields:
         if "rgb" not in result and (folder / name).is_file():
             result["rgb"] = _read_image(folder / name, "RGB")
     if (folder / _MASK_NAME).is_file():
-        result["mask"] = _read_image(folder / _MASK_NAME, None)
+        result["mask"] = _read_mask(folder / _MASK_NAME)
     if (folder / _LABELS_NAME).is_file():
         result["labels"] = _read_image(folder / _LABELS_NAME, None)
     return result
@@ -237,6 +237,21 @@ def _numbers(values: Any, name: str) -> FloatArray:
         return np.array(values, dtype=np.float64).ravel()
     except (TypeError, ValueError) as error:
         raise ConfigError(name, got=values, expected="numbers") from error
+
+
+def _read_mask(path: Path) -> NDArray[Any]:
+    """Read a mask; where it has a palette, its numbers and colours have to agree."""
+    mask = _read_image(path, None)
+    if mask.dtype == np.uint8 and mask.ndim == 2:
+        is_black = ~_read_image(path, "RGB").any(axis=-1)
+        if (is_black != (mask == 0)).any():
+            raise CaptureError(
+                f"image {path.name}",
+                got="a palette in which 0 is not black, or another colour is",
+                expected="0, and black, where the object is not",
+                mend="Save it in shades of grey: black, and white for the object.",
+            )
+    return mask
 
 
 def _read_image(path: Path, mode: str | None) -> NDArray[Any]:

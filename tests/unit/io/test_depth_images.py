@@ -74,6 +74,20 @@ def test_colours_mask_and_labels_of_a_folder_are_read(folder, rng):
     assert_array_equal(capture.labels, labels)
 
 
+def test_a_palette_that_swaps_black_and_white_makes_no_mask(folder, rng):
+    marked = rng.random((HEIGHT, WIDTH)) < 0.3
+    for colors, numbers in (((0, 255), marked), ((255, 0), ~marked)):
+        mask = Image.fromarray(numbers.astype(np.uint8))
+        mask.putpalette([level for level in colors for _ in "rgb"])
+        assert_array_equal(np.array(mask.convert("L")) > 0, marked)
+        mask.save(folder / "mask.png")
+        if colors[0] == 0:
+            assert_array_equal(Capture.load(folder).mask, marked)
+            continue
+        with pytest.raises(CaptureError, match=r"mask\.png: got a palette .* grey"):
+            Capture.load(folder)
+
+
 def test_the_scale_of_the_camera_file_and_lower_case_keys_count(folder, info, depth):
     rewrite(folder, info, K=None, k=K.tolist(), depth_scale=0.0005)
     capture = Capture.load(folder)
