@@ -138,9 +138,10 @@ class PointCloud:
         require_finite(viewpoint, "viewpoint")
         if viewpoint.ndim != 1:
             raise ShapeError("viewpoint", got=viewpoint.shape, expected="(3,)")
-        if self.pixels is not None:
-            pixels = _own_pixels(self.pixels, len(points), self.image_shape)
+        if self.pixels is not None or self.image_shape is not None:
+            pixels, shape = _own_image(self.pixels, self.image_shape, len(points))
             object.__setattr__(self, "pixels", pixels)
+            object.__setattr__(self, "image_shape", shape)
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "normals", normals)
         object.__setattr__(self, "viewpoint", viewpoint)
@@ -212,21 +213,30 @@ class PointCloud:
             )
 
 
-def _own_pixels(
-    pixels: ArrayLike, n: int, image_shape: tuple[int, int] | None
-) -> IntArray:
-    """Freeze the pixels of n points, or raise if they are none of the image."""
+def _own_image(
+    pixels: ArrayLike | None, shape: ArrayLike | None, n: int
+) -> tuple[IntArray, tuple[int, int]]:
+    """Freeze the pixels of n points, and the shape of their image, or raise."""
+    pixels = [] if pixels is None else pixels
     given = as_given(pixels, "pixels")
     if given.shape != (n,):
         raise ShapeError("pixels", got=given.shape, expected=f"({n},)")
-    if not np.issubdtype(given.dtype, np.integer):
+    if n and not np.issubdtype(given.dtype, np.integer):
         raise InputError("pixels", got=given.dtype, expected="integers")
-    if n and image_shape is not None and not is_sealed(pixels):
-        first, last, end = given.min(), given.max(), image_shape[0] * image_shape[1]
+    sizes = as_given([] if shape is None else shape, "image_shape")
+    if sizes.shape != (2,) or not np.issubdtype(sizes.dtype, np.integer):
+        raise InputError(
+            "image_shape",
+            got=shape,
+            expected="(height, width) of the image that the pixels are of",
+        )
+    height, width = sizes.tolist()
+    if n and not is_sealed(pixels):
+        first, last, end = given.min(), given.max(), height * width
         if first < 0 or last >= end:
             got = f"{first} to {last}"
             raise InputError("pixels", got=got, expected=f"0 to {end - 1}")
-    return frozen(pixels, "pixels", (n,), np.int64)
+    return frozen(pixels, "pixels", (n,), np.int64), (height, width)
 
 
 def _require_unit(normals: FloatArray) -> None:

@@ -59,6 +59,10 @@ def test_pixels_are_the_clouds_own(cloud):
     assert_array_equal(replace(cloud, pixels=list(range(50))).pixels, np.arange(50))
 
 
+def test_the_shape_of_an_image_may_be_a_list(cloud):
+    assert replace(cloud, image_shape=[5, 10]).image_shape == (5, 10)
+
+
 def test_pixels_are_integers(cloud):
     with pytest.raises(InputError, match=r"pixels.*float64.*integers"):
         replace(cloud, pixels=np.arange(50.0))
@@ -169,8 +173,12 @@ def test_clouds_that_cannot_be_are_refused(field, value, message):
         ({"viewpoint": np.zeros((2, 3))}, r"viewpoint: got \(2, 3\), expected \(3,\)"),
         ({"pixels": np.arange(50) + 1}, "pixels: got 1 to 50, expected 0 to 49"),
         ({"pixels": np.arange(50) - 1}, "pixels: got -1 to 48"),
+        ({"pixels": None}, r"pixels: got \(0,\), expected \(50,\)"),
+        ({"image_shape": None}, r"image_shape: got None, expected \(height, width\)"),
+        ({"image_shape": (5, 10, 3)}, r"image_shape: got \(5, 10, 3\)"),
+        ({"image_shape": (5.0, 10.0)}, r"image_shape: got \(5\.0, 10\.0\)"),
     ],
-    ids=["viewpoints", "beyond", "before"],
+    ids=["viewpoints", "beyond", "before", "no", "of none", "colours", "floats"],
 )
 def test_a_cloud_has_one_viewpoint_and_pixels_of_its_image(cloud, wrong, words):
     with pytest.raises(InputError, match=words):
