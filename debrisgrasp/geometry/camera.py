@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from debrisgrasp._arrays import FloatArray, as_floats, require_finite
 from debrisgrasp._checked import checked_fields
-from debrisgrasp.errors import CaptureError
+from debrisgrasp.errors import CaptureError, ShapeError
 
 __all__ = ["Intrinsics"]
 
@@ -142,8 +142,15 @@ class Intrinsics:
         -------
         FloatArray
             Points [m], shape (height, width, 3); NaN depth gives NaN points.
+
+        Raises
+        ------
+        ShapeError
+            If it is no image of this size.
         """
         depth = as_floats(depth, "depth", (self.height, self.width))
+        if depth.ndim > 2:
+            raise ShapeError("depth", got=depth.shape, expected="one image")
         x = (np.arange(self.width) - self.cx) / self.fx
         y = (np.arange(self.height) - self.cy) / self.fy
         points = np.empty((self.height, self.width, 3))

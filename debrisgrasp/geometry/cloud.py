@@ -13,10 +13,12 @@ from debrisgrasp._arrays import (
     IntArray,
     as_floats,
     as_given,
+    as_rows,
+    finite,
     frozen,
     is_sealed,
     require_finite,
-    require_trailing,
+    require_range,
     sealed,
     shared,
 )
@@ -45,12 +47,8 @@ class Bounds:
     """Corner with the largest coordinates [m], shape (3,)."""
 
     def __post_init__(self) -> None:
-        lower = frozen(self.lower, "lower corner", (3,))
-        upper = frozen(self.upper, "upper corner", (3,))
-        if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
-            raise InputError(
-                "region", got=[*lower, *upper], expected="six finite coordinates"
-            )
+        lower = finite(self.lower, "lower corner", (3,))
+        upper = finite(self.upper, "upper corner", (3,))
         if not (lower < upper).all():
             raise InputError(
                 "region",
@@ -73,9 +71,10 @@ class Bounds:
         Raises
         ------
         InputError
-            If there are no points.
+            If there are no points, or the margin is negative.
         """
-        points = as_floats(points, "points to bound", (3,))
+        points = as_rows(points, "points to bound")
+        require_range("margin [m]", margin, 0.0)
         if not len(points):
             raise InputError("points to bound", got="none", expected="at least one")
         pad = max(margin, 1e-6)
@@ -88,8 +87,7 @@ class Bounds:
 
     def contains(self, points: FloatArray) -> BoolArray:
         """Which of the points (..., 3) lie inside or on the border."""
-        points = np.asarray(points)
-        require_trailing(points, "points", (3,))
+        points = as_floats(points, "points", (3,))
         inside = np.ones(points.shape[:-1], dtype=bool)
         # One coordinate after the other: reductions along rows of three are slow.
         for axis, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):

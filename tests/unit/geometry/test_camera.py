@@ -52,6 +52,8 @@ def test_pixels_without_depth_have_no_point():
 def test_a_depth_image_of_another_size_is_refused():
     with pytest.raises(ShapeError, match="depth"):
         CAMERA.deproject(np.ones((240, 320)))
+    with pytest.raises(ShapeError, match=r"depth: got \(2, 480, 640\).*one image"):
+        CAMERA.deproject(np.ones((2, 480, 640)))
 
 
 def test_nine_numbers_row_by_row_are_a_matrix():

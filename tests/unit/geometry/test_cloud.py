@@ -120,6 +120,18 @@ def test_a_box_around_points_contains_them(rng):
         Bounds.around(np.empty((0, 3)))
 
 
+def test_a_box_is_one_box_around_rows_of_points(rng):
+    image = rng.normal(size=(4, 5, 3))
+    with pytest.raises(ShapeError, match=r"lower corner: got \(4, 3\)"):
+        Bounds(image[:, 0] - 9.0, image[:, 0])
+    with pytest.raises(ShapeError, match=r"points to bound.*reshape\(-1, 3\)"):
+        Bounds.around(image)
+    with pytest.raises(InputError, match="margin"):
+        Bounds.around(image[0], margin=-0.1)
+    with pytest.raises(ShapeError, match="points"):
+        Bounds.around(image[0]).contains([[0.0, 0.0, 0.0], [1.0]])
+
+
 def test_the_rim_is_where_the_measured_part_of_an_image_ends():
     measured = np.ones((96, 160), dtype=bool)
     measured[:, :6] = False  # as a stereo camera leaves it
