@@ -15,7 +15,7 @@ import numpy as np
 from debrisgrasp._arrays import BoolArray, FloatArray, IntArray, frozen, require_range
 from debrisgrasp._checked import checked_fields
 from debrisgrasp.errors import ConfigError
-from debrisgrasp.geometry import PointCloud
+from debrisgrasp.geometry import PointCloud, by_place
 
 from .gravity import dominant_plane, pose_doubt, viewpoint_doubt
 from .height_map import DEEP, HeightMap, fitted_height_map, raised_limits
@@ -261,9 +261,14 @@ def _near_ground(
 
 
 def spread_sample(cloud: PointCloud, n_wanted: int) -> IntArray:
-    """About ``n_wanted`` points that stand for all: a lattice of pixels of an image."""
+    """About ``n_wanted`` points that stand for all: a lattice of pixels of an image.
+
+    Of other clouds every so many-th place: scanners write ring by ring, or in turns.
+    """
     if cloud.pixels is None or cloud.image_shape is None:
-        return np.arange(0, len(cloud), max(1, len(cloud) // n_wanted))
+        order, first = by_place(cloud.points)
+        places: IntArray = order[first[order] == order]
+        return places[:: max(1, len(places) // n_wanted)]
     step = max(1, round(np.sqrt(len(cloud) / n_wanted)))
     lattice = np.zeros(cloud.image_shape, dtype=bool)
     lattice[::step, ::step] = True

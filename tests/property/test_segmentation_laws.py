@@ -1,5 +1,7 @@
 """What must not change the division of a cloud, and how scores behave."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,6 +14,8 @@ from debrisgrasp.segmentation import (
     SegmentationConfig,
     SupervoxelConfig,
     segment_cloud,
+    segmentation_of_labels,
+    support_graph,
 )
 from tests.benchmarks.segmentation_scores import scores
 from tests.unit.segmentation.clouds import STACK, TWO_BOXES, same_partition, scene_cloud
@@ -34,6 +38,28 @@ def test_order_of_points_does_not_matter(method, seed):
     labels = segment_cloud(cloud, METHODS[method]).labels
     shuffled = segment_cloud(cloud.selected(order), METHODS[method]).labels
     assert same_partition(labels[order], shuffled)
+
+
+@given(seed=st.integers(0, 1000))
+@settings(max_examples=3)
+def test_order_of_points_does_not_matter_to_ground_and_support(seed):
+    cloud = replace(scene_cloud(STACK), pixels=None, image_shape=None)
+    rng = np.random.default_rng(seed)
+    # Rough ground: which of its points stand for all is seen in the heights.
+    rough = cloud.points + rng.normal(0.0, 0.004, cloud.points.shape)
+    cloud, order = replace(cloud, points=rough), rng.permutation(len(cloud))
+    found = segment_cloud(cloud)
+    given_labels = segmentation_of_labels(cloud, found.labels)
+    shuffled = segmentation_of_labels(cloud.selected(order), found.labels[order])
+    np.testing.assert_allclose(
+        shuffled.ground.plane, given_labels.ground.plane, rtol=0.0, atol=1e-12
+    )
+    graph = support_graph(given_labels, cloud)
+    other = support_graph(shuffled, cloud.selected(order))
+    for name in ("encumbrance", "load", "extents"):
+        np.testing.assert_allclose(
+            getattr(other, name), getattr(graph, name), rtol=1e-9, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize("method", METHODS)
