@@ -107,6 +107,12 @@ def _from_json(
             mend="Give it with --capture FILE (capture=...).",
         )
     shown = seen(path.stem, capture)
+    if plan.object_label > len(shown.segmentation.segments):
+        raise ConfigError(
+            "capture",
+            got=f"one without object {plan.object_label}",
+            expected=f"the one that {path} was made on",
+        )
     model = _robot_of(plan, robot, path)
     stored = None if motion is None else _motion_of(motion, plan, model)
     return replace(

@@ -98,6 +98,16 @@ def test_labels_are_those_of_the_plan_also_under_a_mask(saved, marked, tmp_path)
     np.testing.assert_array_equal(shown.segmentation.labels, labels)
 
 
+def test_a_plan_of_another_capture_is_told_if_its_object_is_not_there(
+    saved, capture, tmp_path
+):
+    saved(1, "right")
+    path = tmp_path / "grasps.json"
+    path.write_text(path.read_text().replace('"object": 1', '"object": 99'))
+    with pytest.raises(ConfigError, match=r"without object 99, expected the one that"):
+        content_of(path, capture=capture)
+
+
 def test_motions_alone_are_told_where_they_are_shown(saved, tmp_path):
     saved(1, "right")
     with pytest.raises(ConfigError, match=r"motion/2.*beside a plan.*--motion"):
