@@ -132,8 +132,7 @@ def _rendered(cloud: PointCloud, labels: IntArray, kinds: IntArray) -> LabelImag
     index = thinned(cloud, _RENDERED_POINTS, np.flatnonzero(labels > 0))
     points, seen = cloud.points[index], labels[index]
     focus = points[seen > 0] if np.any(seen > 0) else points
-    low, high = np.percentile(focus, [1, 99], axis=0)
-    focus = focus[((focus >= low) & (focus <= high)).all(axis=1)]
+    focus = np.clip(focus, *np.percentile(focus, [1, 99], axis=0))
     direction = focus.mean(axis=0) - cloud.viewpoint
     if np.linalg.norm(direction) < 1e-6:
         direction = np.array([1.0, 0.0, -0.5])

@@ -5,9 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from debrisgrasp.geometry import Bounds
+from debrisgrasp.geometry import Bounds, PointCloud
 from debrisgrasp.viz import Report
-from debrisgrasp.viz.colors import CHOSEN_COLOR, GROUND_COLOR, label_colors
+from debrisgrasp.viz.colors import (
+    BACKGROUND_COLOR,
+    CHOSEN_COLOR,
+    GROUND_COLOR,
+    label_colors,
+)
 from debrisgrasp.viz.outline import reach_outline
 from debrisgrasp.viz.overlay import label_anchors, label_image, painted
 from debrisgrasp.viz.page import short_name, shortened, wrapped
@@ -83,6 +88,14 @@ def test_a_rendered_cloud_keeps_the_labels_in_place(bare_report: Report) -> None
     assert set(anchors) == {1, 2}
     share = (image.labels == 1).sum() / (image.labels == 2).sum()
     assert share == pytest.approx(2.0 * 1.11, rel=0.2)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_cloud_of_a_few_points_is_rendered(n: int) -> None:
+    points = np.random.default_rng(n).uniform(0.5, 1.0, (n, 3))
+    cloud = PointCloud(points, np.full_like(points, np.nan), np.zeros(3))
+    image = label_image(cloud, np.zeros(n, dtype=int), None)
+    assert (image.base != BACKGROUND_COLOR).any()
 
 
 def test_thinning_keeps_what_is_named_and_spreads_the_rest(report: Report) -> None:
