@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 
 from debrisgrasp._arrays import FloatArray
 from debrisgrasp._files import require_picture, write_atomic
+from debrisgrasp._words import as_text
 from debrisgrasp.segmentation import Candidate, Segmentation
 
 from .colors import CHOSEN_COLOR, INK, MUTED_INK, hex_color, label_colors, mixed
@@ -298,4 +299,4 @@ def write_order(page: Page, x: float, y: float, order: Sequence[Candidate]) -> N
 
 def plain(text: str) -> str:
     """Escape text so that it is not read as a formula, whatever names it holds."""
-    return text.replace("$", r"\$")
+    return as_text(text).replace("$", r"\$")

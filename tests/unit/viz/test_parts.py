@@ -15,7 +15,7 @@ from debrisgrasp.viz.colors import (
 )
 from debrisgrasp.viz.outline import reach_outline
 from debrisgrasp.viz.overlay import label_anchors, label_image, painted
-from debrisgrasp.viz.page import short_name, shortened, wrapped
+from debrisgrasp.viz.page import plain, short_name, shortened, wrapped
 from debrisgrasp.viz.scene import (
     approach_arrow,
     box_edges,
@@ -96,6 +96,10 @@ def test_a_cloud_of_a_few_points_is_rendered(n: int) -> None:
     cloud = PointCloud(points, np.full_like(points, np.nan), np.zeros(3))
     image = label_image(cloud, np.zeros(n, dtype=int), None)
     assert (image.base != BACKGROUND_COLOR).any()
+
+
+def test_names_that_are_no_text_are_written_all_the_same() -> None:
+    assert plain("$cost$ of \udcff") == r"\$cost\$ of ?"
 
 
 def test_thinning_keeps_what_is_named_and_spreads_the_rest(report: Report) -> None:
