@@ -25,6 +25,8 @@ _FARTHEST_CLOUD = 250.0
 _FARTHEST_COORDINATE = 1e4
 """Beyond this [m] single precision no longer tells millimetres apart."""
 _LARGEST_LABEL = 2**31 - 1
+_AT_SENSOR = 1e-3
+"""No sensor measures what is so near [m]; its position in single precision is."""
 _FEWEST_POINTS = 3
 """Without this many measured points there is no surface."""
 
@@ -95,7 +97,7 @@ def checked_points(points: object, viewpoint: object) -> tuple[FloatArray, Float
         raise CaptureError("viewpoint", got=sight.tolist(), expected="finite numbers")
     copy = np.array(array, dtype=np.float64)
     # Lidars write their own position where nothing came back.
-    copy[(copy == sight).all(axis=-1)] = np.nan
+    copy[(np.abs(copy - sight) < _AT_SENSOR).all(axis=-1)] = np.nan
     measured = copy[np.isfinite(copy).all(axis=-1)]
     if len(measured) < _FEWEST_POINTS:
         raise CaptureError(

@@ -231,9 +231,11 @@ def test_points_are_mapped_to_base_and_gaps_dropped(points, T_base_camera):
     assert_allclose(cloud.normals @ normal, 1.0, atol=1e-9)
 
 
-def test_points_at_the_viewpoint_were_not_measured(points, T_base_camera):
-    sight = np.array([0.1, 0.0, 1.5])
-    none = np.concatenate([points, np.repeat([sight], 5, axis=0)])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_points_at_the_viewpoint_were_not_measured(points, T_base_camera, dtype):
+    sight = np.array([0.1, 0.0, 1.5])  # 0.1 is another number in single precision
+    points = points.astype(dtype)
+    none = np.concatenate([points, np.repeat([sight], 5, axis=0).astype(dtype)])
     capture = Capture(points=none, viewpoint=sight, T_base_camera=T_base_camera)
     bare = Capture(points=points, viewpoint=sight, T_base_camera=T_base_camera)
     assert_array_equal(capture.cloud().points, bare.cloud().points)
