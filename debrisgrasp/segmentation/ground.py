@@ -254,9 +254,11 @@ def _near_ground(
     n_standing = np.bincount(
         cell.take(np.flatnonzero(~is_ground)), minlength=len(x)
     ).reshape(shape)
-    # Cells of the raster in blocks of two by two.
-    blocks = n_standing.reshape(shape[0] // 2, 2, -1, 2).sum(axis=(1, 3))
+    # Cells of the raster in blocks of two by two; that of a large map may be odd.
+    even = np.pad(n_standing, [(0, n % 2) for n in shape])
+    blocks = even.reshape(len(even) // 2, 2, -1, 2).sum(axis=(1, 3))
     is_occupied = np.repeat(np.repeat(blocks >= _MIN_STANDING, 2, axis=0), 2, axis=1)
+    is_occupied = is_occupied[: shape[0], : shape[1]]
     return is_ground, n_inliers / len(cloud), is_occupied.ravel().take(cell)
 
 

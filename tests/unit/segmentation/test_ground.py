@@ -54,6 +54,16 @@ def test_a_small_pile_on_a_wide_floor_is_no_reason_to_refuse():
     assert is_ground.mean() > 0.95
 
 
+@pytest.mark.parametrize("wide", [66.0, 66.08])
+def test_ground_as_wide_as_a_lidar_sees_goes(wide):
+    floor = plate((-wide / 2, wide / 2), (-wide / 2, wide / 2), z=0.0, spacing=0.4)
+    cloud = pile_on(floor)
+    is_ground, report = find_ground(cloud, GroundConfig())
+    assert report.status == "removed"
+    assert is_ground[: len(floor)].all()
+    assert not is_ground[cloud.points[:, 2] > 0.1].any()
+
+
 @pytest.mark.parametrize(
     ("move", "words"),
     [
