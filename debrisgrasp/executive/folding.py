@@ -15,7 +15,6 @@ from debrisgrasp.control import (
     LegStatus,
     TarePolicy,
 )
-from debrisgrasp.geometry import SE3
 from debrisgrasp.motion import ExactTest, MotionSpace
 
 from .drive import Drive
@@ -54,8 +53,8 @@ def straight(
     )
 
 
-def free_share(limb: LimbState, q: FloatArray, way: FloatArray | SE3) -> float:
-    """Tell how much of a straight way of the hand, (3,) or to a pose, an arm can go.
+def free_share(limb: LimbState, q: FloatArray, way: FloatArray) -> float:
+    """Tell how much of a straight way (3,) of the hand an arm can go.
 
     Folded onto itself it would find no way on from there; but if it is so already, it
     must get out, without touching more of itself.
@@ -70,8 +69,7 @@ def free_share(limb: LimbState, q: FloatArray, way: FloatArray | SE3) -> float:
             return bool(test.is_free(row[None])[0])
         return touching.issuperset(test.contacts(row))
 
-    T = limb.pose(start)
-    leg = CartesianLeg(T, way) if isinstance(way, SE3) else CartesianLeg.along(T, way)
+    leg = CartesianLeg.along(limb.pose(start), way)
     plan = LegPlanner(limb.reach.chain, limits, is_free=is_free).plan(start, leg.goal)
     if plan.status is not LegStatus.JOINT_LIMIT:
         return plan.share

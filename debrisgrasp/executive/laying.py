@@ -243,7 +243,7 @@ def _pressed(
 def _turned(
     drive: Drive, scales: _Scales, at: FloatArray, beside: FloatArray, load: FloatArray
 ) -> LegEnd | FaultFound | None:
-    """Turn what stands, its weight downwards; None if hand or arm have no room.
+    """Turn what stands, its weight downwards; None if the hand has no room.
 
     Until it stands on more, or less, than it did, or below its weight.
 
@@ -257,15 +257,8 @@ def _turned(
     far = float(np.linalg.norm(beside))
     x, y, _ = beside / far
     foot = SE3.from_parts(p=at)
-
-    def turned(angle: float) -> SE3:
-        turn = SE3.from_parts(so3.exp(angle * np.array([-y, x, 0.0])))
-        return foot @ turn @ foot.inverse() @ T
-
-    share = free_share(limb, context.posture(limb), turned(_TURN))
-    if share < _LITTLE:
-        return None
-    goal = turned(share * _TURN)
+    turn = SE3.from_parts(so3.exp(_TURN * np.array([-y, x, 0.0])))
+    goal = foot @ turn @ foot.inverse() @ T
     corners = goal.apply(hand_corners(limb, limb.preshape, limb.opening))
     if (corners[:, 2] - context.memory.heights(corners)).min() < _OVER:
         return None

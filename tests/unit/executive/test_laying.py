@@ -14,7 +14,7 @@ from debrisgrasp.executive.result import FaultFound, LegEnd
 from debrisgrasp.executive.senses import SAFETY
 from debrisgrasp.executive.states import State
 from debrisgrasp.geometry import so3
-from tests.unit.executive.rigs import POINTS, before_a_brick, holding
+from tests.unit.executive.rigs import before_a_brick, holding
 
 
 def feel(context, limb, load, monkeypatch):
@@ -223,24 +223,6 @@ def test_what_hangs_aslant_is_turned_until_it_lies(pipeline, monkeypatch, tilt):
     # Nothing pressed harder than it hung.
     assert (ground.most < [1.2 * 9.81 * 5.0, 12.0]).all()
     assert not limb.limb.arm.is_stopped
-
-
-@pytest.mark.parametrize(("share", "turned"), [(1.0, 0.1), (0.5, 0.05), (0.05, None)])
-def test_what_stands_is_turned_only_as_far_as_the_arm_does_not_fold(
-    pipeline, monkeypatch, share, turned
-):
-    """Folded onto the torso it found no way to rest any more."""
-    _, task = before_a_brick(pipeline)
-    context, limb, goals = task.context, task.context.limbs["right"], []
-    drive, T = Drive(context, "right"), limb.pose(context.posture(limb))
-    held = holding(points_hand=POINTS, payload=Body(5.0, np.zeros(3)), is_lifted=True)
-    monkeypatch.setattr(laying, "free_share", lambda *_: share)
-    monkeypatch.setattr(drive, "leg", lambda goal, **_: goals.append(goal))
-    load, beside = np.zeros(6), np.array([0.2, 0.0, 0.0])
-    scales = laying._Scales(drive, held)
-    laying._turned(drive, scales, T.p - [0.0, 0.0, 0.2], beside, load)
-    angles = [np.linalg.norm(so3.log(T.R.T @ goal.R)) for goal in goals]
-    assert angles == ([] if turned is None else [pytest.approx(turned)])
 
 
 @pytest.mark.parametrize(("mass", "is_found"), [(5.0, True), (4.0, False)])
