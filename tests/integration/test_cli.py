@@ -57,7 +57,7 @@ def test_all_commands_are_listed(run, words):
 
 
 def test_an_option_before_the_command_is_what_is_refused(run):
-    assert "unrecognized arguments: --json (" in run("--json", "plan", "x.npz").err
+    assert "unrecognized arguments: --json. " in run("--json", "plan", "x.npz").err
 
 
 def test_what_the_library_warns_of_is_a_note(run, monkeypatch, tmp_path):
